@@ -173,7 +173,7 @@ def test_what_is_no_file_of_cells_is_refused_and_left_alone(tmp_path: Path) -> N
     with sqlite3.connect(tmp_path / "other.cells") as db:
         db.execute("CREATE TABLE sums (x REAL)")
     db.close()
-    for name, words in (("text.cells", "holds none"), ("other.cells", "another program"), ("", "a folder")):
+    for name, words in (("text.cells", "not a database"), ("other.cells", "another program"), ("", "a folder")):
         before = (tmp_path / name).read_bytes() if name else b""
         with pytest.raises(ArgumentError, match=words):
             proof(tmp_path / name)

@@ -8,7 +8,6 @@ import re
 import struct
 import sys
 import time
-from dataclasses import fields, is_dataclass
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from conftest import PANDA_START, Command, sampled, urdf, urdf_files
 from holokin.base.errors import ArgumentError, MissingExtraError, RobotFileError, UnknownNameError
 from holokin.robot import reach
 from holokin.robot.formats.mjcf import sizes_of
+from holokin.robot.formats.urdf import Part, essentials, model_of
 from referees import PUBLISHED, Referee, referees
 
 TOLERANCE = 1e-12
@@ -111,13 +111,22 @@ def test_a_yourdfpy_model_is_the_urdf() -> None:
         hk.robot.from_yourdfpy(path)
 
 
+READ = (
+    "name links joints materials inertial collisions visuals origin mass inertia geometry box cylinder sphere "
+    "mesh size radius length filename scale material color rgba type parent child axis limit safety_controller "
+    "mimic lower upper velocity effort soft_lower_limit soft_upper_limit joint multiplier offset"
+)
+"""What holokin reads of a URDF."""
+
+
 def assert_read_alike(mine: Any, yours: Any, where: str) -> None:
     """Every value that holokin reads is the one that yourdfpy reads; yourdfpy's default of an axis is written out."""
-    if is_dataclass(mine):
-        for part in fields(mine):
-            value = getattr(mine, part.name)
-            if value is not None or getattr(yours, part.name, None) is not None:
-                assert_read_alike(value, getattr(yours, part.name), f"{where} {part.name}")
+    if isinstance(mine, Part):
+        for name in READ.split():
+            value = getattr(mine, name)
+            unnamed = name == "name" and value is None  # of shapes, which nobody asks for
+            if not unnamed and (value is not None or getattr(yours, name, None) is not None):
+                assert_read_alike(value, getattr(yours, name), f"{where} {name}")
     elif isinstance(mine, tuple):
         assert len(mine) == len(yours), where
         for k, (one, other) in enumerate(zip(mine, yours, strict=True)):
@@ -131,8 +140,6 @@ def assert_read_alike(mine: Any, yours: Any, where: str) -> None:
 def read_both(content: bytes, name: str) -> tuple[Any, Any]:
     """What holokin and yourdfpy read."""
     import yourdfpy
-
-    from holokin.robot.formats.urdf import essentials, model_of
 
     theirs = yourdfpy.URDF.load(io.BytesIO(content), load_meshes=False, build_scene_graph=False)
     return model_of(essentials(content, name)), theirs.robot

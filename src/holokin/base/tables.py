@@ -35,10 +35,15 @@ LONGEST_LINE = 1_000_000
 
 
 def read_table(
-    file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str, *,
-    headless: Callable[[Sequence[str]], list[str]] | None = None, bad: list[RecordingError] | None = None,
+    file: Path,
+    wanted: Callable[[Sequence[str]], Sequence[int]],
+    cure: str,
+    names: str,
+    *,
+    headless: Callable[[Sequence[str]], list[str]] | None = None,
+    bad: list[RecordingError] | None = None,
     labels: Sequence[int] = (),
-) -> Iterator[Rows]:  # fmt: skip
+) -> Iterator[Rows]:
     """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
 
     Args:
@@ -70,7 +75,11 @@ def read_table(
                 header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), done - 1
             if delimiter != ",":
                 lines = _with_points(file, lines, done)
-            columns = _unambiguous(file, header, wanted(header))
+            columns = wanted(header)
+            for name in (header[c] for c in columns):
+                if header.count(name) > 1:
+                    fact = f"its header has {header.count(name)} columns {shown(name)!r}"
+                    raise RecordingError(file, fact, "rename or delete all but one")
             yield from _pieces(file, header, columns, lines, delimiter, done, bad, labels)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
@@ -139,15 +148,6 @@ def number_in(text: str) -> float | None:
         return None
 
 
-def _unambiguous(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:
-    """The wanted columns, each of a name that no other has. Raises: RecordingError."""
-    for c in wanted:
-        if header.count(header[c]) > 1:
-            fact = f"its header has {header.count(header[c])} columns {shown(header[c])!r}"
-            raise RecordingError(file, fact, "rename or delete all but one")
-    return wanted
-
-
 def _lines(file: Path, stream: TextIO) -> Iterator[str]:
     while line := stream.readline(LONGEST_LINE):
         if len(line) == LONGEST_LINE and not line.endswith(("\n", "\r")):
@@ -157,9 +157,15 @@ def _lines(file: Path, stream: TextIO) -> Iterator[str]:
 
 
 def _pieces(
-    file: Path, header: Sequence[str], wanted: Sequence[int], lines: Iterator[str], delimiter: str, done: int,
-    bad: list[RecordingError] | None, labels: Sequence[int],
-) -> Iterator[Rows]:  # fmt: skip
+    file: Path,
+    header: Sequence[str],
+    wanted: Sequence[int],
+    lines: Iterator[str],
+    delimiter: str,
+    done: int,
+    bad: list[RecordingError] | None,
+    labels: Sequence[int],
+) -> Iterator[Rows]:
     """Rows, some at a time; the first of the wanted columns is the time."""
     while piece := list(islice(lines, PIECE)):
         plain = not any('"' in line for line in piece)
@@ -203,9 +209,12 @@ def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) 
 
 
 def _row_numbers(
-    file: Path, header: Sequence[str], wanted: Sequence[int], rows: Sequence[tuple[int, list[str]]],
+    file: Path,
+    header: Sequence[str],
+    wanted: Sequence[int],
+    rows: Sequence[tuple[int, list[str]]],
     bad: list[RecordingError] | None,
-) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:  # fmt: skip
+) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:
     """(the rows, their wanted columns), cell by cell. Raises: RecordingError: one cannot be read, and `bad` is None."""
     sound_rows, numbers = [], []
     for line, row in rows:
@@ -259,11 +268,11 @@ BY_STEP = ((5.0, "s"), (100.0, "ms"), (1e3, None), (1e5, "us"), (1e6, None), (np
 rarer. Between them are steps that could have two units."""
 
 _SPELT = {
-    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "msecs": "ms",
-    "millis": "ms", "milliseconds": "ms", "us": "us", "µs": "us", "μs": "us", "usec": "us", "usecs": "us",
-    "micros": "us", "microseconds": "us", "ns": "ns", "nsec": "ns", "nsecs": "ns", "nanos": "ns", "nanosec": "ns",
-    "nanosecs": "ns", "nanoseconds": "ns",
-}  # fmt: skip
+    **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], "s"),
+    **dict.fromkeys(["ms", "msec", "msecs", "millis", "milliseconds"], "ms"),
+    **dict.fromkeys(["us", "µs", "μs", "usec", "usecs", "micros", "microseconds"], "us"),
+    **dict.fromkeys(["ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"], "ns"),
+}
 _UNIT = re.compile(rf"(.+?)\s*(?:[\[(]\s*({'|'.join(_SPELT)})\s*[\])]|[_ ]({'|'.join(_SPELT)}))")
 _PART = re.compile(r"(.*?)(sec|secs|seconds|nsec|nsecs|nanosec|nanosecs|nanoseconds)")
 
@@ -485,7 +494,9 @@ def _seconds(file: Path, columns: TimeColumns, values: Matrix, notes: list[str])
 
 def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseColumns:
     """Which columns of a header hold points or poses. Raises: RecordingError."""
-    header = header[: len(POSITION) + 4] if _is_coverage(header) else header
+    first, last = COVERAGE
+    if tuple(header[: len(first)]) == first and tuple(header[-len(last) :]) == last:
+        header = header[: len(POSITION) + 4]
     left = _ignored(header, units.ignore)
     # Columns whose names are known, with the unit that stands in the name.
     known: dict[str, tuple[int, str]] = {}
@@ -526,11 +537,6 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
             raise RecordingError(file, fact, cure)
     time = None if units.assumed else time
     return PoseColumns([places[n] for n in where], [places[n] for n in names], kind, time, np.array(scales))
-
-
-def _is_coverage(header: Sequence[str]) -> bool:
-    first, last = COVERAGE
-    return tuple(header[: len(first)]) == first and tuple(header[-len(last) :]) == last
 
 
 def _ignored(header: Sequence[str], patterns: Sequence[str]) -> set[int]:
@@ -576,9 +582,13 @@ def _orientation(
 
 
 def _scales(
-    file: Path, known: Mapping[str, tuple[int, str]], names: Sequence[str], argument: str, given: str | None,
+    file: Path,
+    known: Mapping[str, tuple[int, str]],
+    names: Sequence[str],
+    argument: str,
+    given: str | None,
     otherwise: str | None,
-) -> list[float]:  # fmt: skip
+) -> list[float]:
     """What makes SI units of columns: by the unit in each name, or the given one, or what is taken otherwise."""
     out = []
     allowed = ALLOWED[argument]
@@ -610,7 +620,13 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
         return matrices
     if kind in ("quaternion", "numbered"):
         values = values[:, ORDERS[units.order or "xyzw"]]
-        _check_quaternions(file, values, lines, units.place)
+        off = np.abs(np.linalg.norm(values, axis=1) - 1)
+        if (off > UNIT).any():
+            i, more = int(np.argmax(off > UNIT)), int((off > UNIT).sum()) - 1
+            fact = f"{units.place} {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
+            fact += f", and {more} {units.place}s after it" if more else ""
+            cure = "give unit quaternions, qw the scalar"
+            raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1", cure)
         flips = np.flatnonzero(np.sum(values[1:] * values[:-1], axis=1) < 0) + 1
         if flips.size:
             where = ", ".join(str(lines[i]) for i in flips[:5]) + (", ..." if flips.size > 5 else "")
@@ -626,12 +642,3 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
     if kind == "vector":
         return Rotation.from_rotvec(values).as_matrix()
     return Rotation.from_euler("ZYX" if kind == "KUKA" else "xyz", values).as_matrix()
-
-
-def _check_quaternions(file: Path, values: Matrix, lines: Indices, place: str) -> None:
-    off = np.abs(np.linalg.norm(values, axis=1) - 1)
-    if (off > UNIT).any():
-        i = int(np.argmax(off > UNIT))
-        fact = f"{place} {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
-        more = f", and {int((off > UNIT).sum()) - 1} {place}s after it" if (off > UNIT).sum() > 1 else ""
-        raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1{more}", "give unit quaternions, qw the scalar")

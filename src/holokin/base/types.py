@@ -88,7 +88,11 @@ class Shown:
         if type(self).__str__ is object.__str__:
             shown = fields(self) if is_dataclass(self) else ()
             return [(f.name.replace("_", " "), _part(getattr(self, f.name), LONGEST)) for f in shown]
-        return [_split(line) for line in str(self).splitlines() if line.strip()]
+        rows: list[Sequence[str]] = []
+        for line in filter(None, map(str.strip, str(self).splitlines())):
+            before, colon, after = line.partition(": ")
+            rows.append((before, after) if colon and len(before) <= _EACH else ("", line))
+        return rows
 
 
 class _Absent:
@@ -144,11 +148,6 @@ def _safe(text: str) -> str:
     return escape(_CONTROL.sub("\ufffd", text), quote=True)
 
 
-def _split(line: str) -> Sequence[str]:
-    before, colon, after = line.strip().partition(": ")
-    return (before, after) if colon and len(before) <= _EACH else ("", line.strip())
-
-
 def _part(value: Any, most: int = _EACH) -> str:
     """A field in few characters: small numbers as they are, arrays and lists by their size, nouns by their names."""
     if isinstance(value, Enum):
@@ -160,19 +159,15 @@ def _part(value: Any, most: int = _EACH) -> str:
     if isinstance(value, str):
         return one_line(repr(value), most)
     if isinstance(value, np.ndarray):
-        return _array(value, most)
+        if value.ndim <= 1 and value.size <= _SHORT and value.dtype.kind in "biuf":
+            text = str([float(f"{v:.4g}") for v in value.ravel()] if value.ndim else float(value))
+            if len(text) <= most:
+                return text
+        return f"array{value.shape}"
     if isinstance(value, Mapping | Sequence) or (isinstance(value, Sized) and isinstance(value, Iterable)):
         return _several(value, most)
     name = getattr(value, "name", None)
     return f"{type(value).__name__}" + (f"({one_line(repr(name), most)})" if isinstance(name, str) else "")
-
-
-def _array(value: np.ndarray, most: int) -> str:
-    if value.ndim <= 1 and value.size <= _SHORT and value.dtype.kind in "biuf":
-        text = str([float(f"{v:.4g}") for v in value.ravel()] if value.ndim else float(value))
-        if len(text) <= most:
-            return text
-    return f"array{value.shape}"
 
 
 def _several(value: Any, most: int) -> str:

@@ -64,9 +64,11 @@ def _rounded(value: float, up: bool, digits: int) -> str:
 
 
 WORDS = {
-    "degrees": ("rad", "deg"), "deg": ("rad", "deg"), "radians": ("rad", "rad"), "rad": ("rad", "rad"),
-    "mm": ("m", "mm"), "millimetres": ("m", "mm"), "m": ("m", "m"), "metres": ("m", "m"),
-}  # fmt: skip
+    **dict.fromkeys(("degrees", "deg"), ("rad", "deg")),
+    **dict.fromkeys(("radians", "rad"), ("rad", "rad")),
+    **dict.fromkeys(("mm", "millimetres"), ("m", "mm")),
+    **dict.fromkeys(("m", "metres"), ("m", "m")),
+}
 """What one may ask for -> the unit of SI that it is of, and the unit that is printed."""
 
 _FACTORS = {"deg": 180 / np.pi, "rad": 1.0, "mm": 1000.0, "m": 1.0}

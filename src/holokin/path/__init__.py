@@ -11,7 +11,6 @@ from .files.svg_outlines import read_svg
 from .path import Path, Samples, Segment, Waypoints, join
 from .path import arc_segment as arc_segment
 from .path import as_point as as_point
-from .path import corners_of as corners_of
 from .path import frame_pose as frame_pose
 from .path import line_segment as line_segment
 from .path import locate as locate

@@ -180,11 +180,15 @@ def cubics(t: Vector, poses: Poses, closed: bool, speed: float) -> list[Segment]
     steps = np.diff(t)
     return [
         cubic_segment(
-            points[i], points[i + 1], (h * slopes[i], h * slopes[i + 1]), turns[i], (h * spins[i], h * spins[i + 1]),
+            points[i],
+            points[i + 1],
+            (h * slopes[i], h * slopes[i + 1]),
+            turns[i],
+            (h * spins[i], h * spins[i + 1]),
             h * speed,
         )
         for i, h in enumerate(steps)
-    ]  # fmt: skip
+    ]
 
 
 def _turns(t: Vector, rotations: Array | None, closed: bool) -> tuple[Matrix, Matrix]:
@@ -240,9 +244,14 @@ def within(curve: Curve, t: Vector, closed: bool, tolerance: float, speed: float
 
 
 def evenly(
-    curve: Curve, breaks: Vector, closed: bool, speed: float, angular_speed: float, tolerance: float,
+    curve: Curve,
+    breaks: Vector,
+    closed: bool,
+    speed: float,
+    angular_speed: float,
+    tolerance: float,
     slowest: float = 0.0,
-) -> list[Segment]:  # fmt: skip
+) -> list[Segment]:
     """A curve gone along at even speed, as cubics like those of `within`; breaks are its parameters (k,) there.
 
     The speed is the tool's [m/s] where the angular speed [rad/s] allows it, to the share `EVEN`. slowest: seconds that
@@ -262,9 +271,15 @@ def evenly(
 
 
 def _evenly(
-    curve: Curve, breaks: Vector, closed: bool, speed: float, angular_speed: float, tolerance: float, slowest: float,
+    curve: Curve,
+    breaks: Vector,
+    closed: bool,
+    speed: float,
+    angular_speed: float,
+    tolerance: float,
+    slowest: float,
     pieces: Indices,
-) -> tuple[list[Segment], Flags, float]:  # fmt: skip
+) -> tuple[list[Segment], Flags, float]:
     """`evenly`, with the length of each interval measured on some pieces; as `_refined`. Raises: ArgumentError."""
     from scipy.interpolate import PchipInterpolator
 
@@ -313,9 +328,13 @@ def _evenly(
 
 
 def _refined(
-    curve: Curve, knots: Vector, closed: bool, speed: float, rough: Callable[[Samples, list[Samples], Poses], Flags],
+    curve: Curve,
+    knots: Vector,
+    closed: bool,
+    speed: float,
+    rough: Callable[[Samples, list[Samples], Poses], Flags],
     most: Indices,
-) -> tuple[list[Segment], Flags, float]:  # fmt: skip
+) -> tuple[list[Segment], Flags, float]:
     """The spline through a curve of time at knots, and at more of them, until no cubic of it is rough.
 
     Returns:

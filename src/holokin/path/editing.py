@@ -9,17 +9,17 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.errors import ArgumentError, OpenPathError
-from ..base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, not_negative, one_or_each, positive, whole
+from ..base.errors import ArgumentError
+from ..base.types import ArrayLike, Matrix, Vector, finite, not_negative, one_or_each, positive, whole
 from .path import (
     CORNER,
     SAME,
+    OneOrManyPaths,
     Path,
     Poses,
     Samples,
     Segment,
     as_point,
-    corners_of,
     cubic_segment,
     distinct,
     line_segment,
@@ -240,7 +240,7 @@ def _direction(what: str, value: ArrayLike) -> Vector:
 
 
 @dataclass(frozen=True, eq=False)
-class SynchronizedPaths(Value):
+class SynchronizedPaths(OneOrManyPaths):
     """Paths of F frames, as many segments in each, each segment as long in all of them [s].
 
     Make one with `synchronized` or `through`. Positions, rotations and velocities of the frames stand side by side.
@@ -340,25 +340,10 @@ class SynchronizedPaths(Value):
         """
         return _side_by_side([path.on(index, u) for path in self.paths])
 
-    @property
-    def corners(self) -> tuple[int, ...]:
-        """Segments at whose start a velocity jumps; 0 among them where closed paths end in a corner."""
-        return corners_of(self, len(self.durations))
-
-    def counts(self, samples: int) -> Indices:
-        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
-        return self.paths[0].counts(samples)
-
     @typed
     def part(self, start: float, stop: float) -> SynchronizedPaths:
         """The piece between two fractions of the duration, 0 <= start < stop <= 1."""
         return SynchronizedPaths(tuple(path.part(start, stop) for path in self.paths))
-
-    def halves(self) -> tuple[SynchronizedPaths, SynchronizedPaths]:
-        """The two ways round closed paths to the poses half a loop away. Raises: OpenPathError."""
-        if not self.closed:
-            raise OpenPathError("splitting into two paths", self.gap)
-        return self.part(0.0, 0.5), self.reversed().part(0.0, 0.5)
 
     def reversed(self) -> SynchronizedPaths:
         """The same curves run backwards."""

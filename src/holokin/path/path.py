@@ -7,11 +7,12 @@ orientation. A path through poses says R_start itself, as `rotation`.
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import dist, hypot, sqrt
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -206,9 +207,13 @@ class Segment(Value):
         """The segment under p -> M p + s, M = c R a rotation (3, 3) times a factor; its turns are turned by M / c."""
         turn = matrix / np.cbrt(np.linalg.det(matrix))
         return replace(
-            self, center=matrix @ self.center + shift, x=matrix @ self.x, y=matrix @ self.y,
-            along=self.along @ matrix.T, turning=self.turning @ turn.T,
-        )  # fmt: skip
+            self,
+            center=matrix @ self.center + shift,
+            x=matrix @ self.x,
+            y=matrix @ self.y,
+            along=self.along @ matrix.T,
+            turning=self.turning @ turn.T,
+        )
 
     def evenly(self, turn: Vector) -> Segment:
         """The same curve of the point with another turn, an even one by a rotation vector (3,) [rad]."""
@@ -230,9 +235,13 @@ def arc_segment(center: Vector, x: Vector, y: Vector, angle: float, turn: Vector
 
 
 def cubic_segment(
-    start: Vector, end: Vector, slopes: tuple[Vector, Vector], turn: Vector, spins: tuple[Vector, Vector],
+    start: Vector,
+    end: Vector,
+    slopes: tuple[Vector, Vector],
+    turn: Vector,
+    spins: tuple[Vector, Vector],
     nominal: float | None,
-) -> Segment:  # fmt: skip
+) -> Segment:
     """The cubic between two points with dp/du = slopes at its ends, turning by exp(turn) with w = spins there."""
     zero = np.zeros(3)
     turning = _hermite(turn, spins[0], _unspin(turn, spins[1]))
@@ -304,8 +313,11 @@ def _factors(angle: Array) -> tuple[Array, Array]:
     small, square = np.asarray(angle < 0.3), angle * angle
     a = np.where(small, 1.0, angle)
     series = 1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square / 39916800)))
-    b = np.where(small, 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800))),
-                 2 * (np.sin(a / 2) / a) ** 2)  # fmt: skip
+    b = np.where(
+        small,
+        0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800))),
+        2 * (np.sin(a / 2) / a) ** 2,
+    )
     return b, np.where(small, series, (a - np.sin(a)) / a**3)
 
 
@@ -361,8 +373,33 @@ class Samples(Shown):
     angular: Matrix
 
 
+class OneOrManyPaths(Value, ABC):
+    """What `Path` and `SynchronizedPaths` have in common; `closed`, `part` and the others are theirs. Abstract."""
+
+    @cached_property
+    def corners(self: Any) -> tuple[int, ...]:
+        """Segments at whose start a velocity jumps; 0 among them where a closed path ends in a corner."""
+        k = len(self.durations)
+        start, end = (self.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
+        after = np.hstack([start.velocity, start.angular])
+        before = np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)
+        jumps = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+        return tuple(int(i) for i in np.flatnonzero(jumps) if i > 0 or self.closed)
+
+    def counts(self: Any, samples: int) -> Indices:
+        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
+        return np.maximum(1, np.ceil(whole("samples", samples) * self.durations / self.duration - 1e-9)).astype(int)
+
+    def halves(self) -> tuple[Self, Self]:
+        """The two ways round a closed path to the pose half a loop away. Raises: OpenPathError."""
+        path: Any = self
+        if not path.closed:
+            raise OpenPathError("splitting into two paths", path.gap)
+        return path.part(0.0, 0.5), path.reversed().part(0.0, 0.5)
+
+
 @dataclass(frozen=True, eq=False)
-class Path(Value):
+class Path(OneOrManyPaths):
     """Segments, one after the other, at `speed` [m/s] (and `angular_speed` [rad/s] where the tool turns on the spot).
 
     A segment takes max(length / speed, turn / angular_speed) seconds, one with a nominal length nominal / speed.
@@ -518,7 +555,14 @@ class Path(Value):
 
         Raises: ShapeError, NotFiniteError, ArgumentError: no such segments, or no such parameters.
         """
-        return self._on(*_on_segments(index, u, len(self.segments)))
+        chosen, parameters, count = numbers("the segments", index), finite("u", u, ("k",)), len(self.segments)
+        if chosen.shape != parameters.shape:
+            raise ShapeError("the segments", parameters.shape, chosen.shape, "give one for each u")
+        if not ((chosen >= 0) & (chosen < count) & (chosen == np.floor(chosen))).all():
+            raise ArgumentError("the segments", chosen.tolist(), f"give whole numbers from 0 to {count - 1}")
+        if not np.abs(parameters - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
+            raise ArgumentError("u", parameters.tolist(), "give numbers from 0 to 1")
+        return self._on(chosen.astype(np.intp), parameters)
 
     def _on(self, index: Indices, u: Vector) -> Samples:
         k, rows = len(u), self._rows[index]
@@ -540,15 +584,6 @@ class Path(Value):
     def durations(self) -> Vector:
         """Seconds that each segment takes."""
         return self._durations
-
-    @cached_property
-    def corners(self) -> tuple[int, ...]:
-        """Segments at whose start the tool's velocity jumps; 0 among them where a closed path ends in a corner."""
-        return corners_of(self, len(self.segments))
-
-    def counts(self, samples: int) -> Indices:
-        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
-        return np.maximum(1, np.ceil(whole("samples", samples) * self._durations / self.duration - 1e-9)).astype(int)
 
     def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
         """The steps of `counts`: (segment, u_start, u_stop), each (k,)."""
@@ -572,12 +607,6 @@ class Path(Value):
             if b - a > 1e-12:
                 pieces.append(segment if (a, b) == (0.0, 1.0) else segment.part(a, b))
         return pieces
-
-    def halves(self) -> tuple[Path, Path]:
-        """The two ways round a closed path to the pose half a loop away. Raises: OpenPathError."""
-        if not self.closed:
-            raise OpenPathError("splitting into two paths", self.gap)
-        return self.part(0.0, 0.5), self.reversed().part(0.0, 0.5)
 
     def reversed(self) -> Path:
         """The same curve run backwards, with its turns undone in reverse order (they count from its own start)."""
@@ -615,33 +644,12 @@ class Path(Value):
         return replace(self, speed=speed, angular_speed=self.angular_speed if angular_speed is None else angular_speed)
 
 
-def _on_segments(index: ArrayLike, u: ArrayLike, count: int) -> tuple[Indices, Vector]:
-    """Some of so many segments (k,), and the parameters (k,) on them. Raises: ShapeError, ArgumentError."""
-    chosen, parameters = numbers("the segments", index), finite("u", u, ("k",))
-    if chosen.shape != parameters.shape:
-        raise ShapeError("the segments", parameters.shape, chosen.shape, "give one for each u")
-    if not ((chosen >= 0) & (chosen < count) & (chosen == np.floor(chosen))).all():
-        raise ArgumentError("the segments", chosen.tolist(), f"give whole numbers from 0 to {count - 1}")
-    if not np.abs(parameters - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
-        raise ArgumentError("u", parameters.tolist(), "give numbers from 0 to 1")
-    return chosen.astype(np.intp), parameters
-
-
 def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:
     """(segment, u_start, u_stop), each (k,), of some steps (k,), where the segments have counts of them."""
     ends = np.cumsum(counts)
     segment = np.searchsorted(ends, step, side="right")
     within, total = step - (ends - counts)[segment], counts[segment]
     return segment, within / total, (within + 1) / total
-
-
-def corners_of(path: Any, k: int) -> tuple[int, ...]:
-    """Of k segments those at whose start a velocity jumps; 0 among them where a closed path ends in a corner."""
-    start, end = (path.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
-    after = np.hstack([start.velocity, start.angular])
-    before = np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)
-    jumps = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
-    return tuple(int(i) for i in np.flatnonzero(jumps) if i > 0 or path.closed)
 
 
 @typed

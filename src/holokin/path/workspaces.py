@@ -108,11 +108,9 @@ class Box(Solid):
         return self.sides
 
     def _points(self, u: Matrix) -> Matrix:
-        """Positions (k, 3) of points u (k, 3) of the unit cube."""
         return self.center + (2 * u - 1) * self.sides
 
     def _contains(self, points: Matrix) -> Flags:
-        """Which of the positions (k, 3) belong to it."""
         return np.all(np.abs(points - self.center) <= self.sides * (1 + 1e-12), axis=1)
 
     def __str__(self) -> str:
@@ -132,12 +130,11 @@ class Cylinder(Solid):
         return np.array([self.radius, self.radius, self.height])
 
     def _points(self, u: Matrix) -> Matrix:
-        """Positions (k, 3) of points u (k, 3) of the unit cube; the area grows as the radius squared."""
+        # The area grows as the radius squared.
         r, angle = self.radius * np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
         return self.center + np.column_stack([r * np.cos(angle), r * np.sin(angle), (2 * u[:, 2] - 1) * self.height])
 
     def _contains(self, points: Matrix) -> Flags:
-        """Which of the positions (k, 3) belong to it."""
         away = points - self.center
         near = np.hypot(away[:, 0], away[:, 1]) <= self.radius * (1 + 1e-12)
         return near & (np.abs(away[:, 2]) <= self.height * (1 + 1e-12))
@@ -158,11 +155,10 @@ class Sphere(Solid):
         return np.full(3, self.radius)
 
     def _points(self, u: Matrix) -> Matrix:
-        """Positions (k, 3) of points u (k, 3) of the unit cube; the volume grows as the radius cubed."""
+        # The volume grows as the radius cubed.
         return self.center + self.radius * np.cbrt(u[:, :1]) * _directions(1 - 2 * u[:, 1], 2 * np.pi * u[:, 2])
 
     def _contains(self, points: Matrix) -> Flags:
-        """Which of the positions (k, 3) belong to it."""
         return np.linalg.norm(points - self.center, axis=1) <= self.radius * (1 + 1e-12)
 
     def __str__(self) -> str:

@@ -19,7 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import ArgumentError, WriteError
+from ..base.errors import ArgumentError
+from ..base.files import writing
+from ..base.sqlite_file import sqlite_file, table_file, writing_rows
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, joined, some
 from ..version import __version__
 from .certificate import Boxes, Covered, Demands, Extent
@@ -35,8 +37,6 @@ from .tube import Cells, Findings, centred, examined
 
 FORM = 1
 """Of the file; a later form is another number."""
-
-ANOTHER = "give another file, or delete it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,22 +100,24 @@ class KeptCells:
             yield cls()
             return
         file = Path(file)
-        if file.is_dir():
-            raise ArgumentError("the file of cells", str(file), "it is a folder: give a file")
-        asked, db = hashlib.sha256(json.dumps(question(), sort_keys=True).encode()).hexdigest(), None
-        try:
-            with _system(file):
-                file.parent.mkdir(parents=True, exist_ok=True)
-                db = sqlite3.connect(file, timeout=10.0)
-                _check(db, file, asked)
-                db.execute("PRAGMA journal_mode = WAL")
-                db.execute("PRAGMA synchronous = NORMAL")
+        asked = hashlib.sha256(json.dumps(question(), sort_keys=True).encode()).hexdigest()
+
+        def broken(fact: str) -> ArgumentError:
+            cure = f"it is no file of cells ({fact}): give another file, or delete it"
+            return ArgumentError("the file of cells", str(file), cure)
+
+        def make(db: sqlite3.Connection) -> None:
+            db.execute("CREATE TABLE proof (form INTEGER, question TEXT, version TEXT)")
+            db.execute("CREATE TABLE batches (key TEXT PRIMARY KEY, cells INTEGER, hash TEXT, data BLOB)")
+            db.execute("INSERT INTO proof VALUES (?, ?, ?)", (FORM, asked, __version__))
+
+        with writing(file):
+            file.parent.mkdir(parents=True, exist_ok=True)
+        with table_file(file, "proof", {"form": FORM, "version": __version__}, broken, make) as db:
+            if db.execute("SELECT question FROM proof").fetchone() != (asked,):
+                raise broken("it is of another robot, strategy, start, box, shapes or clearance")
+            db.execute("PRAGMA synchronous = NORMAL")
             yield cls(file, db)
-        except sqlite3.DatabaseError as problem:
-            raise ArgumentError("the file of cells", str(file), f"it holds none ({problem}): {ANOTHER}") from None
-        finally:
-            if db is not None:
-                db.close()
 
     def batch(self, boxes: Boxes) -> Batch | None:
         """That of boxes that come next, where it was kept; the next ones are asked for, or kept, after it."""
@@ -123,12 +125,12 @@ class KeptCells:
             return None
         parts = [np.ascontiguousarray(getattr(boxes, f.name)).tobytes() for f in fields(boxes)]
         self._chain = hashlib.sha256(b"".join([self._chain, *parts])).digest()
-        with _system(self._file):
-            found = self._db.execute("SELECT hash, data FROM batches WHERE key = ?", (self._chain.hex(),)).fetchone()
-        if found is None or hashlib.sha256(found[1]).hexdigest() != found[0]:
+        with writing_rows(self._file):
+            row = self._db.execute("SELECT hash, data FROM batches WHERE key = ?", (self._chain.hex(),)).fetchone()
+        if row is None or hashlib.sha256(row[1]).hexdigest() != row[0]:
             return None
         self.resumed += len(boxes)
-        return Batch.unpacked(found[1])
+        return Batch.unpacked(row[1])
 
     def keep(self, batch: Batch) -> None:
         """Keep that of the boxes that were asked for last. Raises: WriteError."""
@@ -136,18 +138,15 @@ class KeptCells:
             return
         data = batch.packed()
         row = (self._chain.hex(), len(batch.good), hashlib.sha256(data).hexdigest(), data)
-        with _system(self._file), self._db:
+        with writing_rows(self._file), self._db:
             self._db.execute("INSERT OR REPLACE INTO batches VALUES (?, ?, ?, ?)", row)
 
 
 def count_kept(file: Path) -> int:
     """Cells that a file keeps; 0 where it is none."""
     try:
-        db = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
-        try:
+        with sqlite_file(file, "read") as db:
             return int(db.execute("SELECT COALESCE(SUM(cells), 0) FROM batches").fetchone()[0])
-        finally:
-            db.close()
     except sqlite3.DatabaseError:
         return 0
 
@@ -156,35 +155,6 @@ def remove_kept(file: Path) -> None:
     """Delete a file of cells, with what SQLite may have put beside it."""
     for one in (file, *(file.with_name(f"{file.name}-{end}") for end in ("wal", "shm"))):
         one.unlink(missing_ok=True)
-
-
-def _check(db: sqlite3.Connection, file: Path, asked: str) -> None:
-    """Raises: ArgumentError: it is of another question, or of another version."""
-    names = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
-    if not names:
-        with db:
-            db.execute("BEGIN IMMEDIATE")
-            db.execute("CREATE TABLE proof (form INTEGER, question TEXT, version TEXT)")
-            db.execute("CREATE TABLE batches (key TEXT PRIMARY KEY, cells INTEGER, hash TEXT, data BLOB)")
-            db.execute("INSERT INTO proof VALUES (?, ?, ?)", (FORM, asked, __version__))
-        return
-    if "proof" not in names:
-        raise ArgumentError("the file of cells", str(file), f"it is of another program: {ANOTHER}")
-    found = db.execute("SELECT form, question, version FROM proof").fetchone()
-    if found is None or (found[0], found[2]) != (FORM, __version__):
-        raise ArgumentError("the file of cells", str(file), f"it is of another version of holokin: {ANOTHER}")
-    if found[1] != asked:
-        cure = f"it is of another robot, strategy, start, box, shapes or clearance: {ANOTHER}"
-        raise ArgumentError("the file of cells", str(file), cure)
-
-
-@contextmanager
-def _system(file: Path) -> Iterator[None]:
-    """What the system refuses becomes a typed error; batches that are written stay."""
-    try:
-        yield
-    except (sqlite3.OperationalError, OSError) as problem:
-        raise WriteError(file, OSError(str(problem))) from problem
 
 
 SHORTEST = 1e-7

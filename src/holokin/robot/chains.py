@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..base.arguments import check, typed
-from ..base.errors import ArgumentError, RobotFileError, ShapeError, UnknownNameError, shown
+from ..base.errors import ArgumentError, RobotFileError, UnknownNameError, shown
 from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, numbers, one_or_each, tool_pose
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, one_or_each, tool_pose
 from ..symbolic.rotations import rotation_from_rpy
 from .joints import WOUND, Body, Coordinate, Joint, Tip, foot_of, joints_above
 from .model import Robot
@@ -70,15 +71,6 @@ def longest_reach(robot: Robot, tip: str | None = None) -> float:
     origins = np.zeros(len(links.free))
     foot = foot_of(robot.joints, chosen.joint)
     return float(np.linalg.norm(links.first(origins) - foot)) + links.length(origins)[0] + links.slides
-
-
-def _mean_link(robot: Robot, tip: Tip) -> float:
-    """Average length [m] of the links from the first joint to a tip, of the shortest way along the axes.
-
-    What slides travel does not count.
-    """
-    links = _Links.of(robot, tip, turned=False)
-    return links.length(links.drawn_in())[0] / max(len(links.free), 1)
 
 
 def _with_near_frames(robot: Robot) -> Robot:
@@ -141,8 +133,11 @@ class _Links:
             np.array([one.placement[:3, 3] for one in (*joints, tip)]),
             np.array([joint.axis for joint in joints]).reshape(-1, 3),
             np.array([joint.placement[:3, :3] @ joint.axis for joint in joints]).reshape(-1, 3),
-            free, slides, tip.placement, bool(turned and len(free) and free[-1]),
-        )  # fmt: skip
+            free,
+            slides,
+            tip.placement,
+            bool(turned and len(free) and free[-1]),
+        )
 
     def drawn_in(self) -> Vector:
         """The points (k,) between which the links in a line are shortest."""
@@ -245,7 +240,9 @@ def plausible(robot: Robot) -> Robot:
     lengths = np.abs([frame.placement[:3, 3] for frame in (*robot.joints, *robot.tips)])
     if lengths.max(initial=0.0) > LONGEST / 2:  # else the average is no longer
         for tip in robot.tips:
-            if (length := _mean_link(robot, tip)) > LONGEST:
+            links = _Links.of(robot, tip, turned=False)  # along the axes, without what slides travel
+            length = links.length(links.drawn_in())[0] / max(len(links.free), 1)
+            if length > LONGEST:
                 cure = f"this looks like millimetres: give metres{TRUST}"
                 raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
         robot = _with_near_frames(robot)
@@ -335,22 +332,18 @@ def _each(robot: Robot, what: str, value: JointValues) -> Vector:
     if isinstance(value, Mapping):
         values = getattr(robot, what).copy()
         for name, number in value.items():
-            values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", number)
+            values[robot.joint_index(name)] = one_or_each(f"{what} of joint {name!r}", number, 1)[0]
         return values
     return one_or_each(what, value, robot.n).copy()
 
 
-def _number(what: str, value: float) -> float:
-    array = numbers(what, value)
-    if array.shape != ():
-        raise ShapeError(what, "()", array.shape)
-    return float(array)
-
-
 def robot_of(
-    tree: Tree, tip: str | Sequence[str] | None, base: str | None, locked: Mapping[str, float] | None,
+    tree: Tree,
+    tip: str | Sequence[str] | None,
+    base: str | None,
+    locked: Mapping[str, float] | None,
     trust_units: bool = False,
-) -> Robot:  # fmt: skip
+) -> Robot:
     """The robot of the chains from a base to its tips, as `from_urdf` says.
 
     Raises:
@@ -381,6 +374,10 @@ def robot_of(
         raise tree.problem(f"{problem.what} is {shown(problem.value)}", problem.cure) from None
 
 
+Law = tuple[str, float, float]
+"""(joint that leads, multiplier, offset): motion = multiplier * (its coordinate) + offset."""
+
+
 class _Builder:
     """Walks the chains and collects joints and coordinates, each once."""
 
@@ -388,7 +385,13 @@ class _Builder:
         self.tree, self.root, self.held = tree, root, held
         self.by_name = {joint.name: joint for joint in tree.joints}
         self.above = above_of(tree)
-        self.followers = self._all_followers()
+        # Every joint that leads -> those that follow it in the end, each with its multiplier and offset.
+        self.followers: dict[str, list[tuple[Branch, float, float]]] = {}
+        for joint in self.by_name.values():
+            if joint.follows is not None and joint.name not in held and joint.kind in MOVING:
+                with suppress(RobotFileError):  # told where a chain needs it
+                    master, multiplier, offset = self._master(joint)
+                    self.followers.setdefault(master.name, []).append((joint, multiplier, offset))
         self.joints: list[Joint] = []
         self.index: dict[str, int] = {}
         self.coordinates: dict[str, Coordinate] = {}
@@ -423,7 +426,11 @@ class _Builder:
                     cure = f"write {plain!r}: types are in lower case"
                 raise self.tree.problem(f"joint {joint.name!r} is of type {joint.kind!r}", cure)
             axis = _axis(self.tree, joint)
-            self._check_loops(joint)
+            for loop in self.tree.loops:
+                if joint.name in loop.joints and joint.name not in self.held:
+                    fact = f"joint {joint.name!r} is part of a closed loop of joints ({loop.closed_by})"
+                    cure = "choose base= and tip= so that the chain leaves it out, or lock its joints at their values"
+                    raise self.tree.problem(fact, cure)
             master, multiplier, offset = self._master(joint)
             if master.name in self.held:
                 placement = placement @ motion(joint.kind, axis, multiplier * self.held[master.name] + offset)
@@ -435,16 +442,14 @@ class _Builder:
             parent, placement, foot = self.index[joint.name], np.eye(4), None
         return Tip(tip, parent, placement)
 
-    def _move(
-        self, joint: Branch, parent: int, placement: Matrix, axis: Vector, law: tuple[str, float, float],
-        foot: Vector | None,
-    ) -> None:  # fmt: skip
+    def _move(self, joint: Branch, parent: int, T: Matrix, axis: Vector, law: Law, foot: Vector | None) -> None:
+        """Add a joint at T (4, 4) behind another one."""
         master, multiplier, offset = law
-        number = list(self.coordinates).index(master)
+        coordinate = list(self.coordinates).index(master)
         self.index[joint.name] = len(self.joints)
-        own = _own_limits(joint) if joint.name != master else ()
-        law_of = (number, multiplier, offset)
-        self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, *law_of, *own, foot=foot))
+        limits = _own_limits(joint) if joint.name != master else ()
+        motion_law = (coordinate, multiplier, offset)
+        self.joints.append(Joint(joint.name, joint.kind, parent, T, axis, *motion_law, *limits, foot=foot))
 
     def _carried_things(self) -> tuple[tuple[Body, ...], tuple[LinkShape, ...], tuple[Visual, ...]]:
         """What is below the root. A joint beside the chains stays at zero, unless it mimics one of theirs.
@@ -520,18 +525,6 @@ class _Builder:
             seen.add(joint.name)
         return joint, multiplier, offset - multiplier * joint.zero
 
-    def _all_followers(self) -> dict[str, list[tuple[Branch, float, float]]]:
-        """Every joint that leads -> those that follow it in the end, each with its multiplier and offset."""
-        followers: dict[str, list[tuple[Branch, float, float]]] = {}
-        for joint in self.by_name.values():
-            if joint.follows is not None and joint.name not in self.held and joint.kind in MOVING:
-                try:
-                    master, multiplier, offset = self._master(joint)
-                except RobotFileError:
-                    continue  # told where a chain needs it
-                followers.setdefault(master.name, []).append((joint, multiplier, offset))
-        return followers
-
     def _coordinate(self, master: Branch) -> Coordinate:
         """A joint's name, kind and limits, such that all joints that follow it are within theirs, too.
 
@@ -571,14 +564,6 @@ class _Builder:
             raise tree.problem(f"{problem.what} is {problem.value}", problem.cure) from None
         if not limits.lower - TOLERANCES.limit <= value <= limits.upper + TOLERANCES.limit:
             raise ArgumentError(what, value, f"give a value within its limits [{limits.lower:.6g}, {limits.upper:.6g}]")
-
-    def _check_loops(self, joint: Branch) -> None:
-        """Raises: RobotFileError for a joint whose value others determine round a closed loop."""
-        for loop in self.tree.loops:
-            if joint.name in loop.joints and joint.name not in self.held:
-                fact = f"joint {joint.name!r} is part of a closed loop of joints ({loop.closed_by})"
-                cure = "choose base= and tip= so that the chain leaves the loop out, or lock its joints at their values"
-                raise self.tree.problem(fact, cure)
 
 
 def _wanted_tips(tree: Tree, tip: str | Sequence[str] | None, above: Mapping[str, Branch], root: str) -> list[str]:
@@ -749,9 +734,14 @@ def ordered(robot: Robot, order: Sequence[str]) -> Robot:
 
 @typed
 def with_tool(
-    robot: Robot, pose: PoseLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None,
-    name: str = "tool", trust_units: bool = False,
-) -> Robot:  # fmt: skip
+    robot: Robot,
+    pose: PoseLike = (0, 0, 0),
+    rpy: ArrayLike = (0, 0, 0),
+    *,
+    tip: str | None = None,
+    name: str = "tool",
+    trust_units: bool = False,
+) -> Robot:
     """The robot with a tool: a tip at a pose in the frame of one of its tips, which it replaces.
 
     Args:

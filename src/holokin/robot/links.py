@@ -13,7 +13,7 @@ from ..base.arguments import typed
 from ..base.errors import ArgumentError, MassError, ShapeError, UnknownNameError
 from ..base.poses import pose_from
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, one_or_each, positive
-from ..symbolic import SX, Function, cross, dot, horzcat, n_nodes, sparsify, symbol, vertcat
+from ..symbolic import SX, Function, dot, horzcat, n_nodes, sparsify, symbol, vertcat
 from ..symbolic.rotations import rotation_about
 from .chains import BASE, pose_matrix
 from .joints import Body, Coordinate, Joint, Tip, foot_of, joints_above
@@ -40,14 +40,12 @@ def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool =
         turned: all six rows are to count. Else the linear ones (3, n) of the tool's own point.
     """
     end = robot._find_tip(tip)
-    chain = [end.joint]
-    while robot.joints[chain[-1]].parent >= 0:
-        chain.append(robot.joints[chain[-1]].parent)
+    chain = joints_above(robot.joints, end.joint)
     candidates = []
     for middle in range(len(chain)):
         frames = _seen_from(robot, q, chain[::-1], middle, end)
         points = chain if turned else [-1]
-        candidates += [_columns(robot, frames, chain, frames[point][0], turned) for point in points]
+        candidates += [_columns(robot, frames, end, frames[point][0], turned) for point in points]
     return min(candidates, key=lambda J: (sparsify(J).nnz(), n_nodes(J)))
 
 
@@ -78,14 +76,10 @@ def _joint_motion(joint: Joint, q: SX, way: float) -> tuple[SX, SX]:
     return SX.zeros(3, 1), rotation_about(joint.axis, value)
 
 
-def _columns(robot: Robot, frames: Frames, chain: list[int], point: SX, turned: bool) -> SX:
+def _columns(robot: Robot, frames: Frames, end: Tip, point: SX, turned: bool) -> SX:
     columns = [SX.zeros(6, 1)] * robot.n
-    for at in chain:
-        joint, (p, R) = robot.joints[at], frames[at]
-        axis = R @ SX(joint.axis)
-        still = joint.kind == "prismatic"
-        moved = vertcat(axis, SX.zeros(3, 1)) if still else vertcat(cross(axis, point - p), axis)
-        columns[joint.coordinate] = columns[joint.coordinate] + joint.multiplier * moved
+    for coordinate, multiplier, v, w in reversed(robot._columns(frames, end.joint, point)):
+        columns[coordinate] = columns[coordinate] + multiplier * vertcat(v, w)
     return horzcat(*columns)[: 6 if turned else 3, :]
 
 
@@ -314,9 +308,14 @@ def _on_the_way(point: Vector, end: Vector) -> bool:
 
 @typed
 def with_shape(
-    robot: Robot, name: str, shape: Shape, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *,
+    robot: Robot,
+    name: str,
+    shape: Shape,
+    xyz: ArrayLike = (0, 0, 0),
+    rpy: ArrayLike = (0, 0, 0),
+    *,
     tip: str | None = None,
-) -> Robot:  # fmt: skip
+) -> Robot:
     """The robot with a shape on a tip, such as that of its tool, at xyz (3,) [m], rpy (3,) [rad] in the tip's frame.
 
     A robot whose links have no shapes gets capsules first, as of `with_capsules`.
@@ -497,9 +496,14 @@ class Servo(Value):
 
 @typed
 def servo(
-    robot: Robot, kind: ServoKind, q: ArrayLike, *, frequency: float = 25.0, damping_ratio: float = 1.0,
+    robot: Robot,
+    kind: ServoKind,
+    q: ArrayLike,
+    *,
+    frequency: float = 25.0,
+    damping_ratio: float = 1.0,
     compensated: bool | None = None,
-) -> Servo:  # fmt: skip
+) -> Servo:
     """Servos whose gains fit the inertia of each joint at a posture.
 
     With M the mass matrix and w = 2 pi frequency: stiffness_i = M_ii w^2, damping_i = 2 damping_ratio M_ii w of a

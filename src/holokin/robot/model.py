@@ -164,19 +164,23 @@ _known: WeakKeyDictionary[Any, dict[tuple[str, ...], ModelJoints]] = WeakKeyDict
 
 
 def _find_joints(
-    model: Any, wanted: tuple[str, ...], names: tuple[str, ...], prefix: str, joints: Sequence[str] | None,
+    model: Any,
+    wanted: tuple[str, ...],
+    names: tuple[str, ...],
+    prefix: str,
+    joints: Sequence[str] | None,
     hinges: Flags,
-) -> ModelJoints:  # fmt: skip
+) -> ModelJoints:
     if len(wanted) != len(names):
         raise ShapeError("joints", (len(names),), (len(wanted),), f"name one for each of {', '.join(names)}")
     compiled = _is_compiled(model)
     known = _mujoco_names(model) if compiled else list(model.names)[1:]
     if joints is None and not set(wanted) <= set(known):
-        others = _prefixes(names, known)
+        # What stands in the model before all of these names.
+        prefixes = [name.removesuffix(names[0]) for name in known if names and name.endswith(names[0])]
+        others = [repr(other) for other in prefixes if {other + name for name in names} <= set(known)]
         if others:
-            cure = (
-                f"in this model these joints begin with {' or '.join(map(repr, others))}: give one of these as prefix"
-            )
+            cure = f"in this model these joints begin with {' or '.join(others)}: give one of these as prefix"
             raise ArgumentError("prefix", prefix, cure)
     places = (mujoco_joints if compiled else pinocchio_joints)(model, wanted)
     for name, ours, theirs in zip(wanted, hinges, places.hinges, strict=True):
@@ -193,12 +197,6 @@ def _find_joints(
 def _is_compiled(model: Any) -> bool:
     """Whether it is a `mujoco.MjModel`."""
     return hasattr(model, "jnt_qposadr") and hasattr(model, "joint")
-
-
-def _prefixes(names: tuple[str, ...], known: Sequence[str]) -> list[str]:
-    """What stands in a model before all of these names."""
-    prefixes = [name.removesuffix(names[0]) for name in known if names and name.endswith(names[0])]
-    return [prefix for prefix in prefixes if {prefix + name for name in names} <= set(known)]
 
 
 def _mujoco_names(model: Any) -> list[str]:
@@ -365,7 +363,7 @@ class Robot(ByValue):
         chosen, frames = self._find_tip(tip), self._frames(q)
         return self._columns(frames, chosen.joint, _compose(frames, chosen.joint, chosen.placement)[0])
 
-    def _columns(self, frames: list[tuple[SX, SX]], joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
+    def _columns(self, frames: Any, joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
         columns = []
         for above in joints_above(self.joints, joint):
             moving, (origin, rotation) = self.joints[above], frames[above]
@@ -461,9 +459,14 @@ class Robot(ByValue):
 
     @typed
     def q_of(
-        self, model: Any, configuration: ArrayLike, *, prefix: str = "", joints: Sequence[str] | None = None,
+        self,
+        model: Any,
+        configuration: ArrayLike,
+        *,
+        prefix: str = "",
+        joints: Sequence[str] | None = None,
         near: ArrayLike = 0.0,
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """The joints q (..., n) in configurations (..., nq) of a MuJoCo or Pinocchio model, found by their names.
 
         The model may have other joints, as fingers and free joints, and more arms, and its joints in another order.

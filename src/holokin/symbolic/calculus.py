@@ -194,9 +194,12 @@ def _output_code(there: str, register: int, constant: Mapping[int, float]) -> st
 
 _CONDITIONS = {ca.OP_LT: "if_else", ca.OP_LE: "if_else"}
 _JUMPS = {
-    ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_SIGN: "sign", ca.OP_COPYSIGN: "copysign", ca.OP_FMOD: "fmod",
-    ca.OP_REMAINDER: "remainder", ca.OP_ATAN2: "atan2", **_CONDITIONS,
-}  # fmt: skip
+    **{
+        getattr(ca, f"OP_{name.upper()}"): name
+        for name in ["floor", "ceil", "sign", "copysign", "fmod", "remainder", "atan2"]
+    },
+    **_CONDITIONS,
+}
 
 
 @dataclass(frozen=True, eq=False)

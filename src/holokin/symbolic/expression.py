@@ -286,10 +286,7 @@ class Separated:
         )
 
 
-_PLAIN = (
-    "INPUT", "OUTPUT", "CONST", "PARAMETER", "ASSIGN", "ADD", "SUB", "MUL", "DIV", "INV", "NEG", "TWICE", "SQ", "SIN",
-    "COS", "TAN",
-)  # fmt: skip
+_PLAIN = "INPUT OUTPUT CONST PARAMETER ASSIGN ADD SUB MUL DIV INV NEG TWICE SQ SIN COS TAN"
 _WORDS = {"IF_ELSE_ZERO": "if_else", "LT": "if_else", "LE": "if_else", "NOT": "if_else", "CONSTPOW": "pow"}
 
 
@@ -300,5 +297,5 @@ def other_operations(expression: ca.SX, q: ca.SX) -> tuple[str, ...]:
     easily. Whole powers are products; a power with any other exponent counts as one of them.
     """
     made = ca.Function("made", [q], [expression])
-    names = {OPERATION_NAMES[op] for op in operations(made)} - set(_PLAIN)
+    names = {OPERATION_NAMES[op] for op in operations(made)} - set(_PLAIN.split())
     return tuple(sorted({_WORDS.get(name, name.lower()) for name in names}))

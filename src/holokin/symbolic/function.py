@@ -47,9 +47,15 @@ class CheckedBatch:
     """
 
     def __init__(
-        self, batch: Callable[..., Any], size: int, others: Shapes, result: tuple[int, ...],
-        convert: Callable[..., Array], doubt: Doubt, bounds: Sequence[float],
-    ) -> None:  # fmt: skip
+        self,
+        batch: Callable[..., Any],
+        size: int,
+        others: Shapes,
+        result: tuple[int, ...],
+        convert: Callable[..., Array],
+        doubt: Doubt,
+        bounds: Sequence[float],
+    ) -> None:
         self._batch, self._size, self._others = batch, size, others
         self._result, self._bounds = result, tuple(bounds)
         self._convert, self._doubt = convert, doubt
@@ -170,14 +176,24 @@ class Function:
         (size,), others = self._shapes[0][0], self._shapes[1][1:]
         many = CheckedBatch(self.batch, size, others, result, weak(convert), weak(doubt), bounds)
         return Evaluator(
-            self.program, *self._shapes, self._port, results=[result], bounds=bounds,
-            convert=lambda given: (many.array(given),), doubt=weak(doubt), many=many,
-        )  # fmt: skip
+            self.program,
+            *self._shapes,
+            self._port,
+            results=[result],
+            bounds=bounds,
+            convert=lambda given: (many.array(given),),
+            doubt=weak(doubt),
+            many=many,
+        )
 
     def batch(
-        self, *args: ArrayLike, threads: int | None = None, out: Sequence[Array] | None = None,
-        native_from: int | None = None, **named: ArrayLike,
-    ) -> Any:  # fmt: skip
+        self,
+        *args: ArrayLike,
+        threads: int | None = None,
+        out: Sequence[Array] | None = None,
+        native_from: int | None = None,
+        **named: ArrayLike,
+    ) -> Any:
         """Evaluate over a leading axis: each argument (k, *shape), or (*shape) to be repeated.
 
         From `native_from` samples on by native code, if there is a compiler, on `threads` threads (all by default);
@@ -229,19 +245,27 @@ class Function:
         outs = [r.reshape(count) if s == (1,) else r for r, s in zip(results, self.output_shapes.values(), strict=True)]
         return outs[0] if len(outs) == 1 else tuple(outs)
 
-    def _native(self) -> BatchKernel | None:
-        """The batch as native code, built when first wanted; None where it cannot be."""
-        if "batch" in self._natives and allowed():
-            return self._natives["batch"]
-        if not enabled() or self.program.longest > LARGEST_VECTOR:
+    def _kernel(self, kind: str, fits: bool, make: Callable[[], Any], build: bool = True) -> Any:
+        """Native code of a kind, made when first wanted; None where there can be none."""
+        if kind in self._natives and allowed():
+            return self._natives[kind]
+        if not fits or not enabled() or (not build and kind in self._absent):
             return None
-        if "batch" not in self._natives:
+        if kind not in self._natives:
             try:
-                self._natives["batch"] = BatchKernel(self.program, *self._shapes)
+                self._natives[kind] = make()
             except NativeError as problem:
+                if problem.cause == "absent":
+                    self._absent.add(kind)
+                    return None
                 tell(problem)
-                self._natives["batch"] = None
-        return self._natives["batch"]
+                self._natives[kind] = None
+        return self._natives[kind]
+
+    def _native(self) -> BatchKernel | None:
+        """The batch as native code."""
+        fits = self.program.longest <= LARGEST_VECTOR
+        return self._kernel("batch", fits, lambda: BatchKernel(self.program, *self._shapes))
 
     @property
     def memory(self) -> Port:
@@ -262,22 +286,10 @@ class Function:
             load: look for it in the cache of libraries. build: make it if it is not there. Without them, only one
                 that this process has already.
         """
-        known = method in self._natives
-        if not known and (not (load or build) or self.program.instructions > LARGEST):
-            return None
-        if not enabled() or (not known and not build and method in self._absent):
-            return None
-        if known:
-            return self._natives[method]
-        try:
-            self._natives[method] = FollowKernel(self.program, *self._shapes, method, more(), build)
-        except NativeError as problem:
-            if problem.cause == "absent":
-                self._absent.add(method)
-                return None
-            tell(problem)
-            self._natives[method] = None
-        return self._natives[method]
+        fits = (load or build) and self.program.instructions <= LARGEST
+        return self._kernel(
+            method, fits, lambda: FollowKernel(self.program, *self._shapes, method, more(), build), build
+        )
 
     def follower_c(self, method: str, more: str = "") -> str:
         """The C of that loop, for compilers other than the one here. Raises: NativeError, see `c`."""
@@ -289,15 +301,8 @@ class Function:
         Args:
             more, stretches: make the C that it needs besides this function's.
         """
-        if self.program.instructions > LARGEST or not enabled():
-            return None
-        if "inverse" not in self._natives:
-            try:
-                self._natives["inverse"] = InverseKernel(self.program, *self._shapes, more(), stretches())
-            except NativeError as problem:
-                tell(problem)
-                self._natives["inverse"] = None
-        return self._natives["inverse"]
+        fits = self.program.instructions <= LARGEST
+        return self._kernel("inverse", fits, lambda: InverseKernel(self.program, *self._shapes, more(), stretches()))
 
     def c(self, name: str) -> str:
         """C99 of `static void NAME(const hk_t *x, hk_t *y)`: arguments, and results, one after another in rows.

@@ -43,21 +43,9 @@ def _conditional(c: Interval, a: Interval) -> Interval:
     return Interval(low, np.where(true.low > 0, a.high, np.where(true.high > 0, np.maximum(a.high, zero), zero)))
 
 
-def _less(a: Interval, b: Interval) -> Interval:
-    return _truth(a.high < b.low, a.low < b.high)
-
-
-def _at_most(a: Interval, b: Interval) -> Interval:
-    return _truth(a.high <= b.low, a.low <= b.high)
-
-
 def _equal(a: Interval, b: Interval) -> Interval:
     same = (a.low == a.high) & (b.low == b.high) & (a.low == b.low)
     return _truth(same, (a.low <= b.high) & (b.low <= a.high))
-
-
-def _sign(a: Interval) -> Interval:
-    return Interval(np.sign(a.low), np.sign(a.high))
 
 
 def _copysign(a: Interval, b: Interval) -> Interval:
@@ -176,14 +164,14 @@ _RULES: dict[int, Callable[..., Interval]] = {
     ca.OP_LOG1P: lambda a: iv.logarithm(iv.add(_one(a), a)),
     ca.OP_HYPOT: iv.hypotenuse,
     ca.OP_FABS: iv.absolute,
-    ca.OP_SIGN: _sign,
+    ca.OP_SIGN: lambda a: Interval(np.sign(a.low), np.sign(a.high)),
     ca.OP_FMIN: iv.smaller,
     ca.OP_FMAX: iv.larger,
     ca.OP_COPYSIGN: _copysign,
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
-    ca.OP_LT: _less,
-    ca.OP_LE: _at_most,
+    ca.OP_LT: lambda a, b: _truth(a.high < b.low, a.low < b.high),
+    ca.OP_LE: lambda a, b: _truth(a.high <= b.low, a.low <= b.high),
     ca.OP_EQ: _equal,
     ca.OP_NE: lambda a, b: _not(_equal(a, b)),
     ca.OP_NOT: _not,
@@ -345,10 +333,6 @@ def _curved(f: Callable[[ca.SX], ca.SX], slope: Callable[[ca.SX], ca.SX]) -> Cal
     return lambda a: (f(a[0]), ca.fmin(ca.fabs(slope(a[0])) * a[1] + a[1] * a[1] / 2, 2))
 
 
-def _cosh(a: Pair) -> Pair:
-    return ca.cosh(a[0]), ca.cosh(ca.fabs(a[0]) + a[1]) - ca.cosh(a[0])
-
-
 def _tan(a: Pair) -> Pair:
     return _times((ca.sin(a[0]), _curved(ca.sin, ca.cos)(a)[1]), _inverse(_curved(ca.cos, ca.sin)(a)))
 
@@ -416,7 +400,7 @@ _OPERATIONS: dict[int, Callable[..., Pair]] = {
     ca.OP_ACOS: _rising(ca.acos, _UNIT),
     ca.OP_ATAN: _rising(ca.atan),
     ca.OP_SINH: _rising(ca.sinh),
-    ca.OP_COSH: _cosh,
+    ca.OP_COSH: lambda a: (ca.cosh(a[0]), ca.cosh(ca.fabs(a[0]) + a[1]) - ca.cosh(a[0])),
     ca.OP_TANH: _rising(ca.tanh),
     ca.OP_ASINH: _rising(ca.asinh),
     ca.OP_ACOSH: _rising(ca.acosh, (1.0, np.inf)),

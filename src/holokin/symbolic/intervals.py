@@ -168,12 +168,7 @@ def _around(value: tuple[float, float]) -> Interval:
     return Interval(np.array(value[0]), np.array(value[1]))
 
 
-def _half(a: Interval) -> Interval:
-    """a / 2, exactly."""
-    return Interval(a.low / 2, a.high / 2)
-
-
-_QUARTER = _half(_around(PI))
+_QUARTER = _around((PI[0] / 2, PI[1] / 2))
 """A quarter of a turn, pi / 2."""
 
 

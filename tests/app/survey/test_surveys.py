@@ -159,10 +159,10 @@ def test_a_full_disk_stops_the_survey_and_keeps_what_was_written(
 
     table = planar(loops={"circle": {"kind": "circle", "size": 0.1, "count": 30}}, samples=10, cycles=1)
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    monkeypatch.setattr("holokin.app.survey.store.sqlite3.connect", small)
+    monkeypatch.setattr("holokin.base.sqlite_file.sqlite3.connect", small)
     with pytest.raises(WriteError):
         run_survey(table, tmp_path, out, workers=0)
-    monkeypatch.setattr("holokin.app.survey.store.sqlite3.connect", opened)
+    monkeypatch.setattr("holokin.base.sqlite_file.sqlite3.connect", opened)
     kept = len(rows_of(out))
     assert 0 < kept < 120
     assert run_survey(table, tmp_path, out, workers=0, resume=True).resumed == kept

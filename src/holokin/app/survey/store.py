@@ -16,7 +16,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, SurveyError, WriteError
+from ...base.errors import ArgumentError, SurveyError
+from ...base.sqlite_file import table_file, writing_rows
 from ...motion.trajectory import Trajectory
 from ...version import __version__
 from .cases import Case, Cases
@@ -60,28 +61,23 @@ class Store:
             SurveyError: it is there already and resume is False; it is of another survey, or no results file.
             WriteError: the system refuses it.
         """
-        if file.is_dir():
-            raise SurveyError(file, "is a folder", "give a file, as out/arms.sqlite")
         new = not file.exists()
         if table is None and new:
             raise SurveyError(file, "there is no such file", "run the survey first")
-        if table is not None and not new and not resume:
+        if table is not None and not new and not file.is_dir() and not resume:
             cure = "say --resume, in Python resume=True, to go on, or delete it"
             raise SurveyError(file, "holds results already", cure)
-        db: sqlite3.Connection | None = None
-        try:
-            with _system(file):
-                db = _connected(file, reading=table is None)
-                store = cls(file, db)
-                if table is not None and store._empty():
-                    store._make(table, folder)  # also where one was killed before its first write
-            store._check(table)
-            yield store
-        except sqlite3.DatabaseError as problem:
-            raise SurveyError(file, f"is no results file of a survey ({problem})", "give another file") from None
-        finally:
-            if db is not None:
-                db.close()
+
+        def broken(fact: str) -> SurveyError:
+            cure = "give another file, as out/arms.sqlite, or run the survey anew"
+            return SurveyError(file, f"is no results file of a survey ({fact})", cure)
+
+        make = None if table is None else lambda db: _make(db, table, folder)
+        with table_file(file, "survey", {"form": FORM}, broken, make) as db:
+            if table is not None and db.execute("SELECT fingerprint FROM survey").fetchone() != (fingerprint(table),):
+                cure = "give another file with --out, in Python out="
+                raise SurveyError(file, "holds the results of another survey", cure)
+            yield cls(file, db)
 
     @cached_property
     def _own(self) -> tuple[str, ...]:
@@ -91,35 +87,6 @@ class Store:
     @property
     def _columns(self) -> tuple[str, ...]:
         return (*COLUMNS, *self._own)
-
-    def _empty(self) -> bool:
-        return self._db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
-
-    def _make(self, table: SurveyTable, folder: Path) -> None:
-        kinds = {"id": "TEXT PRIMARY KEY", "number": "INTEGER NOT NULL"}
-        kinds |= dict.fromkeys((*NAMES, "status", "reason"), "TEXT NOT NULL")
-        columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in (*COLUMNS, *map(_quoted, table.metrics)))
-        with self._db:
-            self._db.execute("BEGIN IMMEDIATE")
-            if not self._empty():  # another one was quicker
-                return
-            self._db.execute(
-                "CREATE TABLE survey (form INTEGER, fingerprint TEXT, version TEXT, folder TEXT, content TEXT)"
-            )
-            self._db.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
-            content = json.dumps(table.model_dump(mode="json", exclude_unset=True))
-            facts = (FORM, fingerprint(table), __version__, str(folder), content)
-            self._db.execute("INSERT INTO survey VALUES (?, ?, ?, ?, ?)", facts)
-
-    def _check(self, table: SurveyTable | None) -> None:
-        if table is None and self._empty():
-            raise SurveyError(self.file, "is no results file of a survey (it is empty)", "give another file")
-        facts = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
-        if facts is None or facts[0] != FORM:
-            raise SurveyError(self.file, "has another form than this version writes", "run the survey anew")
-        if table is not None and facts[1] != fingerprint(table):
-            cure = "give another file with --out, in Python out="
-            raise SurveyError(self.file, "holds the results of another survey", cure)
 
     def add(self, rows: Sequence[Row], faults: Mapping[int, str] = MappingProxyType({})) -> None:
         """Keep rows: all of them or none. One that is there stays as it is, unless it is a fault.
@@ -141,7 +108,7 @@ class Store:
             for row in rows
         ]  # fmt: skip
         gone = [(faults[row.number],) for row in rows if row.number in faults]
-        with _system(self.file), self._db:
+        with writing_rows(self.file), self._db:
             self._db.executemany("DELETE FROM cases WHERE id = ? AND status = 'fault'", gone)
             self._db.executemany(
                 f"INSERT INTO cases VALUES ({marks}) ON CONFLICT (id) DO UPDATE SET {new} WHERE status = 'fault'",
@@ -210,36 +177,21 @@ class Store:
             raise SurveyError(self.file, fact, "run the survey anew") from None
 
 
-def _connected(file: Path, reading: bool) -> sqlite3.Connection:
-    """The file as SQLite has it; of media that cannot be written as it lies there, without a journal beside it."""
-    db = sqlite3.connect(file, timeout=10.0)
-    try:
-        db.execute("PRAGMA journal_mode = WAL")
-        if reading:
-            db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()
-        return db
-    except sqlite3.OperationalError:
-        db.close()
-        if not reading:
-            raise
-        return sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
-    except sqlite3.DatabaseError:
-        db.close()
-        raise
+def _make(db: sqlite3.Connection, table: SurveyTable, folder: Path) -> None:
+    """Create the tables of a survey."""
+    kinds = {"id": "TEXT PRIMARY KEY", "number": "INTEGER NOT NULL"}
+    kinds |= dict.fromkeys((*NAMES, "status", "reason"), "TEXT NOT NULL")
+    columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in (*COLUMNS, *map(_quoted, table.metrics)))
+    db.execute("CREATE TABLE survey (form INTEGER, fingerprint TEXT, version TEXT, folder TEXT, content TEXT)")
+    db.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
+    content = json.dumps(table.model_dump(mode="json", exclude_unset=True))
+    facts = (FORM, fingerprint(table), __version__, str(folder), content)
+    db.execute("INSERT INTO survey VALUES (?, ?, ?, ?, ?)", facts)
 
 
 def _quoted(name: str) -> str:
     """A column as SQLite reads it; no name of a column has a quotation mark."""
     return f'"{name}"'
-
-
-@contextmanager
-def _system(file: Path) -> Iterator[None]:
-    """What the system refuses becomes a typed error; rows that are written stay."""
-    try:
-        yield
-    except sqlite3.OperationalError as problem:
-        raise WriteError(file, OSError(str(problem))) from problem
 
 
 # --- One case of a results file again, with its own law: what a job cannot do.

@@ -16,9 +16,14 @@ MOST_NAMES = 40
 """Names that a message lists of those that are known: those of any job, robot or table of this library."""
 
 SYNONYMS = {
-    "pseudo-inverse": "moore-penrose", "pseudoinverse": "moore-penrose", "pinv": "moore-penrose", "leaf": "level",
-    "way": "direction", "clear_of": "obstacles", "ignore": "allowed",
-}  # fmt: skip
+    "pseudo-inverse": "moore-penrose",
+    "pseudoinverse": "moore-penrose",
+    "pinv": "moore-penrose",
+    "leaf": "level",
+    "way": "direction",
+    "clear_of": "obstacles",
+    "ignore": "allowed",
+}
 """Names that people use, and keys that had another name before -> those that are known."""
 
 FORMS = {

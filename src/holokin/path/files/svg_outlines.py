@@ -106,7 +106,8 @@ def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any)
     """The pieces of each outline, None where one is too short. Raises: RecordingError: an element whose numbers the
     library cannot draw."""
     for element in drawing.elements():
-        if not isinstance(element, svgelements.Shape) or _inside_definition(element):
+        hidden = str(element.values.get("visibility", "")) == "hidden" or element.values.get("display") == "none"
+        if not isinstance(element, svgelements.Shape) or hidden:
             continue
         try:
             outlines = [
@@ -115,13 +116,10 @@ def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any)
             ]
         except Exception as problem:  # noqa: BLE001  of a shape without a start, or of numbers beyond all bounds
             message = str(problem) or type(problem).__name__
-            fact = f"has a <{shown(_tag(element))}> that cannot be drawn ({shown(message)})"
+            tag = str(element.values.get("tag") or type(element).__name__.lower())
+            fact = f"has a <{shown(tag)}> that cannot be drawn ({shown(message)})"
             raise RecordingError(file, fact, "correct its numbers") from None
         yield from outlines
-
-
-def _tag(element: Any) -> str:
-    return str(element.values.get("tag") or type(element).__name__.lower())
 
 
 def _parsed(file: FilePath, svgelements: Any) -> Any:
@@ -160,10 +158,6 @@ def _to_metres(file: FilePath, drawing: Any, pixel: float | None) -> Matrix:
         pixel = size / width
     scale = positive("pixel", pixel, "give the size of a pixel in metres")
     return np.array([[scale, 0.0, 0.0], [0.0, -scale, scale * float(drawing.height or 0.0)], [0.0, 0.0, 0.0]])
-
-
-def _inside_definition(element: Any) -> bool:
-    return str(element.values.get("visibility", "")) == "hidden" or element.values.get("display") == "none"
 
 
 def _pieces(drawn: list[Any], to_metres: Matrix, svgelements: Any) -> list[_Piece | None]:

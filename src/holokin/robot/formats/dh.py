@@ -71,13 +71,8 @@ def from_dh(
         average, along the axes: a and d may be large where they cancel, as of calibrated axes nearly parallel).
         NotFiniteError: a number that is not finite.
     """
-    for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
-        if not isinstance(text, str):
-            raise ArgumentError(f"{what} of a robot", text, "give a text")
     if convention not in get_args(Convention):
         raise UnknownNameError("DH convention", convention, get_args(Convention))
-    if not isinstance(rows, Sequence):
-        raise ArgumentError("a DH table", rows, "give a list of rows")
     if len(rows) > MOST_MOVING:
         raise ArgumentError(f"the number of joints of {name!r}", len(rows), f"give at most {MOST_MOVING:,}")
     before = np.eye(4) if base is None else _pose("base", base)
@@ -113,12 +108,8 @@ def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
     for key in row:
         if key not in known:
             raise UnknownNameError("field of a DH row", str(key), known)
-    texts, label = {key: row[key] for key in ("joint", "kind") if key in row}, row.get("joint", "")
-    for key, value in texts.items():
-        if not isinstance(value, str):
-            raise ArgumentError(f"{key} of a DH row", value, "give a text")
-    quantities = {key: number(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts}
-    values: dict[str, Any] = texts | quantities
+    texts, label = ("joint", "kind"), row.get("joint", "")
+    values: Any = {key: v if key in texts else number(f"{key} of DH row {label!r}", v) for key, v in row.items()}
     return DHRow(**values)
 
 

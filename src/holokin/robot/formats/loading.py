@@ -34,7 +34,7 @@ from ..model import Robot
 from ..tree import MOVING, Branch, Tree, above_of, checked, links_of, root_of, tips_of
 from .dh import Convention, from_dh
 from .mjcf import mjcf_tree
-from .urdf import Refuse, read_model, read_toml, urdf_text_tree, urdf_tree
+from .urdf import read_model, read_toml, urdf_text_tree, urdf_tree
 from .xacro import xacro_tree
 
 # --- Robots by the names of other packages: robot_descriptions, which fetches files, and example-robot-data.
@@ -49,11 +49,6 @@ EXAMPLES = "example-robot-data:"
 def _is_packaged(name: str) -> bool:
     """Whether the name of a robot is one of another package."""
     return name.startswith((PREFIX, EXAMPLES))
-
-
-def _packaged_file(name: str) -> Path:
-    """The file of a robot of another package. Raises: as `_description_file` and `_example_file`."""
-    return _example_file(name) if name.startswith(EXAMPLES) else _description_file(name)
 
 
 def _example_file(name: str) -> Path:
@@ -118,7 +113,9 @@ def is_model(name: str | Path) -> bool:
 
 def _read_tree(name: str | Path, args: Arguments | None = None) -> Tree:
     """The tree of a model. Raises: RobotFileError, MissingExtraError; ArgumentError: args for what is no xacro file."""
-    path = _packaged_file(str(name)) if _is_packaged(str(name)) else Path(name)
+    path = Path(name)
+    if _is_packaged(str(name)):
+        path = _example_file(str(name)) if str(name).startswith(EXAMPLES) else _description_file(str(name))
     suffix = path.suffix.lower()
     if suffix == ".xacro":
         return xacro_tree(path, args)
@@ -374,9 +371,12 @@ _in_use: WeakValueDictionary[str, Robot] = WeakValueDictionary()
 """Robots of the catalogue that somebody holds: they are frozen, and share what is built of their kinematics."""
 
 _KINDS = {
-    "tip": str | Sequence[str] | None, "base": str | None, "locked": Mapping[str, float] | None,
-    "args": Arguments | None, TRUST_UNITS: bool | None,
-}  # fmt: skip
+    "tip": str | Sequence[str] | None,
+    "base": str | None,
+    "locked": Mapping[str, float] | None,
+    "args": Arguments | None,
+    TRUST_UNITS: bool | None,
+}
 """What the keys of `CHAIN`, and that of its units, may be."""
 
 
@@ -449,7 +449,11 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     if depth > _DEEPEST:
         raise RobotFileError(path, f"holds parts within parts, {_DEEPEST} deep", "take out the part that is itself")
     entry: Any = path if suffix else files("holokin.robot").joinpath("data", f"{name}.toml")
-    table = read_toml(path, _refusal(path)) if suffix else tomllib.loads(entry.read_text("utf-8"))
+
+    def refuse(key: str, fact: str, cure: str) -> RobotFileError:
+        return RobotFileError(path, f"[{key}] {fact}" if key else fact, cure)
+
+    table = read_toml(path, refuse) if suffix else tomllib.loads(entry.read_text("utf-8"))
 
     def part(given: Mapping[str, Any]) -> Robot:
         return _loaded(beside(given["name"], path.parent), given, depth + 1)
@@ -462,7 +466,3 @@ def beside(name: str, folder: Path) -> str | Path:
     """The name of a robot as a file in a folder says it: a path counts from there."""
     path = Path(name)
     return folder / path if path.suffix and not path.is_absolute() and not _is_packaged(name) else name
-
-
-def _refusal(path: Any) -> Refuse:
-    return lambda key, fact, cure: RobotFileError(path, f"[{key}] {fact}" if key else fact, cure)

@@ -189,7 +189,8 @@ class _Counter:
         parser = expat.ParserCreate("UTF-8")  # as MuJoCo reads it, whatever it declares
         parser.StartElementHandler, parser.EndElementHandler = start, lambda _tag: stack.pop()
         try:
-            parser.Parse(_PIECE.sub(_without_comments, text).lstrip(BOM_UTF8 + b" \t\r\n"), True)
+            plain = _PIECE.sub(lambda piece: b"" if piece[0].startswith(b"<!--") else piece[0], text)
+            parser.Parse(plain.lstrip(BOM_UTF8 + b" \t\r\n"), True)
         except expat.ExpatError as problem:
             raise RobotFileError(
                 self.source, f"is no MJCF that MuJoCo reads: it is not XML ({problem})", "correct it there"
@@ -216,10 +217,6 @@ class _Counter:
 def _read(path: Path) -> bytes:
     with path.open("rb") as stream:
         return stream.read(LONGEST_URDF)
-
-
-def _without_comments(piece: re.Match[bytes]) -> bytes:
-    return b"" if piece.group().startswith(b"<!--") else piece.group()
 
 
 def _product(words: str) -> float:
@@ -276,7 +273,7 @@ def from_mjcf(
     mujoco = _mujoco_module()
     if isinstance(model, mujoco.MjModel):
         name = _text(model.names, 0) or "model"
-        tree = _model_tree(model, f"mujoco.MjModel {name!r}", name)
+        tree = _Reader(model, f"mujoco.MjModel {name!r}", name).tree()
     elif isinstance(model, str | Path):
         tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
     else:
@@ -310,10 +307,11 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
         spec = _parsed(parse, source)
         lost = choice(spec)
         geoms = [
-            [geom for geom in body.geoms if choice is _all_files or _files_of(geom) & lost] for body in spec.bodies
+            [geom for geom in body.geoms if choice is _all_files or lost & ({geom.meshname, geom.hfieldname} - {""})]
+            for body in spec.bodies
         ]
         bodies = [body.name or f"body {i}" for i, body in enumerate(spec.bodies)]
-        bare = [name for name, of in zip(bodies, geoms, strict=True) if any(map(_touches, of))]
+        bare = [name for name, of in zip(bodies, geoms, strict=True) if any(g.contype or g.conaffinity for g in of)]
         try:
             weighed = choice is _no_files or _without_shapes(spec, geoms, lost)
             model = spec.compile()
@@ -322,7 +320,8 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
             problem = found
     else:
         raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there")
-    tree = _model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
+    named = spec.modelname not in ("", "MuJoCo Model")
+    tree = _Reader(model, source, spec.modelname if named else name).tree()
     why = "its meshes are not there" if choice is _missing_files else f"MuJoCo does not take its shapes ({problem})"
     shapes, unread = dict(tree.shapes), Unread(source, why)
     for link in bare:
@@ -349,17 +348,9 @@ def _missing_files(spec: Any) -> set[str]:
     return {_name(asset) for asset, file in files if not (folder / (file.name if spec.strippath else file)).is_file()}
 
 
-def _files_of(geom: Any) -> set[str]:
-    return {geom.meshname, geom.hfieldname} - {""}
-
-
 def _name(asset: Any) -> str:
     """Of a mesh or a height field: by default that of its file."""
     return asset.name or Path(slashed(asset.file)).stem
-
-
-def _touches(geom: Any) -> bool:
-    return bool(geom.contype or geom.conaffinity)
 
 
 def _parsed(parse: Any, source: str) -> Any:
@@ -406,13 +397,8 @@ def _moving(body: Any, carried: bool = False) -> Iterator[Any]:
         yield from _moving(child, moves)
 
 
-def _model_tree(model: Any, source: str, name: str) -> Tree:
-    """The tree of an MjModel: bodies are links, sites hang on them, each joint moves a frame of its body."""
-    return _Reader(model, source, name).tree()
-
-
 class _Reader:
-    """Walks the bodies of an MjModel."""
+    """The tree of an MjModel: bodies are links, sites hang on them, each joint moves a frame of its body."""
 
     def __init__(self, model: Any, source: str, name: str):
         self.model, self.source, self.name, self.enums = model, source, name, _mujoco_module()
@@ -457,9 +443,17 @@ class _Reader:
             lower, upper = map(float, m.jnt_range[k]) if m.jnt_limited[k] else (-np.inf, np.inf)
             kind += bent.get(k, "")
             branch = Branch(
-                label, kind, parent, child, origin @ anchor, m.jnt_axis[k], lower, upper,
-                zero=float(m.qpos0[m.jnt_qposadr[k]]), follows=follows.get(k),
-            )  # fmt: skip
+                label,
+                kind,
+                parent,
+                child,
+                origin @ anchor,
+                m.jnt_axis[k],
+                lower,
+                upper,
+                zero=float(m.qpos0[m.jnt_qposadr[k]]),
+                follows=follows.get(k),
+            )
             if k in fixed and kind in MOVING:
                 held = branch.origin @ motion(kind, branch.axis, fixed[k])
                 branch = replace(branch, kind="fixed", origin=held)

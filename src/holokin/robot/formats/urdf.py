@@ -7,8 +7,9 @@ import tomllib
 from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -114,15 +115,15 @@ LONGEST_URDF = 50_000_000
 MOST_LINKS = 20_000
 """Links, and joints, of a URDF: some seconds. A humanoid with hands has a hundred."""
 
+_GEOMETRIES = ("box", "cylinder", "sphere", "mesh")
+_SINGLE = "link joint joint/safety_controller material material/color link/visual/material link/visual/material/color"
 _WANTED = {
-    "link", "link/inertial", *(f"link/inertial/{part}" for part in ("origin", "mass", "inertia")),
-    "joint", *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
-    "joint/safety_controller",
+    *_SINGLE.split(),
+    *(f"link/inertial{part}" for part in ("", "/origin", "/mass", "/inertia")),
+    *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
     *(f"link/{shape}{part}" for shape in ("collision", "visual") for part in ("", "/origin", "/geometry")),
-    *(f"link/{shape}/geometry/{kind}" for shape in ("collision", "visual")
-      for kind in ("box", "cylinder", "sphere", "mesh")),
-    "material", "material/color", "link/visual/material", "link/visual/material/color",
-}  # fmt: skip
+    *(f"link/{shape}/geometry/{kind}" for shape in ("collision", "visual") for kind in _GEOMETRIES),
+}
 """The elements of a URDF that are read: kinematics, masses, shapes, and what links look like but for textures."""
 
 
@@ -201,121 +202,24 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
     return root
 
 
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """What stands in a <geometry>: a box of a size (3,), a cylinder, a sphere or a mesh in a file; [m]."""
+class Part(SimpleNamespace):
+    """An element of a URDF; its parts have the names that those of `yourdfpy.URDF.robot` have, missing ones are None.
 
-    size: Vector | None = None
-    radius: float | None = None
-    length: float | None = None
-    filename: str | None = None
-    scale: Vector | None = None
+    Places are poses (4, 4), sizes and axes (3,), in m and rad; an element that cannot be read is None.
+    """
 
-
-@dataclass(frozen=True)
-class Geometry:
-    """A <geometry>, of one of four kinds."""
-
-    box: Solid | None = None
-    cylinder: Solid | None = None
-    sphere: Solid | None = None
-    mesh: Solid | None = None
+    def __getattr__(self, name: str) -> None:
+        if name.startswith("__"):
+            raise AttributeError(name)
 
 
-@dataclass(frozen=True, eq=False)
-class Color:
-    """A <color>, None where it makes no sense."""
-
-    rgba: Vector | None
-
-
-@dataclass(frozen=True)
-class Material:
-    """A <material>."""
-
-    name: str | None
-    color: Color | None
-
-
-@dataclass(frozen=True, eq=False)
-class Element:
-    """A <collision> or a <visual>."""
-
-    origin: Matrix | None
-    geometry: Geometry
-    material: Material | None
-
-
-@dataclass(frozen=True, eq=False)
-class Inertial:
-    """An <inertial>."""
-
-    origin: Matrix | None
-    mass: float | None
-    inertia: Matrix | None
-
-
-@dataclass(frozen=True)
-class Link:
-    """A <link>; an element that cannot be read is None."""
-
-    name: str
-    inertial: Inertial | None
-    collisions: tuple[Element | None, ...]
-    visuals: tuple[Element | None, ...]
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A <limit>, or the soft limits of a <safety_controller>."""
-
-    lower: float | None = None
-    upper: float | None = None
-    velocity: float | None = None
-    effort: float | None = None
-    soft_lower_limit: float | None = None
-    soft_upper_limit: float | None = None
-
-
-@dataclass(frozen=True)
-class Mimic:
-    """A <mimic>."""
-
-    joint: str | None
-    multiplier: float | None
-    offset: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """A <joint>."""
-
-    name: str
-    type: str | None
-    parent: str | None
-    child: str | None
-    origin: Matrix | None
-    axis: Vector | None
-    limit: Limit | None
-    mimic: Mimic | None
-    safety_controller: Limit | None
-
-
-@dataclass(frozen=True)
-class Model:
-    """A <robot>. Its parts have the names that those of `yourdfpy.URDF.robot` have."""
-
-    name: str
-    links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
-    materials: tuple[Material, ...]
-
-
-def model_of(root: ElementTree.Element) -> Model:
-    """The robot of the XML of a URDF. Raises: Misread."""
-    name = _name(root)
-    links, joints = tuple(map(_link, root.findall("link"))), tuple(map(_joint, root.findall("joint")))
-    return Model(name, links, joints, tuple(map(_material, root.findall("material"))))
+def model_of(root: ElementTree.Element) -> Part:
+    """The robot of the XML of a URDF: its name, links, joints, materials. Raises: Misread."""
+    links, joints, materials = (
+        tuple(map(read, root.findall(tag)))
+        for tag, read in (("link", _link), ("joint", _joint), ("material", _material))
+    )
+    return Part(name=_name(root), links=links, joints=joints, materials=materials)
 
 
 def _name(owner: ElementTree.Element) -> str:
@@ -327,57 +231,57 @@ def _name(owner: ElementTree.Element) -> str:
     return name
 
 
-def _link(link: ElementTree.Element) -> Link:
-    name, inertial = _name(link), link.find("inertial")
+def _link(link: ElementTree.Element) -> Part:
     collisions, visuals = (tuple(_element(link, e) for e in link.findall(tag)) for tag in ("collision", "visual"))
-    return Link(name, None if inertial is None else _inertial(link, inertial), collisions, visuals)
-
-
-def _inertial(link: ElementTree.Element, inertial: ElementTree.Element) -> Inertial:
-    """What is not written of a mass is 0, of its moments about an axis 1."""
-    origin, weight, moments = _origin(link, inertial), inertial.find("mass"), inertial.find("inertia")
+    name, inertial = _name(link), link.find("inertial")
+    if inertial is None:
+        return Part(name=name, collisions=collisions, visuals=visuals)
+    # What is not written of a mass is 0, of its moments about an axis 1.
+    weight, moments, inertia = inertial.find("mass"), inertial.find("inertia"), None
+    if moments is not None:
+        xx, yy, zz = (_number(link, moments, axes, 1.0) for axes in ("ixx", "iyy", "izz"))
+        xy, xz, yz = (_number(link, moments, axes, 0.0) for axes in ("ixy", "ixz", "iyz"))
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
     mass = None if weight is None else _number(link, weight, "value", 0.0)
-    if moments is None:
-        return Inertial(origin, mass, None)
-    xx, yy, zz = (_number(link, moments, name, 1.0) for name in ("ixx", "iyy", "izz"))
-    xy, xz, yz = (_number(link, moments, name, 0.0) for name in ("ixy", "ixz", "iyz"))
-    return Inertial(origin, mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float))
+    body = Part(origin=_origin(link, inertial), mass=mass, inertia=inertia)
+    return Part(name=name, inertial=body, collisions=collisions, visuals=visuals)
 
 
-def _element(link: ElementTree.Element, element: ElementTree.Element) -> Element | None:
+def _element(link: ElementTree.Element, element: ElementTree.Element) -> Part | None:
     """None where it cannot be read, which must not hinder the kinematics."""
     geometry, material = element.find("geometry"), element.find("material")
     if geometry is None or not len(geometry):
         return None
     try:
-        solid = Geometry(**{geometry[0].tag: _solid(link, geometry[0])})
-        return Element(_origin(link, element), solid, None if material is None else _material(material))
+        solid = Part(**{geometry[0].tag: _solid(link, geometry[0])})
+        look = None if material is None else _material(material)
+        return Part(origin=_origin(link, element), geometry=solid, material=look)
     except Misread:
         return None
 
 
-def _solid(link: ElementTree.Element, solid: ElementTree.Element) -> Solid:
+def _solid(link: ElementTree.Element, solid: ElementTree.Element) -> Part:
     if solid.tag == "mesh":
         scale = solid.get("scale", "").replace(",", " ").split()
         values = _values(link, solid, "scale", " ".join(scale * 3 if len(scale) == 1 else scale), 3) if scale else None
-        return Solid(filename=solid.get("filename"), scale=values)
+        return Part(filename=solid.get("filename"), scale=values)
     if solid.tag == "box":
-        return Solid(size=_values(link, solid, "size", solid.get("size", ""), 3))
+        return Part(size=_values(link, solid, "size", solid.get("size", ""), 3))
     radius = float(_values(link, solid, "radius", solid.get("radius", ""), 1)[0])
     if solid.tag == "sphere":
-        return Solid(radius=radius)
-    return Solid(radius=radius, length=float(_values(link, solid, "length", solid.get("length", ""), 1)[0]))
+        return Part(radius=radius)
+    return Part(radius=radius, length=float(_values(link, solid, "length", solid.get("length", ""), 1)[0]))
 
 
-def _material(material: ElementTree.Element) -> Material:
+def _material(material: ElementTree.Element) -> Part:
     color, rgba = material.find("color"), None
     if color is not None:
         with suppress(ValueError):
             rgba = np.array([float(word) for word in color.get("rgba", "1 1 1 1").split()])
-    return Material(material.get("name"), None if color is None else Color(rgba))
+    return Part(name=material.get("name"), color=None if color is None else Part(rgba=rgba))
 
 
-def _joint(joint: ElementTree.Element) -> Joint:
+def _joint(joint: ElementTree.Element) -> Part:
     name, axis, mimic = _name(joint), joint.find("axis"), joint.find("mimic")
     along = None if axis is None else _values(joint, axis, "xyz", axis.get("xyz", "1 0 0"), 3)
     limit = _limit(joint, "limit", "lower", "upper", "velocity", "effort")
@@ -385,9 +289,10 @@ def _joint(joint: ElementTree.Element) -> Joint:
     follows = None
     if mimic is not None:
         gain, shift = _number(joint, mimic, "multiplier", 1.0), _number(joint, mimic, "offset", 0.0)
-        follows = Mimic(mimic.get("joint"), gain, shift)
-    parent, child = _end(joint, "parent"), _end(joint, "child")
-    return Joint(name, joint.get("type"), parent, child, _origin(joint, joint), along, limit, follows, soft)
+        follows = Part(joint=mimic.get("joint"), multiplier=gain, offset=shift)
+    ends = {"parent": _end(joint, "parent"), "child": _end(joint, "child"), "origin": _origin(joint, joint)}
+    limits = {"limit": limit, "safety_controller": soft}
+    return Part(name=name, type=joint.get("type"), **ends, axis=along, mimic=follows, **limits)
 
 
 def _end(joint: ElementTree.Element, tag: str) -> str | None:
@@ -397,9 +302,9 @@ def _end(joint: ElementTree.Element, tag: str) -> str | None:
     raise Misread(fact, "check it with `check_urdf`")
 
 
-def _limit(joint: ElementTree.Element, tag: str, *names: str) -> Limit | None:
+def _limit(joint: ElementTree.Element, tag: str, *names: str) -> Part | None:
     element = joint.find(tag)
-    return None if element is None else Limit(**{name: _number(joint, element, name) for name in names})
+    return None if element is None else Part(**{name: _number(joint, element, name) for name in names})
 
 
 def _origin(owner: ElementTree.Element, element: ElementTree.Element) -> Matrix | None:

@@ -35,30 +35,36 @@ BITS = 100_000
 LENGTH = 1_000_000
 """Items of the longest list or text that an expression may give, and of the longest range."""
 
-_BINARY: dict[type, Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
-    ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.Pow: operator.pow, ast.LShift: operator.lshift,
-    ast.RShift: operator.rshift, ast.BitOr: operator.or_, ast.BitXor: operator.xor, ast.BitAnd: operator.and_,
-}  # fmt: skip
-_UNARY: dict[type, Callable[[Any], Any]] = {
-    ast.UAdd: operator.pos, ast.USub: operator.neg, ast.Not: operator.not_, ast.Invert: operator.invert,
-}  # fmt: skip
-_COMPARISONS: dict[type, Callable[[Any, Any], Any]] = {
-    ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
-    ast.GtE: operator.ge, ast.Is: operator.is_, ast.IsNot: operator.is_not,
-    ast.In: lambda one, other: one in other, ast.NotIn: lambda one, other: one not in other,
-}  # fmt: skip
+Operators = dict[type, Callable[..., Any]]
+
+
+def _operators(names: str, functions: str) -> Operators:
+    """The nodes of some names in Python's syntax -> the functions of module `operator` that do the same."""
+    return {getattr(ast, n): getattr(operator, f) for n, f in zip(names.split(), functions.split(), strict=True)}
+
+
+_BINARY = _operators(
+    "Add Sub Mult Div FloorDiv Mod Pow LShift RShift BitOr BitXor BitAnd",
+    "add sub mul truediv floordiv mod pow lshift rshift or_ xor and_",
+)
+_UNARY = _operators("UAdd USub Not Invert", "pos neg not_ invert")
+_COMPARISONS = {
+    **_operators("Eq NotEq Lt LtE Gt GtE Is IsNot", "eq ne lt le gt ge is_ is_not"),
+    ast.In: lambda part, whole: part in whole,
+    ast.NotIn: lambda part, whole: part not in whole,
+}
 _CONVERSIONS: dict[int, Callable[[Any], Any]] = {-1: lambda v: v, ord("s"): str, ord("r"): repr, ord("a"): ascii}
 
+_OF_TEXT = (
+    "capitalize count endswith find format index isalpha isdigit join lower lstrip partition replace rfind rsplit "
+    "rstrip split startswith strip title upper zfill"
+)
 _METHODS: dict[type, set[str]] = {
-    str: {
-        "capitalize", "count", "endswith", "find", "format", "index", "isalpha", "isdigit", "join", "lower", "lstrip",
-        "partition", "replace", "rfind", "rsplit", "rstrip", "split", "startswith", "strip", "title", "upper", "zfill",
-    },
+    str: set(_OF_TEXT.split()),
     dict: {"get", "items", "keys", "values"},
     list: {"append", "count", "extend", "index"},
     tuple: {"count", "index"},
-}  # fmt: skip
+}
 """The methods that an expression may call, of values of the built-in types and what is derived from them."""
 
 _UNSAFE = ("type", "vars")
@@ -234,9 +240,13 @@ class Interpreter:
 
 
 _WORDS: dict[type, str] = {
-    ast.Lambda: "a lambda", ast.ListComp: "a comprehension", ast.SetComp: "a comprehension",
-    ast.DictComp: "a comprehension", ast.GeneratorExp: "a generator", ast.NamedExpr: "an assignment",
-}  # fmt: skip
+    ast.Lambda: "a lambda",
+    ast.ListComp: "a comprehension",
+    ast.SetComp: "a comprehension",
+    ast.DictComp: "a comprehension",
+    ast.GeneratorExp: "a generator",
+    ast.NamedExpr: "an assignment",
+}
 
 
 def _refuse_hidden(name: str) -> None:

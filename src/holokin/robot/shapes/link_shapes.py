@@ -87,11 +87,9 @@ class Box(Shape):
         return np.zeros(3), float(np.linalg.norm(self.sides) / 2)
 
     def _farthest(self, directions: Matrix) -> Matrix:
-        """A corner."""
         return np.where(directions < 0, -self.sides, self.sides) / 2
 
     def _made_by(self, coal: Any) -> Any:
-        """A coal.Box."""
         return coal.Box(*map(float, self.sides))
 
 
@@ -117,7 +115,6 @@ class Capsule(Shape):
         return self.radius * directions + _along_z(directions, self.length)
 
     def _made_by(self, coal: Any) -> Any:
-        """A coal.Capsule."""
         return coal.Capsule(float(self.radius), float(self.length))
 
 
@@ -145,7 +142,6 @@ class Cylinder(Shape):
         return self.radius * out / np.where(size > 0, size, 1.0) + _along_z(directions, self.length)
 
     def _made_by(self, coal: Any) -> Any:
-        """A coal.Cylinder."""
         return coal.Cylinder(float(self.radius), float(self.length))
 
 
@@ -173,7 +169,6 @@ class Ellipsoid(Shape):
         return directions * self.radii**2 / np.linalg.norm(directions * self.radii, axis=1, keepdims=True)
 
     def _made_by(self, coal: Any) -> Any:
-        """A coal.Ellipsoid."""
         return coal.Ellipsoid(*map(float, self.radii))
 
 
@@ -224,11 +219,9 @@ class Hull(Shape):
         return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
     def _farthest(self, directions: Matrix) -> Matrix:
-        """A corner."""
         return self.corners[(directions @ self.corners.T).argmax(axis=1)]
 
     def _made_by(self, coal: Any) -> Any:
-        """A coal.Convex."""
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         for corner in self.corners:
             points.append(corner)
@@ -320,11 +313,9 @@ class Mesh(Shape):
         return self.hull.ball
 
     def _farthest(self, directions: Matrix) -> Matrix:
-        """Of the hull."""
         return self.hull._farthest(directions)
 
     def _made_by(self, coal: Any) -> Any:
-        """Of the hull."""
         return self.hull._made_by(coal)
 
     @property
@@ -352,11 +343,9 @@ class Unread(Shape):
         raise self._problem()
 
     def _farthest(self, directions: Matrix) -> Matrix:
-        """Raises: RobotFileError."""
         raise self._problem()
 
     def _made_by(self, coal: Any) -> Any:
-        """Raises: RobotFileError."""
         raise self._problem()
 
     @property

@@ -19,23 +19,28 @@ import numpy as np
 from ...base.errors import NativeError
 from ...base.types import Array, Vector
 
+_OF_ONE = (
+    "SQRT SIN COS TAN ASIN ACOS ATAN EXP LOG SINH COSH TANH FABS SIGN NOT FLOOR CEIL ASINH ACOSH ATANH ERF LOG1P EXPM1"
+)
+_OF_TWO = "FMIN FMAX COPYSIGN ATAN2 POW LT LE EQ NE AND OR FMOD HYPOT"
 _BINARY = {
-    ca.OP_ADD: "{} + {}", ca.OP_SUB: "{} - {}", ca.OP_MUL: "{} * {}", ca.OP_DIV: "{} / {}",
-    ca.OP_FMIN: "HK_FMIN({}, {})", ca.OP_FMAX: "HK_FMAX({}, {})", ca.OP_COPYSIGN: "HK_COPYSIGN({}, {})",
-    ca.OP_ATAN2: "HK_ATAN2({}, {})", ca.OP_POW: "HK_POW({}, {})", ca.OP_CONSTPOW: "HK_POW({}, {})",
-    ca.OP_LT: "HK_LT({}, {})", ca.OP_LE: "HK_LE({}, {})", ca.OP_EQ: "HK_EQ({}, {})", ca.OP_NE: "HK_NE({}, {})",
-    ca.OP_AND: "HK_AND({}, {})", ca.OP_OR: "HK_OR({}, {})", ca.OP_IF_ELSE_ZERO: "HK_IF({}, {})",
-    ca.OP_FMOD: "HK_FMOD({}, {})", ca.OP_HYPOT: "HK_HYPOT({}, {})",
-}  # fmt: skip
+    ca.OP_ADD: "{} + {}",
+    ca.OP_SUB: "{} - {}",
+    ca.OP_MUL: "{} * {}",
+    ca.OP_DIV: "{} / {}",
+    ca.OP_CONSTPOW: "HK_POW({}, {})",
+    ca.OP_IF_ELSE_ZERO: "HK_IF({}, {})",
+    **{getattr(ca, f"OP_{name}"): f"HK_{name}({{}}, {{}})" for name in _OF_TWO.split()},
+}
 _UNARY = {
-    ca.OP_ASSIGN: "{}", ca.OP_NEG: "-{}", ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "{0} + {0}", ca.OP_INV: "HK_C(1) / {}",
-    ca.OP_SQRT: "HK_SQRT({})", ca.OP_SIN: "HK_SIN({})", ca.OP_COS: "HK_COS({})", ca.OP_TAN: "HK_TAN({})",
-    ca.OP_ASIN: "HK_ASIN({})", ca.OP_ACOS: "HK_ACOS({})", ca.OP_ATAN: "HK_ATAN({})", ca.OP_EXP: "HK_EXP({})",
-    ca.OP_LOG: "HK_LOG({})", ca.OP_SINH: "HK_SINH({})", ca.OP_COSH: "HK_COSH({})", ca.OP_TANH: "HK_TANH({})",
-    ca.OP_FABS: "HK_FABS({})", ca.OP_SIGN: "HK_SIGN({})", ca.OP_NOT: "HK_NOT({})", ca.OP_FLOOR: "HK_FLOOR({})",
-    ca.OP_CEIL: "HK_CEIL({})", ca.OP_ASINH: "HK_ASINH({})", ca.OP_ACOSH: "HK_ACOSH({})", ca.OP_ATANH: "HK_ATANH({})",
-    ca.OP_ERF: "HK_ERF({})", ca.OP_LOG1P: "HK_LOG1P({})", ca.OP_EXPM1: "HK_EXPM1({})",
-}  # fmt: skip
+    ca.OP_ASSIGN: "{}",
+    ca.OP_NEG: "-{}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "HK_C(1) / {}",
+    **{getattr(ca, f"OP_{name}"): f"HK_{name}({{}})" for name in _OF_ONE.split()},
+}
+"""CasADi's operations -> their C, of two arguments and of one."""
 
 _CONSTANT = {"inf": "HK_INF", "-inf": "(-HK_INF)", "nan": "HK_NAN", "-nan": "HK_NAN"}
 
@@ -267,10 +272,14 @@ class Transport:
     def c(self) -> str:
         """C of `static void hk_transport(const hk_t *q, hk_t *found, int sloping)`; it counts once in a file."""
         sizes = {
-            "N": self.joints, "M": self.pieces.begin.size1_out(0), "R": self.rows,
-            "K": self.pieces.pull.size1_in(0), "S": self.steps, "H": repr(self.h),
+            "N": self.joints,
+            "M": self.pieces.begin.size1_out(0),
+            "R": self.rows,
+            "K": self.pieces.pull.size1_in(0),
+            "S": self.steps,
+            "H": repr(self.h),
             "MOST": MOST_KEPT,
-        }  # fmt: skip
+        }
         head = "".join(f"#define HK_TRANSPORT_{key} {value}\n" for key, value in sizes.items())
         pieces = "".join(_piece(name, piece) for name, piece in self.pieces.each().items())
         return f"#ifndef HK_TRANSPORT\n#define HK_TRANSPORT\n{head}{pieces}{prelude('transport.c')}#endif\n"

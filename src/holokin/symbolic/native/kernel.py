@@ -121,18 +121,32 @@ class FollowKernel:
         self._run.restype = ctypes.c_longlong
 
     def __call__(
-        self, segments: Array, counts: Indices, closing: Array | None, x: Array, steps: tuple[int, int],
-        limits: tuple[Array, Array], rules: ctypes.Structure, Q: Array,
-    ) -> int:  # fmt: skip
+        self,
+        segments: Array,
+        counts: Indices,
+        closing: Array | None,
+        x: Array,
+        steps: tuple[int, int],
+        limits: tuple[Array, Array],
+        rules: ctypes.Structure,
+        Q: Array,
+    ) -> int:
         """Do the steps [first, last) of a cycle into the rows of Q; returns how many it did.
 
         x begins with the posture to start from; for "leaf" it is (q, p, R, c, rate, why), where `why` says after fewer
         steps: 1 no piece keeps to the branch, 2 the tries ran out, 3 a limit, 0 a step in Python tells it; q is where.
         """
         return self._run(
-            segments.ctypes.data, counts.ctypes.data, None if closing is None else closing.ctypes.data, x.ctypes.data,
-            *steps, limits[0].ctypes.data, limits[1].ctypes.data, ctypes.addressof(rules), Q.ctypes.data,
-        )  # fmt: skip
+            segments.ctypes.data,
+            counts.ctypes.data,
+            None if closing is None else closing.ctypes.data,
+            x.ctypes.data,
+            *steps,
+            limits[0].ctypes.data,
+            limits[1].ctypes.data,
+            ctypes.addressof(rules),
+            Q.ctypes.data,
+        )
 
 
 class StepMemory(threading.local):
@@ -303,10 +317,18 @@ class Evaluator:
     call: Callable[..., Any]
 
     def __init__(
-        self, made: Program, inputs: Shapes, outputs: Shapes, port: Port, *, results: Shapes,
-        bounds: Sequence[float] = (), convert: Convert, doubt: Doubt | None = None,
+        self,
+        made: Program,
+        inputs: Shapes,
+        outputs: Shapes,
+        port: Port,
+        *,
+        results: Shapes,
+        bounds: Sequence[float] = (),
+        convert: Convert,
+        doubt: Doubt | None = None,
         many: Callable[..., Array] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._made, self._inputs, self._outputs = made, tuple(inputs), tuple(outputs)
         self._results, self._bounds, self._checks = tuple(results), tuple(bounds), doubt is not None
         self.many: Any = many

@@ -57,9 +57,13 @@ def compiler() -> Compiler | None:
     """The C compiler: CC of the environment, else cc, gcc, clang, else ziglang of Python; None without any."""
     given = os.environ.get("CC", "").strip()
     if given:
-        chosen, why = _named_compiler(given)
-        if chosen is not None:
-            return chosen
+        why = "it is no program that says its version"
+        try:
+            words = tuple(shlex.split(given))
+            if words and (chosen := _compiler_of(words)) is not None:
+                return chosen
+        except ValueError as problem:
+            why = str(problem).lower()
         logging.getLogger("holokin").warning("CC is %r, which is left out (%s)", given, why)
     commands: list[tuple[str, ...]] = [(name,) for name in ("cc", "gcc", "clang")]
     if importlib.util.find_spec("ziglang") is not None:
@@ -93,7 +97,9 @@ def call(command: tuple[str, ...], patience: float, stream: str) -> tuple[int, s
         listener.start()
         status = child.wait(patience)
     except BaseException:  # Ctrl-C included: a session of its own does not hear the terminal
-        _kill(child)
+        _signal(child)
+        with suppress(subprocess.TimeoutExpired):
+            child.wait(5.0)
         raise
     finally:
         _calls.discard(child)
@@ -113,25 +119,10 @@ def stopped() -> bool:
     return _stopped.is_set()
 
 
-def _forget_calls() -> None:
-    """In a child of this process, for which the calls of its parent are not its own."""
-    _calls.clear()
-
-
 def plain(text: str, most: int = 200) -> str:
     """Text that every terminal and log takes: printable ASCII on one line, no more than `most` characters."""
     line = "".join(letter if letter.isprintable() else " " for letter in text)
     return " ".join(line.split()).encode("ascii", "backslashreplace").decode()[:most]
-
-
-def _named_compiler(given: str) -> tuple[Compiler | None, str]:
-    """The compiler that CC names, or why there is none."""
-    try:
-        words = tuple(shlex.split(given))
-    except ValueError as problem:
-        return None, str(problem).lower()
-    candidate = _compiler_of(words) if words else None
-    return candidate, "it is no program that says its version"
 
 
 def _compiler_of(command: tuple[str, ...]) -> Compiler | None:
@@ -146,14 +137,8 @@ def _compiler_of(command: tuple[str, ...]) -> Compiler | None:
     return Compiler(command, version) if status == 0 and version else None
 
 
-def _kill(child: subprocess.Popen[bytes]) -> None:
-    """End a process and, where there are process groups, what it started."""
-    _signal(child)
-    with suppress(subprocess.TimeoutExpired):
-        child.wait(5.0)
-
-
 def _signal(child: subprocess.Popen[bytes]) -> None:
+    """End a process and, where there are process groups, what it started."""
     with suppress(OSError):
         if os.name == "posix":
             os.killpg(child.pid, signal.SIGKILL)
@@ -234,7 +219,10 @@ def keep(path: Path, library: bytes) -> None:
     Raises:
         NativeError: the folder cannot be written.
     """
-    _sweep(path.parent)
+    with suppress(OSError):  # what killed processes were writing
+        for unfinished in path.parent.glob("building-*"):
+            if unfinished.is_file() and time.time() - unfinished.stat().st_mtime > STALE:
+                unfinished.unlink()
     try:
         handle, aside = tempfile.mkstemp(dir=path.parent, prefix="building-")  # nobody else's to read or write
         try:
@@ -340,14 +328,6 @@ def _is_cut(library: bytes) -> bool:
     except struct.error:
         return True
     return max([sections + number * breadth, *(offset + size for offset, size in parts)]) > len(library)
-
-
-def _sweep(folder: Path) -> None:
-    """Remove what killed processes were writing."""
-    with suppress(OSError):
-        for aside in folder.glob("building-*"):
-            if aside.is_file() and time.time() - aside.stat().st_mtime > STALE:
-                aside.unlink()
 
 
 # --- C to shared library, and what runs. Without a compiler, or a cache to write, all runs on CasADi's virtual machine.
@@ -663,7 +643,7 @@ def _begin_again() -> None:
     """In a child: the thread and its locks were the parent's."""
     global _queue
     undone, _queue = [worker() for worker in _queue.waiting], _Queue()
-    _forget_calls()
+    _calls.clear()  # the calls of its parent are not its own
     for worker in undone:
         if worker is not None:
             worker.again()

@@ -13,12 +13,12 @@ from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import quote
 
 import numpy as np
 
 from ....base.errors import HolokinError, MissingExtraError, RecordingError
 from ....base.files import listed, shown
+from ....base.sqlite_file import sqlite_file
 from ....robot import Robot
 from .joint_columns import Columns, Samples, columns_named, joint_columns
 
@@ -211,11 +211,8 @@ def _check_sqlite(file: Path) -> None:
         with file.open("rb") as stream:
             if stream.read(16) != b"SQLite format 3\0":
                 raise broken(file, "it does not begin like an SQLite file")
-        base = sqlite3.connect(f"file:{quote(str(file.absolute()))}?mode=ro&immutable=1", uri=True)
-        try:
-            rows = base.execute("SELECT type, sql FROM sqlite_master").fetchmany(10_000)
-        finally:
-            base.close()
+        with sqlite_file(file, "frozen") as db:
+            rows = db.execute("SELECT type, sql FROM sqlite_master").fetchmany(10_000)
     except (OSError, sqlite3.Error, ValueError, OverflowError) as problem:
         raise broken(file, f"{type(problem).__name__}: {problem}") from None
     for kind, sql in rows:
