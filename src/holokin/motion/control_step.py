@@ -50,7 +50,7 @@ from .ik.leaf import leaf_value
 
 UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
 """Speed [unit/s] of a joint that has no limit of its own: a turn a second, which few arms reach, and what fast linear
-axes do. MJCF has no speed limits, and a law's rates grow without a bound towards the end of its leaf."""
+axes do. MJCF has no speed limits, and a strategy's rates grow without a bound towards the end of its leaf."""
 
 
 TOWARDS_SINGULAR = 0.5

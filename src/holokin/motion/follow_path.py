@@ -108,7 +108,8 @@ def _native_velocity(
 
 @dataclass(frozen=True, eq=False)
 class Stepper:
-    """The steps of a law along a plan: `step`, (q, step of the plan) -> q after it, and the same in native code."""
+    """The steps of a strategy along a plan: `step`, (q, step of the plan) -> q after it, and the same in native code.
+    """
 
     step: Callable[[Vector, int], Vector]
     native: NativeFollower | None = None

@@ -1,4 +1,4 @@
-"""`retime`: the joint curve of a trajectory and the laws of time along it, within the limits of the joints."""
+"""`retime`: the joint curve of a trajectory and the scalings of time along it, within the limits of the joints."""
 
 from __future__ import annotations
 
@@ -110,25 +110,25 @@ def joint_curve(trajectory: Trajectory) -> JointCurve:
     return JointCurve(tuple(stretches), repeats)
 
 
-# --- `TimeLaw`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for jerk.
+# --- `TimeScaling`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for jerk.
 #
-# All laws but the quintic one have path accelerations that are constant, or linear in time, in pieces.
+# All scalings but the quintic one have path accelerations that are constant, or linear in time, in pieces.
 
 FINEST = 2_000
-"""Most points a cycle at which the time-optimal law looks at the limits. Twice as many change the time by 1e-5."""
+"""Most points a cycle at which the time-optimal scaling looks at the limits. Twice as many change the time by 1e-5."""
 
 COARSEST = 600
 """Fewest of them; joint curves with fewer samples get points between these."""
 
 FASTEST = 1e6
-"""Rate over the slowest bound of it at which the law passes where nothing moves, and nothing is limited."""
+"""Rate over the slowest bound of it at which the scaling passes where nothing moves, and nothing is limited."""
 
 STEPS_OF_RAMP, GROWTH = 64, 1.12
 """First interval of a grid as a share of the shortest ramp, and each interval over the one before."""
 
 
 @dataclass(frozen=True, eq=False)
-class TimeLaw(Value):
+class TimeScaling(Value):
     """Polynomials in pieces: s = sum of c[j, i] (t - t_i)^j on [t_i, t_(i+1)], with t (pieces + 1,) from 0 [s]."""
 
     t: Vector
@@ -136,11 +136,11 @@ class TimeLaw(Value):
 
     @property
     def duration(self) -> float:
-        """Seconds that the law takes."""
+        """Seconds that the scaling takes."""
         return float(self.t[-1])
 
-    def slower(self, factor: float) -> TimeLaw:
-        """The same law in `factor` times the time."""
+    def slower(self, factor: float) -> TimeScaling:
+        """The same scaling in `factor` times the time."""
         return replace(self, t=factor * self.t, c=self.c / factor ** np.arange(len(self.c))[:, None])
 
     def at(self, t: Vector) -> list[Vector]:
@@ -169,24 +169,24 @@ class TimeLaw(Value):
         return derivatives
 
 
-def quintic(length: float) -> TimeLaw:
+def quintic(length: float) -> TimeScaling:
     """s = L (10 x^3 - 15 x^4 + 6 x^5) with x = t: at rest, and without acceleration, at both ends; takes one second."""
-    return TimeLaw(np.array([0.0, 1.0]), length * np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None])
+    return TimeScaling(np.array([0.0, 1.0]), length * np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None])
 
 
-def smoothed(law: TimeLaw, window: float) -> TimeLaw:
-    """The moving average of a law of constant accelerations over a window [s]: its accelerations change evenly.
+def smoothed(scaling: TimeScaling, window: float) -> TimeScaling:
+    """The moving average of a scaling of constant accelerations over a window [s]: its accelerations change evenly.
 
-    It ends where the law ends, takes `window` longer, and its path jerk is at most the largest jump of two
+    It ends where the scaling ends, takes `window` longer, and its path jerk is at most the largest jump of two
     accelerations a window apart, divided by the window.
     """
-    t = np.unique(np.concatenate([law.t, law.t + window]))
+    t = np.unique(np.concatenate([scaling.t, scaling.t + window]))
     t = t[np.concatenate([[True], np.diff(t) > 1e-12 * t[-1]])]
-    t[-1] = law.duration + window
+    t[-1] = scaling.duration + window
     middle = (t[:-1] + t[1:]) / 2
-    jerk = (law.at(middle)[2] - law.at(middle - window)[2]) / window
+    jerk = (scaling.at(middle)[2] - scaling.at(middle - window)[2]) / window
     start = np.concatenate([[0.0], np.cumsum(jerk * np.diff(t))[:-1]])
-    return _of_accelerations(t, start, jerk, float(law.at(law.t[-1:])[0][0]))
+    return _of_accelerations(t, start, jerk, float(scaling.at(scaling.t[-1:])[0][0]))
 
 
 def time_optimal(
@@ -196,15 +196,16 @@ def time_optimal(
     acceleration: Vector,
     jerk: Vector,
     speed: float,
-    bare: TimeLaw | None = None,
-) -> TimeLaw:
-    """The fastest law from rest to rest over some laps of a stretch, by reachability [PP18], that keeps ds/dt <= speed.
+    bare: TimeScaling | None = None,
+) -> TimeScaling:
+    """The fastest scaling from rest to rest over some laps of a stretch, by reachability [PP18], that keeps ds/dt <=
+    speed.
 
     Where the curve alone, at even ds/dt, would take more than half of a joint's jerk, ds/dt is bounded so that it
     does not: |d^3 q / ds^3| (ds/dt)^3 <= jerk / 2.
 
     Args:
-        bare: the law without a limit of jerk: then accelerations are bounded to what is worth while under one,
+        bare: the scaling without a limit of jerk: then accelerations are bounded to what is worth while under one,
             see `_gentle`.
 
     Raises:
@@ -228,7 +229,7 @@ def time_optimal(
     h = 2 * np.diff(s) / (rates[:-1] + rates[1:])
     t = np.concatenate([[0.0], np.cumsum(h)])
     c = np.vstack([s[:-1], rates[:-1], np.diff(rates) / h / 2])
-    return TimeLaw(t, c)
+    return TimeScaling(t, c)
 
 
 def _caps(d1: Matrix, d3: Matrix, velocity: Vector, jerk: Vector, speed: float) -> Vector:
@@ -238,7 +239,7 @@ def _caps(d1: Matrix, d3: Matrix, velocity: Vector, jerk: Vector, speed: float) 
 
 
 def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector, jerk: Vector, speed: float) -> Vector:
-    """The grid with more points where a law begins and ends, dense enough for the ramps there.
+    """The grid with more points where a scaling begins and ends, dense enough for the ramps there.
 
     A ramp at the least acceleration of the joints to the rate v that is allowed takes v^2 / (2 a) of the way. The grid
     begins with a share of that, and each interval is longer than the last one by the same factor.
@@ -258,11 +259,12 @@ def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector,
     return joined[np.concatenate([[True], np.diff(joined) > 1e-13 * joined[-1]])]
 
 
-def _gentle(bare: TimeLaw, s: Vector, d1: Matrix, jerk: Vector) -> Vector:
-    """Shares (k,) of the accelerations to which a law is bounded before it is smoothed.
+def _gentle(bare: TimeScaling, s: Vector, d1: Matrix, jerk: Vector) -> Vector:
+    """Shares (k,) of the accelerations to which a scaling is bounded before it is smoothed.
 
     A change of the rate by v at the acceleration a, smoothed over a / j, takes v / a + a / j: least at a = sqrt(v j).
-    More acceleration is no gain; so it is bounded by that in each part of the law that only speeds up, or slows down.
+    More acceleration is no gain; so it is bounded by that in each part of the scaling that only speeds up, or slows
+    down.
     """
     h, a = np.diff(bare.t), 2 * bare.c[2]
     start = bare.c[0]
@@ -330,12 +332,12 @@ def _grid(stretch: Stretch) -> Vector:
     return np.append(inner.ravel(), stretch.length)
 
 
-def _of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> TimeLaw:
-    """The law from rest of accelerations a + jerk (t - t_i) in pieces, made to end at s = length."""
+def _of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> TimeScaling:
+    """The scaling from rest of accelerations a + jerk (t - t_i) in pieces, made to end at s = length."""
     h = np.diff(t)
     v = np.concatenate([[0.0], np.cumsum(h * (a + h * jerk / 2))[:-1]])
     s = np.concatenate([[0.0], np.cumsum(h * (v + h * (a / 2 + h * jerk / 6)))])
-    return TimeLaw(t, np.vstack([s[:-1], v, a / 2, jerk / 6]) * (length / s[-1]))
+    return TimeScaling(t, np.vstack([s[:-1], v, a / 2, jerk / 6]) * (length / s[-1]))
 
 
 # --- `_fastest_trapezoid`: one ramp up, a constant rate, one ramp down; each ramp is as short as its own place allows.
@@ -360,8 +362,8 @@ ROUND_OFF = 1.0 + 1e-9
 """By which a rate may be above what a straight curve allows, whose derivatives are known to so much."""
 
 
-def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector, Vector], speed: float) -> TimeLaw:
-    """The fastest such law over some laps of a stretch, within limits (n,) of speed, acceleration and jerk.
+def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector, Vector], speed: float) -> TimeScaling:
+    """The fastest such scaling over some laps of a stretch, within limits (n,) of speed, acceleration and jerk.
 
     Raises:
         ArgumentError: none was found.
@@ -398,7 +400,7 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
     # The greatest rate, if its ramps take little of the time.
     at_once = tried(np.array([top, min(top, float(caps.min()))]), rises)
     if sum(ramp[0] for ramp in at_once[2:]) < at_once[0] / 4 < np.inf:  # ramps do not pay for a lower rate
-        return _law(length, *at_once[1:])
+        return _scaling(length, *at_once[1:])
     # Else look for the best rate, coarsely, then ever finer.
     for attempt in range(ROUNDS):
         rates = np.geomspace(1.0, 1.0 / NARROWER, RATES_TRIED) * top / NARROWER**attempt
@@ -412,7 +414,7 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
         finer = best[1] * np.geomspace(1 / step, step, 9)
         best = min(best, tried(finer[finer <= rates[0]], rises), key=lambda candidate: candidate[0])
         step **= 1 / 4
-    return _law(length, *best[1:])
+    return _scaling(length, *best[1:])
 
 
 def _ramps(
@@ -465,7 +467,7 @@ def _holds(
     return (worst <= 1.0).reshape(x.shape).all(axis=1)
 
 
-def _law(length: float, rate: float, up: tuple[float, float], down: tuple[float, float]) -> TimeLaw:
+def _scaling(length: float, rate: float, up: tuple[float, float], down: tuple[float, float]) -> TimeScaling:
     steps: list[tuple[float, float, float]] = []  # (seconds, acceleration at the start, jerk) of each piece
     for sign, (T, w) in ((1.0, up), (0.0, (length / rate - (up[0] + down[0]) / 2, 0.0)), (-1.0, down)):
         if sign == 0.0:
@@ -487,7 +489,7 @@ WINDOWS, FINER = 12, 2
 are tried about it: 3 % lie between the last ones."""
 
 ROUGHLY = 500
-"""Instants at which laws are compared; at those of `FINEST` and more the chosen one is looked at."""
+"""Instants at which scalings are compared; at those of `FINEST` and more the chosen one is looked at."""
 
 TRIES = 20
 """Times that a motion is slowed by a step or more because a sample exceeds a limit; none or one is needed. What is left
@@ -543,13 +545,13 @@ def retime(
     s(t) runs through the curve q(s) by one of three profiles, within every limit at every sample, by exact derivatives
     and by differences of samples:
 
-    - "time-optimal": the fastest law under speed and acceleration, by reachability, TOPP-RA [PP18].
+    - "time-optimal": the fastest scaling under speed and acceleration, by reachability, TOPP-RA [PP18].
     - "trapezoidal": a ramp up, a constant rate of s, a ramp down; each ramp is as short as its own place allows.
     - "quintic": s = 10 x^3 - 15 x^4 + 6 x^5 of the time's share x, slowed until the limits hold.
 
-    A limit of the jerk gives trapezoids ramps whose acceleration rises and falls evenly. Time-optimal laws keep it by
-    a moving average of s(t), over the window that is the fastest in the end: the curve stays the same, since only the
-    time along it is smoothed. That is not the least time under a limit of jerk.
+    A limit of the jerk gives trapezoids ramps whose acceleration rises and falls evenly. Time-optimal scalings keep it
+    by a moving average of s(t), over the window that is the fastest in the end: the curve stays the same, since only
+    the time along it is smoothed. That is not the least time under a limit of jerk.
 
     Args:
         trajectory: whose robot's limits of position, and of speed, hold.
@@ -625,24 +627,24 @@ class _Plan:
     def timed(self, stretch: Stretch, laps: int) -> _Part:
         """A stretch, run through from rest to rest some laps long: with as few steps as keep the limits."""
         run = min(laps, 3)
-        law, window = self._law(stretch, run)
-        ends = _lap_ends(law, stretch.length, run)
-        base = law.duration if run < 3 else ends[1] - ends[0]
-        wanted = self._slowing(stretch, law) * base / self.dt
+        scaling, window = self._scaling(stretch, run)
+        ends = _lap_ends(scaling, stretch.length, run)
+        base = scaling.duration if run < 3 else ends[1] - ends[0]
+        wanted = self._slowing(stretch, scaling) * base / self.dt
         if not wanted * laps <= MOST_STEPS:  # NaN and infinity included
             cure = f"it takes {wanted * laps:.3g} steps: give a longer one, or larger limits"
             raise ArgumentError("dt", self.dt, cure)
         steps = max(2, int(np.ceil(wanted * (1 - 1e-12))))
-        part = self._sampled(stretch, law, steps * self.dt / base, laps, window)
+        part = self._sampled(stretch, scaling, steps * self.dt / base, laps, window)
         for _ in range(TRIES):
             worst = max(self.worst(part.rows[1:]), self.worst(_differences(part.rows[0], self.dt)))
             if worst <= 1.0:
                 break
             steps += 1 + int(steps * (worst - 1.0) / 4)
-            part = self._sampled(stretch, law, steps * self.dt / base, laps, window)
+            part = self._sampled(stretch, scaling, steps * self.dt / base, laps, window)
         return part
 
-    def _law(self, stretch: Stretch, laps: int) -> tuple[TimeLaw, float]:
+    def _scaling(self, stretch: Stretch, laps: int) -> tuple[TimeScaling, float]:
         if self.profile == "quintic":
             return quintic(laps * stretch.length), 0.0
         if self.profile == "trapezoidal":
@@ -651,25 +653,26 @@ class _Plan:
         if not np.isfinite(self.limits.jerk).any():
             return bare, 0.0
         gentle = time_optimal(stretch, laps, *self._bounds, self.speed, bare)
-        law, w = bare, 0.5
+        scaling, w = bare, 0.5
         least = min(0.1, self.dt / bare.duration)
         tried = [
-            (law, w) for law in (bare, gentle) for w in np.geomspace(least, 0.5, WINDOWS).tolist()
+            (scaling, w) for scaling in (bare, gentle) for w in np.geomspace(least, 0.5, WINDOWS).tolist()
         ]  # a share of the time
         step = (0.5 / least) ** (1 / (WINDOWS - 1))
         for _ in range(1 + FINER):
             candidates = [
-                self._slowing(stretch, smoothed(law, w * law.duration), ROUGHLY) * law.duration * (1 + w)
-                for law, w in tried
+                self._slowing(stretch, smoothed(scaling, w * scaling.duration), ROUGHLY) * scaling.duration * (1 + w)
+                for scaling, w in tried
             ]
-            law, w = tried[int(np.argmin(candidates))]
-            tried = [(law, w), *((law, x) for x in (w * np.geomspace(1 / step, step, WINDOWS)).tolist() if x <= 0.5)]
+            scaling, w = tried[int(np.argmin(candidates))]
+            wider = (w * np.geomspace(1 / step, step, WINDOWS)).tolist()
+            tried = [(scaling, w), *((scaling, x) for x in wider if x <= 0.5)]
             step **= 2 / (WINDOWS - 1)
-        return smoothed(law, w * law.duration), w * law.duration
+        return smoothed(scaling, w * scaling.duration), w * scaling.duration
 
-    def _slowing(self, stretch: Stretch, law: TimeLaw, count: int = 2 * FINEST) -> float:
-        """The factor of time by which every limit just holds, looked at at all pieces of the law and between."""
-        _, (s, *rates) = law.within(count)
+    def _slowing(self, stretch: Stretch, scaling: TimeScaling, count: int = 2 * FINEST) -> float:
+        """The factor of time by which every limit just holds, looked at at all pieces of the scaling and between."""
+        _, (s, *rates) = scaling.within(count)
         joint_rates = stretch.motion(s, rates)[1:]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             ratios = [
@@ -687,37 +690,38 @@ class _Plan:
         pairs = zip(rates, self._bounds, strict=False)
         return max(float(np.abs(x / limit).max()) for x, limit in pairs if len(x))
 
-    def _sampled(self, stretch: Stretch, law: TimeLaw, factor: float, laps: int, window: float) -> _Part:
+    def _sampled(self, stretch: Stretch, scaling: TimeScaling, factor: float, laps: int, window: float) -> _Part:
         """Samples at every step and at the end of every lap; the first and the last step may rest for a while."""
-        law = law.slower(factor)
+        scaling = scaling.slower(factor)
         run = min(laps, 3)
-        inner = _lap_ends(law, stretch.length, run)
+        inner = _lap_ends(scaling, stretch.length, run)
         if not inner:
-            count = round(law.duration / self.dt)
-            times = [np.append(np.arange(count) * self.dt, law.duration)]
+            count = round(scaling.duration / self.dt)
+            times = [np.append(np.arange(count) * self.dt, scaling.duration)]
         else:
-            before, after = (int(np.ceil(x / self.dt - 1e-9)) for x in (inner[0], law.duration - inner[-1]))
+            before, after = (int(np.ceil(x / self.dt - 1e-9)) for x in (inner[0], scaling.duration - inner[-1]))
             middle = [a + self.dt * np.arange(1, 1 + round((b - a) / self.dt)) for a, b in pairwise(inner)]
             first = np.append(inner[0] - self.dt * np.arange(before, 0, -1), inner[0])
-            times = [first, *middle * (laps - 2), np.append(inner[-1] + self.dt * np.arange(1, after), law.duration)]
+            times = [first, *middle * (laps - 2), np.append(inner[-1] + self.dt * np.arange(1, after),
+            scaling.duration)]
         ends = np.cumsum([len(part) for part in times]) - 1
         when = np.concatenate(times)
-        s, *rates = law.at(when)
-        shares = self._limit_shares(stretch, law, when, rates[0])
+        s, *rates = scaling.at(when)
+        shares = self._limit_shares(stretch, scaling, when, rates[0])
         rates[0][[0, -1]] = 0.0
         rows = stretch.motion(s, rates)
         rows[0][0], rows[0][ends] = stretch.q[0], stretch.q[-1]
         return _Part(rows, rates[0], shares, [int(i) for i in ends], factor * window)
 
-    def _limit_shares(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
+    def _limit_shares(self, stretch: Stretch, scaling: TimeScaling, t: Vector, rate: Vector) -> Matrix:
         """See `_Part`: looked at between the samples too, for a ramp may be shorter than a step."""
         greatest = np.zeros((len(t), 2))
         slow = np.flatnonzero(rate < (1.0 - SLOW) * self.speed) if np.isfinite(self.speed) else np.zeros(0, dtype=int)
         for part in np.split(slow, range(10_000, len(slow), 10_000)):
             if not len(part):
                 continue
-            near = np.clip(t[part, None] + self.dt * np.linspace(-0.5, 0.5, BETWEEN), 0.0, law.duration)
-            s, *rates = law.at(near.ravel())
+            near = np.clip(t[part, None] + self.dt * np.linspace(-0.5, 0.5, BETWEEN), 0.0, scaling.duration)
+            s, *rates = scaling.at(near.ravel())
             moved = stretch.motion(s, rates)[1:]
             shares = np.stack([np.abs(x / b) for x, b in zip(moved, self._bounds, strict=True)], axis=1)
             shares = shares.reshape(len(part), BETWEEN, -1).max(axis=1)
@@ -739,14 +743,14 @@ def _limit(what: str, given: ArrayLike | None, n: int) -> Vector:
     return np.broadcast_to(array, (n,))
 
 
-def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
+def _lap_ends(scaling: TimeScaling, length: float, laps: int) -> list[float]:
     """Times at which all laps but the last end."""
     from scipy.optimize import brentq
 
     def past(t: float, lap: int) -> float:
-        return float(law.at(np.array([t]))[0][0]) - lap * length
+        return float(scaling.at(np.array([t]))[0][0]) - lap * length
 
-    ends = [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
+    ends = [brentq(past, 0.0, scaling.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
     return [float(t) for t in ends]  # type: ignore[arg-type]  no RootResults, which are given when asked for
 
 

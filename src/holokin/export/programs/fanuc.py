@@ -54,7 +54,7 @@ def to_fanuc(
 
     Args:
         name: of the program, at most 36 letters, digits and underscores; by default 8.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: J1 to J6, and E1 to E3 as external ones.
         coupled: write J3 as FANUC counts it on arms whose J3 keeps its angle to the floor while J2 moves:
             J3 = joint 3 - joint 2, after signs and offsets. False writes the joints of the model as they are, which

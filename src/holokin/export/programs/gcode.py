@@ -36,7 +36,7 @@ def to_gcode(
 
     Args:
         name: of the file.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the axes.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
         lines: of the process. "output 3 on" is M64 P3.

@@ -48,7 +48,7 @@ def to_inform(
         pulses: of each axis, the robot's six and then the base axes [pulses per degree, or per mm of sliding ones], as
             the controller's parameters have them.
         name: of the job, at most 32 letters, digits and underscores.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: S, L, U, R, B, T, and base axes as external ones.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
         lines: of the process.

@@ -48,7 +48,7 @@ def to_krl(
 
     Args:
         name: of the program, at most 24 letters, digits and underscores.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: A1 to A6, and E1 to E6 as external ones. A robot of seven axes (iiwa) has
             another controller and language.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.

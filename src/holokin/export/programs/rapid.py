@@ -40,7 +40,7 @@ def to_rapid(
 
     Args:
         name: of the procedure, at most 30 letters, digits and underscores; the module has _M at its end.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: six of the robot, six external ones (a YuMi's seventh axis is the first).
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool. A controller smooths between
             targets in its own way.

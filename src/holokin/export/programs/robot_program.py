@@ -154,11 +154,11 @@ class Program(Shown):
 def header(
     timed: TimedTrajectory, about: str, goals: Targets | None, more: Sequence[str] = (), width: int = 100
 ) -> list[str]:
-    """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units.
+    """The facts of a program as lines of ASCII: where it is from, the strategy, limits, tolerances, units.
 
     Names of files are plain words there.
     """
-    lines = [f"Written by holokin {__version__}", _plain(about) or "law: not told"]
+    lines = [f"Written by holokin {__version__}", _plain(about) or "strategy: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
     limits, linear = timed.limits, goals is not None and goals.linear
     wiring = Wiring() if goals is None else goals.wiring

@@ -34,7 +34,7 @@ def to_ros(
     The YAML is what `ros2 topic pub` takes, its header comments included; in JSON the same lines stand in "comments".
 
     Args:
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         tolerance: [rad or m] leave out samples between which even motion is right to this; None for all samples.
             Controllers put cubic or quintic polynomials between points with rates, which are nearer.
         frame: the frame_id.

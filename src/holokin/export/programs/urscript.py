@@ -43,7 +43,7 @@ def to_urscript(
 
     Args:
         name: of the function.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's six axes.
         tolerance: None sends every sample by servoj, at the controller's own step of 2 or 8 ms, which the trajectory
             must have. Else few targets are sent, with times to joint moves and speeds to linear and circular ones: of

@@ -46,7 +46,7 @@ def to_val3(
 
     Args:
         name: of the program, at most 15 letters, digits and underscores.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's six joints.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
         lines: of the process. "output 3 on" sets the application's dio variable diOut3.

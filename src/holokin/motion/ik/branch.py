@@ -26,7 +26,7 @@ from ...base.types import Array, Matrix, Vector, kept
 from ...strategies import HolonomicStrategy, RowExpressions
 from ...symbolic import SX, Enclosure, Function, jacobian, short, vertcat
 
-# --- Rays of a radial law: straight paths of the tool from its center, on whose leaf each pose has one posture.
+# --- Rays of a radial strategy: straight paths of the tool from its center, on whose leaf each pose has one posture.
 #
 # The transport leads a posture back along the ray to one over the center. Where arc length labels those, two with one
 # label differ by full turns of joints alone, and the transport, which can be gone both ways, keeps that difference. So
@@ -36,7 +36,7 @@ from ...symbolic import SX, Enclosure, Function, jacobian, short, vertcat
 # for, it is taken to be 0: wrong only where a joint really makes more than half a turn in that piece.
 #
 # Two things are not shown: that last one, and that the transport of a few steps leads different postures to different
-# ones, as the exact transport does. Both were tested: against the given law, integrated along rays of hundreds of
+# ones, as the exact transport does. Both were tested: against the given strategy, integrated along rays of hundreds of
 # poses.
 
 LEAP = 0.1
@@ -52,7 +52,7 @@ an eighth each, the first was no more than 7/6 of this, and such a one leads no 
 
 
 SHORTEST = 2.0**-16
-"""Share of a ray below which it is given up: where the law ends is then nearer than some 1e-5 m. Poses of a Panda
+"""Share of a ray below which it is given up: where the strategy ends is then nearer than some 1e-5 m. Poses of a Panda
 beyond are refused in half the time that 2^-48 takes, and the same are reached."""
 
 
@@ -62,7 +62,7 @@ def keeps_turns(q: Vector, begun: Vector, posture: Vector) -> bool:
 
 
 def rays_from(strategy: HolonomicStrategy) -> Vector | None:
-    """The center (n,) of a radial law whose leaves have one posture for each pose; None of other laws.
+    """The center (n,) of a radial strategy whose leaves have one posture for each pose; None of other strategies.
 
     That is where its label is arc length, and straight paths of the tool are those of its transport.
     """

@@ -103,7 +103,7 @@ STRETCHES = 2_000
 SHORT = 2_000
 """Operations of the extended Jacobian up to which it has Taylor models. Those of longer ones are so wide that stretches
 are no longer than the pieces of `follow`, and take longer: that of `stationary` has 2,200 to 2,700. With Taylor
-models, a law of a planar arm with 1,273 operations answers 100 times as fast as without."""
+models, a strategy of a planar arm with 1,273 operations answers 100 times as fast as without."""
 
 PIECES = 1_000
 """Pieces of `follow` that native code tries at most after the stretches, which end within some 1e-4 rad of a fold:

@@ -218,8 +218,8 @@ def leaf_walk(
 ) -> Callable[[Vector, LeafPath], tuple[Vector, PathEnd]]:
     """(q, path) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
 
-    ray: the ways are rays of a radial law from its center, so that no fold need be looked for. folds: give a path up
-    where a fold is seen ahead, as native inverse kinematics does.
+    ray: the ways are rays of a radial strategy from its center, so that no fold need be looked for. folds: give a path
+    up where a fold is seen ahead, as native inverse kinematics does.
     """
     correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search

@@ -43,7 +43,7 @@ class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
     LEAF_ENDS = 3
     """[J; J_g] turns singular on the way: the leaf has no posture further on."""
     SINGULAR = 4
-    """The way begins or ends at a singular posture of the arm, the law or a representation."""
+    """The way begins or ends at a singular posture of the arm, the strategy or a representation."""
     NOT_CONVERGED = 5
     """No next piece of the way could be shown to keep to the branch, or it took too many pieces."""
     NOT_FINITE = 6

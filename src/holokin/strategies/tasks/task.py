@@ -15,7 +15,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ...base.arguments import Made, check, type_methods, typed
-from ...base.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError, shown
+from ...base.errors import (
+    ArgumentError,
+    ShapeError,
+    SingularityError,
+    SingularityKind,
+    TaskTooLargeError,
+    UnknownNameError,
+    shown,
+)
 from ...base.poses import PoseLike, pose_cure, pose_numbers
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, ByValue, Matrix, Value, Vector, finite, numbers
@@ -109,18 +117,12 @@ class RelativeFrame(Frame):
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """Those of both tips, put together."""
         t, o = robot.kinematics(q, self.name), robot.kinematics(q, self.other)
-        away = t.position - o.position
-        columns = [
-            vertcat(
-                o.rotation.T @ (t.jacobian[:3, i] - o.jacobian[:3, i] - cross(o.jacobian[3:, i], away)),
-                o.rotation.T @ (t.jacobian[3:, i] - o.jacobian[3:, i]),
-            )
-            for i in range(robot.n)
-        ]
+        gap = t.position - o.position
         J = SX.zeros(6, robot.n)
-        for i, column in enumerate(columns):
-            J[:, i] = column
-        return replace(t, position=o.rotation.T @ away, rotation=o.rotation.T @ t.rotation, jacobian=densify(J))
+        for i in range(robot.n):
+            J[:3, i] = o.rotation.T @ (t.jacobian[:3, i] - o.jacobian[:3, i] - cross(o.jacobian[3:, i], gap))
+            J[3:, i] = o.rotation.T @ (t.jacobian[3:, i] - o.jacobian[3:, i])
+        return replace(t, position=o.rotation.T @ gap, rotation=o.rotation.T @ t.rotation, jacobian=densify(J))
 
     @property
     def tip(self) -> str | None:
@@ -156,16 +158,11 @@ class ExpressionFrame(Made, Frame):
         """Frames of three rows each, and one of the rest."""
         if len(self.row_units) <= 3:
             return [self]
-
-        return [
-            ExpressionFrame(
-                self.name,
-                partial(_three, self.name, self.expression, i),
-                self.row_units[i : i + 3],
-                self.row_names[i : i + 3],
-            )
-            for i in range(0, len(self.row_units), 3)
-        ]
+        frames = []
+        for i in range(0, len(self.row_units), 3):
+            some, rows = slice(i, i + 3), partial(_three, self.name, self.expression, i)
+            frames.append(ExpressionFrame(self.name, rows, self.row_units[some], self.row_names[some]))
+        return frames
 
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """The point, and its slope by q."""
@@ -202,6 +199,7 @@ def poses_expression(k: Kinematics) -> SX:
     return vertcat(*(vertcat(horzcat(k.rotation[i : i + 3, :], k.position[i : i + 3]), last) for i in each))
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Task(ByValue, ABC):
     """x = f(q), of m rows: a `FrameTask` of one frame, or a `StackedTask` of several.
 
@@ -221,21 +219,32 @@ class Task(ByValue, ABC):
             raise ArgumentError("a subclass of Task", cls.__name__, cure)
         type_methods(cls)
 
+    def __post_init__(self) -> None:
+        check("the robot of a task", Robot, self.robot)
+        check("the rows of a task", tuple[int, ...], self.rows)
+        self._check()
+        super().__post_init__()
+        if self.m > self.n:
+            raise TaskTooLargeError(self.m, self.n, self.robot.name)
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Raises: ArgumentError, ...: its fields do not fit each other."""
+
     def __repr__(self) -> str:
         return f"Task({self.name}, m={self.m}, n={self.n})"
 
     @typed
     def __getitem__(self, index: int | slice | Sequence[int]) -> Self:
-        """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
-        return self._with_rows(chosen_rows(self.rows, index))
+        """The task of some rows only; its targets are of all frames still.
+
+        Raises: UnknownNameError for a row that does not exist, ArgumentError.
+        """
+        return replace(self, rows=chosen_rows(self.rows, index))
 
     def __iter__(self) -> Iterator[Self]:
         """The tasks of the single rows. Raises: ArgumentError at an angular row of a twist, which cannot be alone."""
         return (self[i] for i in range(self.m))
-
-    @abstractmethod
-    def _with_rows(self, rows: tuple[int, ...]) -> Self:
-        """The same task with other rows."""
 
     @property
     def m(self) -> int:
@@ -513,7 +522,7 @@ class Task(ByValue, ABC):
         return self._jacobian.checked((self.m, self.n), self.robot.checked, self._doubtful, bounds)
 
     def _doubtful(self, q: Vector, result: Array, margin: float = np.inf) -> Array:
-        """What was found at q, unless q is not finite or the representation is singular there."""
+        """The result at q, unless q is not finite or the representation is singular there."""
         check_representation(self, self.robot.checked(q), margin)
         return result
 
@@ -539,6 +548,10 @@ class Task(ByValue, ABC):
         R, v, w = self._target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
         outputs = {"dx": self._rates_expression(R, v, w), "margin": self._margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+Field = Callable[[Task, Kinematics, SX], SX]
+"""An expression of the posture: (task, kinematics, q) -> matrix."""
 
 
 def check_representation(task: Task, q: Vector, margin: float) -> None:
