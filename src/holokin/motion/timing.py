@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ..base.errors import ArgumentError
 from ..base.types import HUGE, ArrayLike, Flags, Indices, Matrix, Value, Vector, numbers, positive, whole
 from ..path.path import Poses, distinct
 from ..robot import GIVE_SPEEDS, speed_limits
-from .timed_trajectory import RATES, Limits, Slowdown, TimedTrajectory
+from .timed_trajectory import RATES, Limits, Profile, Slowdown, TimedTrajectory
 from .trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
@@ -481,9 +481,6 @@ def _scaling(length: float, rate: float, up: tuple[float, float], down: tuple[fl
     return _of_accelerations(np.concatenate([[0.0], np.cumsum(pieces[0])]), pieces[1], pieces[2], length)
 
 
-Profile = Literal["time-optimal", "trapezoidal", "quintic"]
-"""The kinds of speed profiles."""
-
 WINDOWS, FINER = 12, 2
 """Windows of smoothing between a step and half of the time, of which the fastest is taken; and how often as many more
 are tried about it: 3 % lie between the last ones."""
@@ -702,8 +699,11 @@ class _Plan:
             before, after = (int(np.ceil(x / self.dt - 1e-9)) for x in (inner[0], scaling.duration - inner[-1]))
             middle = [a + self.dt * np.arange(1, 1 + round((b - a) / self.dt)) for a, b in pairwise(inner)]
             first = np.append(inner[0] - self.dt * np.arange(before, 0, -1), inner[0])
-            times = [first, *middle * (laps - 2), np.append(inner[-1] + self.dt * np.arange(1, after),
-            scaling.duration)]
+            times = [
+                first,
+                *middle * (laps - 2),
+                np.append(inner[-1] + self.dt * np.arange(1, after), scaling.duration),
+            ]
         ends = np.cumsum([len(part) for part in times]) - 1
         when = np.concatenate(times)
         s, *rates = scaling.at(when)

@@ -91,8 +91,7 @@ def states(strategy: Strategy, Q: Matrix) -> Matrix:
 
 
 def jumps_of(strategy: Strategy, Q: Matrix, low: Vector, high: Vector) -> tuple[Jump, ...]:
-    """Jumps of a strategy within a box, the largest of each operation: sought from postures (N, n) by Newton's method.
-    """
+    """Jumps within a box, the largest of each operation: sought from postures (N, n) by Newton's method."""
     jumps: dict[str, Jump] = {}
     words = _switches(strategy)[0]
     gaps, slopes = _gaps_at(strategy, Q) if words else (Q, Q)

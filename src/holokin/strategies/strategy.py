@@ -333,15 +333,14 @@ def check_regular(
     task: Task, name: str, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular
 ) -> None:
     """Raises: SingularityError of a strategy at q, saying of which kind, unless rcond > least and margin suffices."""
-    what = f"{name} ({task.name})"
     if not margin > TOLERANCES.representation:
-        raise SingularityError(SingularityKind.REPRESENTATION, q, what, margin)
+        raise SingularityError(SingularityKind.REPRESENTATION, q, f"{name} ({task.name})", margin)
     if rcond > least:
         return
     s = np.linalg.svd(task.jacobian(q), compute_uv=False)
     kinematic = s[-1] <= max(TOLERANCES.rank, least) * s[0]
     kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
-    raise SingularityError(kind, q, what, s[-1] if kinematic else rcond)
+    raise SingularityError(kind, q, f"{name} ({task.name})", s[-1] if kinematic else rcond)
 
 
 def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:

@@ -325,13 +325,13 @@ class FrameTask(Task):
         kind = "position" if self.orientation is None else f"pose ({self.orientation})"
         return f"{self.frame.title or kind} of {self.robot.name}"
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """Name of each row."""
         names = (*self.frame.labels, *self.representation.row_names)
         return tuple(names[i] for i in self.rows)
 
-    @property
+    @cached_property
     def units(self) -> tuple[str, ...]:
         """Of each row: "m" or "rad", or what an expression of the user's own is in."""
         return tuple(self.frame.units[i] if i < 3 else "rad" for i in self.rows)
@@ -341,7 +341,7 @@ class FrameTask(Task):
         """The tip of the robot that shows where the frame is; None is the robot's first one."""
         return self.frame.tip
 
-    @property
+    @cached_property
     def frames(self) -> int:
         """1."""
         return 1
@@ -375,7 +375,7 @@ class FrameTask(Task):
     def _exact(self) -> bool:
         return self.orientation != "twist" or not any(self._angular) or self.robot.planar
 
-    @property
+    @cached_property
     def _rotations(self) -> tuple[int, ...]:
         return (self._angular.index(True),) if sum(self._angular) == 3 else ()
 
@@ -454,12 +454,12 @@ class StackedTask(Task):
         """For instance "pose (twist) of left and pose (twist) of right of yumi"."""
         return f"{self.title} of {self.robot.name}"
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """Name of each row, of tips with the tip before it."""
         return self._each(lambda part: [f"{part.tip}.{name}" if part.tip else name for name in part.row_names])
 
-    @property
+    @cached_property
     def units(self) -> tuple[str, ...]:
         """Of each row."""
         return self._each(lambda part: part.units)
@@ -469,7 +469,7 @@ class StackedTask(Task):
         """That of the first part."""
         return self.parts[0].tip
 
-    @property
+    @cached_property
     def frames(self) -> int:
         """One a part."""
         return len(self.parts)
@@ -498,7 +498,7 @@ class StackedTask(Task):
     def _exact(self) -> bool:
         return all(part._exact for part in self.parts)
 
-    @property
+    @cached_property
     def _rotations(self) -> tuple[int, ...]:
         firsts = []
         for f in range(self.frames):

@@ -246,6 +246,11 @@ class Task(ByValue, ABC):
         """The tasks of the single rows. Raises: ArgumentError at an angular row of a twist, which cannot be alone."""
         return (self[i] for i in range(self.m))
 
+    @cached_property
+    def joint_units(self) -> tuple[str, ...]:
+        """Units of the joints: "rad" or "m", of `coordinates` their own."""
+        return tuple(c.unit for c in self.robot.coordinates)
+
     @property
     def m(self) -> int:
         """Number of rows."""
@@ -261,12 +266,12 @@ class Task(ByValue, ABC):
     def name(self) -> str:
         """For instance "pose (zyz) of panda"."""
 
-    @property
+    @cached_property
     @abstractmethod
     def row_names(self) -> tuple[str, ...]:
         """Name of each row."""
 
-    @property
+    @cached_property
     @abstractmethod
     def units(self) -> tuple[str, ...]:
         """Of each row: "m" or "rad", or what an expression of the user's own is in."""
@@ -276,7 +281,7 @@ class Task(ByValue, ABC):
     def tip(self) -> str | None:
         """The tip of the robot that shows where the frame is, the first one of several; None is the robot's first."""
 
-    @property
+    @cached_property
     @abstractmethod
     def frames(self) -> int:
         """How many frames F it is about."""
@@ -310,7 +315,7 @@ class Task(ByValue, ABC):
     def _exact(self) -> bool:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
 
-    @property
+    @cached_property
     @abstractmethod
     def _rotations(self) -> tuple[int, ...]:
         """Where all three angular rows of a frame belong to the task: the first of them, among its rows."""
@@ -328,7 +333,7 @@ class Task(ByValue, ABC):
     def _counted_from(self, rotations: Matrix) -> Self:
         """The same with rotation vectors, and values of twists, that count from rotations (3F, 3)."""
 
-    @property
+    @cached_property
     def _angular(self) -> tuple[bool, ...]:
         """Which rows are of an orientation."""
         return tuple(row % 6 > 2 for row in self.rows)
@@ -407,7 +412,8 @@ class Task(ByValue, ABC):
 
     def _place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
-        return self.target(self.pose(self.robot.checked(q)))
+        p, R = _targets_of(self.pose(self.robot.checked(q)).reshape(1, self.frames, 4, 4))
+        return p[0], R[0]
 
     def target(self, pose: PoseLike) -> tuple[Vector, Matrix]:
         """Positions (3F,), rotations (3F, 3) of a pose (4, 4), or of (F, 4, 4). Raises: ShapeError, ArgumentError."""
