@@ -241,6 +241,11 @@ class Controller(ControlLaw):
         held = f", held at the position limit of {', '.join(self.holding)}" if self.holding else ""
         return f"the last step: {status}{held}; {self.name}, every {1e3 * self.dt:g} ms by {self.engine}"
 
+    def to_dict(self) -> dict[str, Any]:
+        """What became of the last step, ready for JSON."""
+        status = self.status.name.lower()
+        return {"status": status, "scale": self.scale, "holding": list(self.holding), "engine": self.engine}
+
     def step(
         self,
         q: ArrayLike,
@@ -596,3 +601,7 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
 
     def __str__(self) -> str:
         return self.sentence
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verdict and the share, ready for JSON."""
+        return {"starved": self.starved, "share": self.share}

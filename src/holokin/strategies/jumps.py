@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.errors import SingularityError
-from ..base.types import Array, Matrix, Value, Vector, kept
+from ..base.types import Array, Matrix, Reported, Value, Vector, kept
 from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
 from .strategy import HolonomicStrategy, Strategy
 
@@ -34,7 +34,7 @@ NEAR = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Jump(Value):
+class Jump(Reported, Value):
     """A place q (n,) where the formula of a strategy turns over, by the operation `what`, and jumps.
 
     level: jump of g [its unit], of a constraint; 0 of another strategy. planes: how far the two sides disagree on where
@@ -45,6 +45,10 @@ class Jump(Value):
     q: Vector
     level: float
     planes: float
+
+    def __str__(self) -> str:
+        jumps = f"g jumps by {self.level:.3g}" if self.level else "the planes jump" if self.planes else "no jump"
+        return f"{jumps} ({self.what}) at q = {np.array2string(self.q, precision=3)}"
 
 
 @kept

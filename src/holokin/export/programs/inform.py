@@ -27,9 +27,14 @@ LEVELS = 8
 """The largest position level, PL."""
 
 DIALECT = Dialect(
-    "INFORM", "DOUT OT#({number}) {state}", "TIMER T={seconds:.2f}", ("OFF", "ON"), external=3,
-    kinds=("joint", "linear"), forbidden=r"^/|^END\b|^NOP\b|^'.{33}",
-)  # fmt: skip
+    "INFORM",
+    "DOUT OT#({number}) {state}",
+    "TIMER T={seconds:.2f}",
+    ("OFF", "ON"),
+    external=3,
+    kinds=("joint", "linear"),
+    forbidden=r"^/|^END\b|^NOP\b|^'.{33}",
+)
 
 
 @typed

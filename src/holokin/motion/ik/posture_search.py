@@ -161,6 +161,10 @@ MOST_STARTS = 1_000_000
 """They are all gone from at once: a million take two minutes and a gigabyte."""
 
 
+SAMPLED = 8
+"""Postures at which it is looked at which hinges may turn round without a change of g."""
+
+
 @dataclass(frozen=True, eq=False)
 class Postures(Reported, Value):
     """The postures q (k, n) found at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
@@ -252,7 +256,7 @@ def all_postures(
     with np.errstate(invalid="ignore"):
         aim = np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)
     aim = aim if near is None else robot.checked(near, "near")
-    free = free_hinges(strategy, spread(task.robot, 8))
+    free = free_hinges(strategy, spread(task.robot, SAMPLED))
     begun = spread(task.robot, count, ~free & task.robot.hinges)
     begun = begun if near is None else np.vstack([aim, begun[1:]])
     q, rcond, arrived = leaf_postures(strategy, begun, p, R, c)
