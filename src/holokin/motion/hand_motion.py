@@ -18,7 +18,7 @@ from ..base.extra_module import extra_module
 from ..base.poses import PoseLike
 from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number
 from ..robot import speed_limits
-from .ik.inverse_function import InverseKinematics, Nearest, positive_steps
+from .ik.inverse_function import InverseKinematics, Nearest, steps_of
 
 AT_REST = 1e-9
 """Distance and speed [joint units, and per second] at which the joints have come to rest."""
@@ -133,7 +133,7 @@ def hand_follower(
         ("max_acceleration", max_acceleration),
         ("max_jerk", max_jerk),
     ):
-        values = positive_steps(what, given, robot.n)
+        values = steps_of(what, given, robot.n)
         if what != "max_jerk" and not np.isfinite(values).all():
             raise ArgumentError(what, values.tolist(), "give finite numbers")
         limits.append(frozen(values.copy()))

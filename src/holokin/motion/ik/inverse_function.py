@@ -263,7 +263,7 @@ def nearest(
     return Nearest(joints, pose, status, distance, position, angle / edge.length, float(rcond[0]), held, moving)
 
 
-def positive_steps(what: str, value: ArrayLike, joints: int) -> Vector:
+def steps_of(what: str, value: ArrayLike, joints: int) -> Vector:
     """Positive numbers, one of each joint (n,) or one for all. Raises: ShapeError, ArgumentError."""
     given = one_or_each(what, value, joints)
     if not (given > 0).all():  # NaN included
@@ -455,7 +455,7 @@ class InverseKinematics(Value):
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         if step is not None and q is None:
             raise ArgumentError("q", None, "step limits the motion from the last answer: give that as q, or no step")
-        most = None if step is None else positive_steps("step", step, len(self.q0))
+        most = None if step is None else steps_of("step", step, len(self.q0))
         check("limits", bool | None, limits)
         asked = self.limits if limits is None else bool(limits)
         if positive("rcond", rcond) > 1:
