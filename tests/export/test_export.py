@@ -385,7 +385,7 @@ def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:
             export_c(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(0)), tmp_path / "x", **more)
         assert not (tmp_path / "x").exists()
     assert c_name("Panda, arm angle (SEW)!") == "panda_arm_angle_sew"
-    assert c_name("7 joints") == "law_7_joints"
+    assert c_name("7 joints") == "strategy_7_joints"
 
 
 def test_words_of_a_user_end_no_comment(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from holokin.app.job import open_job, run_job
 from holokin.app.report.job_report import strategy_verdicts
 from holokin.base.errors import ArgumentError, JobError, ShapeError
 from holokin.motion import TimedTrajectory, hand_follower
-from holokin.motion.timing import Stretch, TimeLaw, time_optimal
+from holokin.motion.timing import Stretch, TimeScaling, time_optimal
 from holokin.motion.trajectory import Trajectory
 
 ACCELERATION, JERK = 10.0, 500.0
@@ -272,16 +272,16 @@ def by_toppra(
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_law_is_faster_and_none_of_the_limits_is_exceeded(seed: int) -> None:
     stretch, velocity, acceleration, speed = drawn(seed)
-    law: TimeLaw = time_optimal(stretch, 1, velocity, acceleration, np.full(len(velocity), np.inf), speed)
-    _, (s, *rates) = law.within(20_000)
+    scaling: TimeScaling = time_optimal(stretch, 1, velocity, acceleration, np.full(len(velocity), np.inf), speed)
+    _, (s, *rates) = scaling.within(20_000)
     _, dq, ddq, _ = stretch.motion(s, rates)
     assert rates[0].max() <= speed * (1 + 1e-9) and s[-1] == pytest.approx(stretch.length, rel=1e-12)
     assert (np.abs(dq) / velocity).max() < 1.01
     share = np.abs(ddq) / acceleration
     assert np.quantile(share.max(axis=1), 0.999) < 1.01  # between the points of the grid; `retime` slows down by that
-    grid = np.append(law.c[0], stretch.length)
-    optimum = by_toppra(stretch, grid, velocity, acceleration, speed, stretch.length / law.duration)
-    assert law.duration == pytest.approx(optimum, rel=1e-3)
+    grid = np.append(scaling.c[0], stretch.length)
+    optimum = by_toppra(stretch, grid, velocity, acceleration, speed, stretch.length / scaling.duration)
+    assert scaling.duration == pytest.approx(optimum, rel=1e-3)
 
 
 # --- Where a joint has no speed limit no motion is timed, and no share of a speed is told, at any door.

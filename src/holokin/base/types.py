@@ -419,7 +419,15 @@ class Value(Shown):
             object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
 
 
-class NoTruthValue(Shown):
+class Reported(Shown):
+    """The parent of results: `str` says the verdict first, `to_dict` gives the facts."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
+        return _plain_fields(self)
+
+
+class NoTruthValue(Reported):
     """The parent of results and statuses that may say no: `bool` of one raises `AmbiguousTruthError`.
 
     `ask` says what to ask instead.
@@ -434,10 +442,6 @@ class NoTruthValue(Shown):
 
     def __bool__(self) -> NoReturn:
         raise AmbiguousTruthError(type(self).__name__, self.ask)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
-        return _plain_fields(self)
 
 
 def _plain_fields(value: Any) -> dict[str, Any]:

@@ -50,12 +50,7 @@ from .ik.leaf import leaf_value
 
 UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
 """Speed [unit/s] of a joint that has no limit of its own: a turn a second, which few arms reach, and what fast linear
-axes do. MJCF has no speed limits, and a law's rates grow without a bound towards the end of its leaf."""
-
-
-TOWARDS_SINGULAR = 0.5
-"""Share of rcond that a joint may move in a step [rad or m]: about half the way to a singular posture, so that no step
-leads past one."""
+axes do. MJCF has no speed limits, and a strategy's rates grow without a bound towards the end of its leaf."""
 
 
 AT_LIMIT = 1e-6
@@ -112,23 +107,26 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
             fastest = fastest_rate(joint)
             if np.isfinite(fastest):
                 fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
-            if joint.unit in UNLIMITED:
-                fast = fmin(fast, TOWARDS_SINGULAR * solution.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
+            if joint.unit in UNLIMITED:  # half of rcond is about half the way to a singular posture
+                fast = fmin(fast, 0.5 * solution.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
             ends = [sign * (end - e.q[i]) for end, sign in ((joint.upper, 1), (joint.lower, -1)) if np.isfinite(end)]
             if ends:  # how far the joint is from the end that it goes to
-                speed = (1 if np.isfinite(joint.upper) else -1) * dq[i] * dt
-                left, speed = (
-                    (ends[0], speed) if len(ends) == 1 else (if_else(speed > 0, ends[0], ends[1]), fabs(speed))
-                )
-                its = if_else(speed > 1e-12, fmax(left, 0) / fmax(speed, 1e-12), 1)
-                room, holding = fmin(room, its), holding + if_else(its <= AT_LIMIT, 2.0**i, 0)
+                left, motion = ends[0], (1 if np.isfinite(joint.upper) else -1) * dq[i] * dt
+                if len(ends) == 2:
+                    left, motion = if_else(motion > 0, ends[0], ends[1]), fabs(motion)
+                own = if_else(motion > 1e-12, fmax(left, 0) / fmax(motion, 1e-12), 1)
+                room, holding = fmin(room, own), holding + if_else(own <= AT_LIMIT, 2.0**i, 0)
+    # Finite where all arguments are: their sum by halves, since a processor adds many pairs at once.
+    values = vertcat(e.q, vec(pose), twist, parameters) / 1024
+    while (rows := values.shape[0]) > 1:
+        half = rows // 2
+        values = vertcat(values[:half] + values[half : 2 * half], values[2 * half :])
     # The largest error of the tool, by which it counts as lost.
     largest = SX(0)
     for i, unit in enumerate(task.units):
         if unit in UNLIMITED:  # of other units, as of thrust, nobody knows what is far
             largest = fmax(largest, fabs(error[i]))
     scale = fmin(fast, room)
-    given = _sum_by_halves(vertcat(e.q, vec(pose), twist, parameters) / 1024)  # finite where all of them are
     outputs = {
         "dq": scale * dq,
         "scale": scale,
@@ -136,19 +134,11 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
         "margin": fmin(strategy._margin_expression, task._margin_expression(R)),
         "room": room,
         "off": largest,
-        "given": given,
+        "given": values,
         "holding": holding,
     }
     inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
     return Function("step", inputs, outputs, solution.system, strategy.transport)
-
-
-def _sum_by_halves(values: SX) -> SX:
-    """The sum of a column's rows: a processor adds many pairs at once, but a running sum one by one."""
-    while (rows := values.shape[0]) > 1:
-        half = rows // 2
-        values = vertcat(values[:half] + values[half : 2 * half], values[2 * half :])
-    return values
 
 
 # --- The control step on CasADi's virtual machine, where there is no compiler.
@@ -208,11 +198,6 @@ def _machine_step(
 LONGEST_STEP = 10.0
 """Longest step of a control loop [s]: a longer one is in milliseconds."""
 
-FAR = 1.0
-"""Way of a joint [rad or m] in a step, at its full speed, from which a warning is given: rates are good for one step,
-and in this one the tool gets half its distance from the joint away from where they led at its start. Steps of up to
-0.1 s stay below it on all arms of the catalogue."""
-
 MOST_ERROR = 0.1
 """Error of the tool [m, and rad] beyond which a step stands still: feedback corrects millimetres, and what is further
 away is in other units, of another path, or out of the arm's reach."""
@@ -251,10 +236,24 @@ class Controller(ControlLaw):
         held = f", held at the position limit of {', '.join(self.holding)}" if self.holding else ""
         return f"Controller({self.strategy.name!r}, dt={self.dt:g}, {self.engine}{held})"
 
+    def __str__(self) -> str:
+        status = f"{self.status.name.lower().replace('_', ' ')}, at {self.scale:.0%} of the wanted speed"
+        held = f", held at the position limit of {', '.join(self.holding)}" if self.holding else ""
+        return f"the last step: {status}{held}; {self.name}, every {1e3 * self.dt:g} ms by {self.engine}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """What became of the last step, ready for JSON."""
+        status = self.status.name.lower()
+        return {"status": status, "scale": self.scale, "holding": list(self.holding), "engine": self.engine}
+
     def step(
-        self, q: ArrayLike, pose: PoseLike, twist: ArrayLike, level: ArrayLike | None = None,
+        self,
+        q: ArrayLike,
+        pose: PoseLike,
+        twist: ArrayLike,
+        level: ArrayLike | None = None,
         level_rate: ArrayLike = 0.0,
-    ) -> Vector:  # fmt: skip
+    ) -> Vector:
         """Joint rates for the next dt: [J; J_g] dq = [x' + K e; c' - K_g (g(q) - c)], slowed where limits ask for it.
 
         Args:
@@ -468,16 +467,20 @@ def controller(
         ArgumentError: no start for a strategy with a constraint, a bad dt, gain or bound. ShapeError, NotFiniteError.
         SingularityError: the strategy is singular at the start. JointLimitError: with limits, q0 is beyond them.
     """
+    # The step, the gains, with which the loop must be stable, and the bounds.
     dt = number("dt", dt)
     if not 0 < dt <= LONGEST_STEP:
         raise ArgumentError("dt", dt, f"give the step in seconds, positive and at most {LONGEST_STEP:g}: 1 ms is 0.001")
     _warn_of_long_steps(strategy, dt)
-    K, K_g = (
-        0.1 / dt if value is None else number(what, value)
-        for what, value in (("gain", gain), ("constraint_gain", constraint_gain))
-    )
-    _check_gains(dt, K, K_g)
+    gains = []
+    for what, given in (("gain", gain), ("constraint_gain", constraint_gain)):
+        value = 0.1 / dt if given is None else number(what, given)
+        if not (np.isfinite(value) and 0 <= value * dt < 2):
+            cure = f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable"
+            raise ArgumentError(what, value, cure)
+        gains.append(value)
     bounds = _bounds(most_error, least_rcond)
+    # The leaf of the start, and the compiled step, which must be regular there.
     leaf, function = np.zeros(0), step_function(strategy, limits)
     if has_leaf(strategy):
         if q0 is None:
@@ -486,7 +489,7 @@ def controller(
         leaf = leaf_value(strategy, q0)
     else:
         q0 = None
-    parameters = np.concatenate([leaf, np.zeros(len(leaf)), (dt, K, K_g, *bounds)])
+    parameters = np.concatenate([leaf, np.zeros(len(leaf)), (dt, *gains, *bounds)])
     compiled = _compiled(strategy, function, frozen(parameters))
     if q0 is not None:
         still = np.zeros(6) if strategy.task.frames == 1 else np.zeros((strategy.task.frames, 6))
@@ -495,23 +498,19 @@ def controller(
 
 
 def _warn_of_long_steps(strategy: Strategy, dt: float) -> None:
-    """Tells the log of a step in which a joint at full speed moves far: it may be right for a tool that creeps."""
+    """Tells the log of a step in which a joint at full speed moves by more than 1 rad or m: it may be right for a tool
+    that creeps.
+
+    Rates are good for one step, and in this one the tool gets half its distance from the joint away from where they led
+    at its start. Steps of up to 0.1 s stay below it on all arms of the catalogue.
+    """
     speeds = np.where(np.isfinite(strategy.task.robot.max_velocity), strategy.task.robot.max_velocity, 0.0)
     i = int(np.argmax(speeds))
-    if speeds[i] * dt > FAR:
+    if speeds[i] * dt > 1.0:
         joint = strategy.task.robot.coordinates[i]
-        logging.getLogger("holokin").warning(
-            "a step of dt = %g s is long: at its full speed %s moves by %.2g %s in it; dt is in seconds, 1 ms is 0.001",
-            dt, joint.name, speeds[i] * dt, joint.unit,
-        )  # fmt: skip
-
-
-def _check_gains(dt: float, gain: float, constraint_gain: float) -> None:
-    """Raises: ArgumentError: a loop with this step and these gains is unstable."""
-    for what, value in (("gain", gain), ("constraint_gain", constraint_gain)):
-        if not (np.isfinite(value) and 0 <= value * dt < 2):
-            cure = f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable"
-            raise ArgumentError(what, value, cure)
+        motion = f"at its full speed {joint.name} moves by {speeds[i] * dt:.2g} {joint.unit} in it"
+        text = f"a step of dt = {dt:g} s is long: {motion}; dt is in seconds, 1 ms is 0.001"
+        logging.getLogger("holokin").warning("%s", text)
 
 
 def _bounds(most_error: float, least_rcond: float) -> tuple[float, float]:
@@ -542,13 +541,6 @@ def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int,
     return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), thresholds
 
 
-STARVED = 0.5
-"""Share of the commanded motion below which a loop is starved: a servo that merely lags makes up for it."""
-
-FROM = 0.01
-"""Sum of dt dq . dq [rad^2/s] from which a watch judges, that of a second at 0.1 rad/s."""
-
-
 class LoopWatch(NoTruthValue, ask="`.starved`"):
     """Tells whether the joints of a control loop move as they are commanded.
 
@@ -566,7 +558,7 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
         self.dt = positive("dt", dt, "give the step in seconds")
         self._made = self._asked = 0.0
         self._last: tuple[Vector, Vector] | None = None
-        self._told = not log
+        self._quiet = not log
 
     def see(self, q: ArrayLike, dq: ArrayLike) -> None:
         """One step: where the joints are (n,), and the rates (n,) that they are commanded from there.
@@ -580,8 +572,8 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
             self._made += float((posture - before) @ asked)
             self._asked += self.dt * float(asked @ asked)
         self._last = posture.copy(), rates.copy()
-        if self.starved and not self._told:
-            self._told = True
+        if self.starved and not self._quiet:
+            self._quiet = True  # once is enough
             logging.getLogger("holokin").warning("%s", self.sentence)
 
     @property
@@ -591,8 +583,10 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
 
     @property
     def starved(self) -> bool:
-        """Whether the joints make so little of what is commanded that the loop is fed the wrong joints."""
-        return self._asked > FROM and self.share < STARVED
+        """Whether the joints make less than half of what is commanded, so that the loop is fed the wrong joints: a
+        servo that merely lags makes up for it. It is judged from dt dq . dq = 0.01 rad^2/s on, a second at 0.1
+        rad/s."""
+        return self._asked > 0.01 and self.share < 0.5
 
     @property
     def sentence(self) -> str:
@@ -604,3 +598,10 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
             f"the joints make {share:.0%} of the motion that is commanded: with position servos feed back the "
             "commanded joints, not the measured ones; with others, look whether the drives are on"
         )
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verdict and the share, ready for JSON."""
+        return {"starved": self.starved, "share": self.share}

@@ -78,12 +78,22 @@ class Spread(NoTruthValue, Value, ask="`.largest`"):
         """Largest joint's difference [joint units]."""
         return float(np.abs(self.difference).max())
 
+    def __str__(self) -> str:
+        k, names = int(np.abs(self.difference).argmax()), self.a.joint_names
+        return f"{self.difference[k]:.4g} {self.a.joint_units[k]} apart at {names[k]}, where both paths end"
+
 
 @typed
 def drift(
-    strategy: Strategy, path: AnyPath, q0: ArrayLike, *, cycles: int = 1, samples: int = 500,
-    method: Following | None = None, limits: bool = True,
-) -> Drift:  # fmt: skip
+    strategy: Strategy,
+    path: AnyPath,
+    q0: ArrayLike,
+    *,
+    cycles: int = 1,
+    samples: int = 500,
+    method: Following | None = None,
+    limits: bool = True,
+) -> Drift:
     """Follow a closed path for some cycles and say where the joints stand after each.
 
     Raises:
@@ -96,18 +106,23 @@ def drift(
 
 @typed
 def path_spread(
-    strategy: Strategy, path_a: AnyPath, path_b: AnyPath, q0: ArrayLike, *, samples: int = 500,
-    method: Following | None = None, limits: bool = True,
-) -> Spread:  # fmt: skip
+    strategy: Strategy,
+    path_a: AnyPath,
+    path_b: AnyPath,
+    q0: ArrayLike,
+    *,
+    samples: int = 500,
+    method: Following | None = None,
+    limits: bool = True,
+) -> Spread:
     """Follow two paths from the same start posture to the same tool pose and compare the joints.
 
     Raises:
         ArgumentError when the paths end apart, and what `follow` raises.
     """
     if path_a.end.shape != path_b.end.shape:
-        raise ArgumentError(
-            "the frames of the two paths", (len(paths_of(path_a)), len(paths_of(path_b))), "give equal numbers"
-        )
+        frames = len(paths_of(path_a)), len(paths_of(path_b))
+        raise ArgumentError("the frames of the two paths", frames, "give equal numbers")
     apart = float(np.linalg.norm(path_a.end - path_b.end))
     turned = float(np.abs(path_a.turned - path_b.turned).max())
     if max(apart, turned) > 1e-9:
@@ -125,18 +140,6 @@ def path_spread(
 NO_DRIFT = 1e-6
 """Drift [joint units] that needs no reason: well over the integration error of 500 samples."""
 
-STEPS = 8
-"""Sizes of the loop that are followed before the largest change is looked at more closely."""
-
-NARROW = 1e-3
-"""Share of the loop's size down to which the largest change is halved."""
-
-JUMP = 10.0
-"""How many times more the drift must change than at its steepest elsewhere, to have jumped."""
-
-AGREE = 1e-2
-"""Share of the drift by which twice the samples may change it; else the loop was not followed."""
-
 PIECE = 0.1
 """Turn [rad] of the pieces in which a path that turns the tool is contracted."""
 
@@ -146,7 +149,7 @@ class Cause(NoTruthValue, Enum, ask="`is Cause.NONE`"):
 
     NONE = "the joints are back at their start"
     CURVATURE = "the drift fades while the loop is contracted, without a jump: the drift comes from curvature"
-    WINDING = "the drift jumps while the loop is contracted: the loop winds round a place where the law is not defined"
+    WINDING = "the drift jumps while the loop contracts: it winds round a place where the strategy is not defined"
     TOOL_TURNS = "the tool itself makes a whole turn, so the loop cannot be contracted to a point"
     UNDECIDED = "cannot tell: smaller loops could not be made or followed, and those next in size do not tell"
 
@@ -182,13 +185,11 @@ class Winding(NoTruthValue, Value, ask="`.cause`"):
         """The cause, with its metrics."""
         if self.cause is Cause.NONE:
             return self.cause.value
-        sentence = f"{self.cause.value}; drift {_told(self.drift, self)}"
+        sentence = f"{self.cause.value}; drift {_words(self.drift, self)}"
         if self.cause is not Cause.WINDING:
             return sentence
-        above, below = self.between
-        return (
-            f"{sentence}; from {above:.3g} to {below:.3g} times its size the drift changes by {_told(self.jump, self)}"
-        )
+        sizes = "from {:.3g} to {:.3g} times its size".format(*self.between)
+        return f"{sentence}; {sizes} the drift changes by {_words(self.jump, self)}"
 
     def __str__(self) -> str:
         return self.sentence
@@ -223,21 +224,21 @@ def winding(
     full = walk.drift()[0]
     names, units = walk.joint_names, walk.joint_units
 
-    def found(cause: Cause, known: dict[float, Vector], between: tuple[float, float] = (1.0, 0.0)) -> Winding:
+    def verdict(cause: Cause, known: dict[float, Vector], between: tuple[float, float] = (1.0, 0.0)) -> Winding:
         sizes = sorted(known, reverse=True)
         return Winding(cause, np.array(sizes), np.array([known[s] for s in sizes]), between, names, units)
 
     # No drift, or a tool that turns round: nothing to contract.
     known = {1.0: full, 0.0: np.zeros(len(full))}
     if np.abs(full).max() <= NO_DRIFT:
-        return found(Cause.NONE, known)
+        return verdict(Cause.NONE, known)
     turning = any(task._angular) and any(s.turn > 0 for s in path.segments)
     lifts = _lifts(path) if turning else None
     if lifts is not None and np.linalg.norm(lifts[-1]) > np.pi:
-        return found(Cause.TOOL_TURNS, known)
+        return verdict(Cause.TOOL_TURNS, known)
     if lifts is not None and np.linalg.norm(lifts, axis=1).max() > 2 * np.pi - PIECE:  # where their axes may flip
-        return found(Cause.UNDECIDED, known)
-    # The drift of a smaller loop; an integrated one must not depend on its samples.
+        return verdict(Cause.UNDECIDED, known)
+    # The drift of a smaller loop; that of an integrated one must agree to 1 % with that of twice the samples.
     exact = by_leaf(strategy, method) is not None
 
     def drift(size: float) -> Vector | None:
@@ -249,7 +250,7 @@ def winding(
             twice = follow(strategy, loop, q0, samples=2 * samples, method=method, limits=limits).drift()[0]
         except (PathError, SingularityError):
             return None
-        return twice if np.abs(twice - once).max() <= AGREE * np.abs(full).max() else None
+        return twice if np.abs(twice - once).max() <= 1e-2 * np.abs(full).max() else None
 
     def add(size: float) -> bool:
         value = drift(size)
@@ -257,23 +258,23 @@ def winding(
             known[size] = value
         return value is not None
 
-    # Contract the loop in even steps, then halve where the drift changes most.
-    for k in range(STEPS - 1, 0, -1):
-        add(k / STEPS)
+    # Contract the loop in even steps, then halve where the drift changes most, down to a thousandth of its size.
+    for k in range(7, 0, -1):
+        add(k / 8)
     above, below = _steepest(known)
     blocked = False
-    while above - below > NARROW:
+    while above - below > 1e-3:
         width = above - below
         if not any(add(below + share * width) for share in (0.5, 0.25, 0.75)):
             blocked = True
             break
         above, below = _steepest(known, above, below)
-    # A jump is much steeper than the steepest change elsewhere.
+    # A jump is ten times steeper than the steepest change elsewhere.
     change = _change(known, above, below)
     elsewhere = max((_change(known, a, b) / (a - b) for a, b in _pairs(known) if (a, b) != (above, below)), default=0.0)
-    if change > max(NO_DRIFT, JUMP * elsewhere * (above - below)):
-        return found(Cause.WINDING, known, (above, below))
-    return found(Cause.UNDECIDED if blocked else Cause.CURVATURE, known, (above, below))
+    if change > max(NO_DRIFT, 10.0 * elsewhere * (above - below)):
+        return verdict(Cause.WINDING, known, (above, below))
+    return verdict(Cause.UNDECIDED if blocked else Cause.CURVATURE, known, (above, below))
 
 
 def _pairs(known: dict[float, Vector], top: float = 1.0, bottom: float = 0.0) -> list[tuple[float, float]]:
@@ -291,7 +292,7 @@ def _steepest(known: dict[float, Vector], top: float = 1.0, bottom: float = 0.0)
     return max(_pairs(known, top, bottom), key=lambda pair: _change(known, *pair))
 
 
-def _told(difference: Vector, of: Winding) -> str:
+def _words(difference: Vector, of: Winding) -> str:
     """A joint difference in words: the largest joint's, and whole turns by name."""
     k = int(np.abs(difference).argmax())
     turns = whole_turns(difference, of.joint_units)

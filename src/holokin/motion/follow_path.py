@@ -41,7 +41,7 @@ from .ik.leaf import TRIES, jump_problem, leaf_step, leaf_stepper, leaf_value, m
 from .ik.plan import NativeFollower, Plan, check_start, make_plan
 from .ik.pose_paths import nearest_postures, out_of_reach
 from .ik.posture_search import all_postures
-from .trajectory import Measures, Status, Trajectory, record
+from .trajectory import Status, Trajectory, record, trajectory_of
 
 # --- Following by velocity: dq = G(q) x', integrated by Runge-Kutta of order 4 with fixed steps, as the paper does.
 
@@ -60,10 +60,9 @@ def path_rate(strategy: Strategy) -> Function:
     for i in range(task.m):
         off = fmax(off, fabs(error[i]))
     margin = fmin(strategy._margin_expression, task._margin_expression(R))
+    inputs = {"q": e.q, "p": p, "R": R, "v": v, "w": w}
     outputs = {"dq": solution.X, "rcond": solution.rcond, "margin": margin, "off": off}
-    return Function(
-        "path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, solution.system, strategy.transport
-    )
+    return Function("path_rate", inputs, outputs, solution.system, strategy.transport)
 
 
 def _velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
@@ -94,40 +93,38 @@ def velocity_rules() -> VelocityRules:
     return VelocityRules(TOLERANCES.singular, TOLERANCES.representation, TOLERANCES.tracking)
 
 
-def _native_velocity(
-    strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
-) -> NativeFollower | None:
-    """The same steps as native code, many in one call; None without it, see `Function.follower`, and of Python's G."""
-    if isinstance(strategy, NumericStrategy):
-        return None
-    kernel = path_rate(strategy).follower("velocity", load=load, build=build)
-    if kernel is None:
-        return None
-    return NativeFollower(kernel, plan, q0.copy(), velocity_rules(), limits)
-
-
 @dataclass(frozen=True, eq=False)
 class Stepper:
-    """The steps of a law along a plan: `step`, (q, step of the plan) -> q after it, and the same in native code."""
+    """The steps along a plan: `step`, (q, step of the plan) -> q after it, and the same in native code."""
 
     step: Callable[[Vector, int], Vector]
     native: NativeFollower | None = None
 
 
 def stepper(
-    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q0: Vector, limits: bool, tries: int = TRIES, *,
-    load: bool, build: bool,
-) -> Stepper:  # fmt: skip
+    strategy: Strategy,
+    leaf: HolonomicStrategy | None,
+    plan: Plan,
+    q0: Vector,
+    limits: bool,
+    tries: int = TRIES,
+    *,
+    load: bool,
+    build: bool,
+) -> Stepper:
     """The steps on the leaf through q0 (n,), of a strategy that is followed on one, or by velocity.
 
     Args:
         tries: pieces of one step in Python. load, build: as of `Function.follower`.
     """
-    if leaf is None:
-        native = _native_velocity(strategy, plan, q0, limits, load=load, build=build)
-        return Stepper(_velocity_stepper(strategy, plan), native)
-    native = native_leaf(leaf, plan, q0, limits, load=load, build=build)
-    return Stepper(leaf_stepper(leaf, plan, q0, tries), native)
+    if leaf is not None:
+        native = native_leaf(leaf, plan, q0, limits, load=load, build=build)
+        return Stepper(leaf_stepper(leaf, plan, q0, tries), native)
+    kernel = None  # as of G that is a Python function
+    if not isinstance(strategy, NumericStrategy):
+        kernel = path_rate(strategy).follower("velocity", load=load, build=build)
+    native = None if kernel is None else NativeFollower(kernel, plan, q0.copy(), velocity_rules(), limits)
+    return Stepper(_velocity_stepper(strategy, plan), native)
 
 
 Following = Literal["velocity", "leaf"]
@@ -182,6 +179,7 @@ def follow(
             be followed to its end; `.trajectory` holds what was computed.
     """
     task, robot = strategy.task, strategy.task.robot
+    # The start, how the strategy is followed from there, and the targets of the path.
     start = start_posture(robot, q0, limits)
     leaf = by_leaf(strategy, method)
     if whole("cycles", cycles) > 1 and not path.closed:
@@ -189,8 +187,8 @@ def follow(
     strategy(start)
     plan = make_plan(task, path, whole("samples", samples), task._place(start)[1])
     check_start(task, start, *plan.first)
-    once = partial(_walk, strategy, leaf, plan, start, int(cycles), limits, native)
-    return _to_jump(strategy, plan, int(cycles), once)
+    walk = partial(_walk, strategy, leaf, plan, start, int(cycles), limits, native)
+    return _to_jump(strategy, plan, int(cycles), walk)
 
 
 def build_native(strategy: Strategy) -> None:
@@ -229,8 +227,8 @@ def _walk(
         postures.flags.writeable = False  # the trajectory keeps them as they are
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
-    sources = {"load": native or total >= CACHED_FROM, "build": native or total >= NATIVE_FROM}
-    chosen = stepper(strategy, leaf, plan, q, limits, **sources)
+    load, build = native or total >= CACHED_FROM, native or total >= NATIVE_FROM
+    chosen = stepper(strategy, leaf, plan, q, limits, load=load, build=build)
     step, fast = chosen.step, chosen.native
     steps = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
@@ -297,26 +295,21 @@ def _native_steps(
     for _ in range(cycles):
         for first in range(0, plan.steps, BLOCK):
             last = min(plan.steps, first + BLOCK)
-            did = fast.run(q, first, last, postures[done + 1 : done + 1 + last - first])
-            done += did
+            count = fast.run(q, first, last, postures[done + 1 : done + 1 + last - first])
+            done += count
             q = postures[done].copy()
             yield done, q
-            if did < last - first:
+            if count < last - first:
                 return
-
-
-def _joint_rates(strategy: Strategy, plan: Plan, q: Matrix) -> Matrix:
-    """Joint rates (k, n) of a strategy at postures (k, n), one after the other of a plan from its start on."""
-    rates = plan.rates_at_ends()
-    index = 1 + np.arange(len(q) - 1) % plan.steps
-    return strategy.rate.batch(q, np.vstack([rates[:1], rates[index]])[: len(q)])[0].reshape(len(q), strategy.task.n)
 
 
 def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
     task = strategy.task
 
-    def dq(samples: int) -> Matrix:
-        return _joint_rates(strategy, plan, q[:samples])
+    def dq(samples: int) -> Matrix:  # at the start and at the ends of the steps
+        rates = plan.rates_at_ends()
+        dx = np.vstack([rates[:1], rates[1 + np.arange(samples - 1) % plan.steps]])[:samples]
+        return strategy.rate.batch(q[:samples], dx)[0].reshape(samples, task.n)
 
     def residual(samples: int) -> Vector:
         leaf = by_leaf(strategy)
@@ -376,9 +369,9 @@ def approach(
     rows = [start]
     if level is not None and isinstance(strategy, HolonomicStrategy):
         level_now = leaf_value(strategy, start)
-        far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - level_now)
+        change = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - level_now)
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
-            rows.append(move_to_leaf(strategy, rows[-1], level_now + share * far))
+            rows.append(move_to_leaf(strategy, rows[-1], level_now + share * change))
     # Then along the straight line of the tool; where that does not lead, to the nearest posture at its end.
     pose = task.pose(rows[-1])
     rotation = pose[:3, :3] if path.rotation is None else path.rotation
@@ -422,16 +415,4 @@ def _recorded(strategy: Strategy, q: Matrix, speed: float) -> Trajectory:
     rates = np.vstack([np.diff(q, axis=0) / steps[:, None], np.zeros((1, task.n))])
     if len(q) > 1:
         rates[-1] = rates[-2]
-
-    def sigma(samples: int) -> Vector:
-        return np.asarray(np.linalg.svd(task.jacobian_batch(q[:samples])[0], compute_uv=False)[:, -1], dtype=float)
-
-    measures = Measures(
-        dq=lambda samples: rates[:samples], x=lambda samples: task.value_batch(q[:samples]),
-        error=lambda samples: np.zeros((samples, task.m)), sigma=sigma, residual=np.zeros,
-    )  # fmt: skip
-    return Trajectory(
-        robot=task.robot, joint_units=tuple(c.unit for c in task.robot.coordinates),
-        row_names=task.row_names, row_units=task.units, t=t, q=q, marks=(0, len(q) - 1) if len(q) > 1 else (0,),
-        status=Status.COMPLETE, measures=measures,
-    )  # fmt: skip
+    return trajectory_of(task, t, q, lambda count: rates[:count], marks=(0, len(q) - 1) if len(q) > 1 else (0,))

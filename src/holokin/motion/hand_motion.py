@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,12 +16,9 @@ from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.extra_module import extra_module
 from ..base.poses import PoseLike
-from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, one_or_each
+from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number
 from ..robot import speed_limits
-from .ik.inverse_function import InverseKinematics, Nearest
-
-LONGEST = 1.0
-"""Longest period of a loop [s]: a longer one is in milliseconds."""
+from .ik.inverse_function import InverseKinematics, Nearest, steps_of
 
 AT_REST = 1e-9
 """Distance and speed [joint units, and per second] at which the joints have come to rest."""
@@ -44,6 +40,9 @@ class Followed(NoTruthValue, Value, ask="`.resting`"):
     behind: float
     resting: bool
 
+    def __str__(self) -> str:
+        return f"{'at rest' if self.resting else f'moving, {self.behind:.3g} behind'}; {self.nearest}"
+
 
 @dataclass(frozen=True, eq=False)
 class HandFollower(Value):
@@ -58,6 +57,10 @@ class HandFollower(Value):
     max_acceleration: Vector
     max_jerk: Vector
 
+    def __str__(self) -> str:
+        fastest = ", ".join(f"{v:.4g}" for v in self.max_velocity)
+        return f"follows a hand every {1e3 * self.dt:g} ms, joints at most {fastest} per s; {self.ik}"
+
     def begin(self, q0: ArrayLike) -> Callable[[PoseLike], Followed]:
         """A run that begins at rest at q0 (n,): a function of the hand's pose, called once each period.
 
@@ -70,6 +73,7 @@ class HandFollower(Value):
         ruckig, robot = extra_module("ruckig", "teleoperation"), self.ik.strategy.task.robot
         q = robot.checked(q0, "the posture to begin from")
         robot.check_limits(q)
+        # The profile starts at rest, with the limits of the loop.
         profile, state = ruckig.Ruckig(robot.n, self.dt), ruckig.InputParameter(robot.n)
         out = ruckig.OutputParameter(robot.n)
         state.current_position, zero = q.tolist(), [0.0] * robot.n
@@ -80,6 +84,7 @@ class HandFollower(Value):
         target, step = q.copy(), self.max_velocity * self.dt
 
         def follow(pose: PoseLike) -> Followed:
+            # The posture that belongs to the hand, and one period of the profile towards it.
             nonlocal target
             answer = self.ik.nearest(pose, target, step=step)
             target = np.asarray(answer.q)
@@ -120,19 +125,16 @@ def hand_follower(
     """
     robot = ik.strategy.task.robot
     dt = number("dt", dt)
-    if not 0 < dt <= LONGEST:
-        raise ArgumentError("dt", dt, f"give the period in seconds, positive and at most {LONGEST:g}: 2 ms is 0.002")
-    speed = _each("max_velocity", speed_limits(robot) if max_velocity is None else max_velocity, robot.n)
-    acceleration = _each("max_acceleration", max_acceleration, robot.n)
-    for what, values in (("max_velocity", speed), ("max_acceleration", acceleration)):
-        if not np.isfinite(values).all():
+    if not 0 < dt <= 1.0:
+        raise ArgumentError("dt", dt, "give the period in seconds, positive and at most 1: 2 ms is 0.002")
+    limits = []
+    for what, given in (
+        ("max_velocity", speed_limits(robot) if max_velocity is None else max_velocity),
+        ("max_acceleration", max_acceleration),
+        ("max_jerk", max_jerk),
+    ):
+        values = steps_of(what, given, robot.n)
+        if what != "max_jerk" and not np.isfinite(values).all():
             raise ArgumentError(what, values.tolist(), "give finite numbers")
-    return HandFollower(ik, dt, speed, acceleration, _each("max_jerk", max_jerk, robot.n))
-
-
-def _each(what: str, value: Any, n: int) -> Vector:
-    """(n,) of one positive number or of n. Raises: ArgumentError, ShapeError."""
-    given = one_or_each(what, value, n)
-    if not (given > 0).all():
-        raise ArgumentError(what, np.asarray(value, dtype=float).tolist(), "give positive numbers")
-    return frozen(given.copy())
+        limits.append(frozen(values.copy()))
+    return HandFollower(ik, dt, *limits)

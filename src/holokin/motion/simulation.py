@@ -104,7 +104,8 @@ class _Run:
         status = Status.COMPLETE if self.fault is None else Status.FAULT
         k = self.done + 1
         self.dq[k - 1] = self.dq[max(k - 2, 0)]  # rates are of the steps; the last sample repeats the last one
-        walk = record(self.task, self.plan, self.q[:k].copy(), self.dq[:k].copy(), self.cycles, status)
+        rates = self.dq[:k].copy()
+        walk = record(self.task, self.plan, self.q[:k].copy(), lambda count: rates[:count], self.cycles, status)
         if self.fault is None:
             return walk
         fact, cause = self.fault
@@ -127,6 +128,7 @@ class _Run:
             raise
 
     def _loop(self, report: Callable[[int], None]) -> None:
+        """Step after step, until the law's answer is no n finite numbers, or somebody stops it."""
         plan, n = self.plan, self.task.n
         self.pulse = time.monotonic()
         q = self.q0.copy()

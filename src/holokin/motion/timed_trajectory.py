@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.files import write_csv
-from ..base.types import Matrix, Shown, Value, Vector, number_or_none
+from ..base.types import Matrix, Reported, Shown, Value, Vector, number_or_none
 from ..base.units import SI, PrintedUnits
 from .trajectory import Trajectory
 
@@ -20,6 +20,9 @@ NOTHING = 1e-6
 """Peak of a rate [joint units / s, s^2, s^3] that a table shows as 0: round-off, up to jerks at 1 kHz."""
 
 RATES = ("velocity", "acceleration", "jerk")
+
+Profile = Literal["time-optimal", "trapezoidal", "quintic"]
+"""The kinds of speed profiles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,7 @@ class JointLoad(Shown):
 
 
 @dataclass(frozen=True, eq=False)
-class TimedTrajectory(Value):
+class TimedTrajectory(Reported, Value):
     """Joint motion at k instants, a step `dt` apart, from rest to rest.
 
     Attributes:
@@ -96,7 +99,7 @@ class TimedTrajectory(Value):
 
     untimed: Trajectory
     limits: Limits
-    profile: str
+    profile: Profile
     dt: float
     t: Vector
     q: Matrix
@@ -212,20 +215,18 @@ class TimedTrajectory(Value):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready facts."""
-        loads = [
-            {
-                "joint": load.joint, "unit": load.unit, "peaks": list(load.peaks),
-                "shares": [number_or_none(share) for share in load.shares],
-                "distance": number_or_none(load.distance), "distance_at": load.distance_at,
-            }
-            for load in self.loads
-        ]  # fmt: skip
-        return {
-            "profile": self.profile, "duration": self.duration, "dt": self.dt, "window": self.window,
-            "marks": list(self.marks), "stops": list(self.stops), "loop": self.loop, "joints": loads,
+        """JSON-ready facts, without the samples."""
+        joints = []
+        for load in self.loads:
+            shares, distance = [number_or_none(share) for share in load.shares], number_or_none(load.distance)
+            joints.append(vars(load) | {"peaks": list(load.peaks), "shares": shares, "distance": distance})
+        return {what: getattr(self, what) for what in ("profile", "duration", "dt", "window")} | {
+            "marks": list(self.marks),
+            "stops": list(self.stops),
+            "loop": self.loop,
+            "joints": joints,
             "slowdowns": [vars(slow) for slow in self.slowdowns],
-        }  # fmt: skip
+        }
 
     @typed
     def save(self, path: str | FilePath, units: PrintedUnits = SI) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.errors import ArgumentError, NotFiniteError, ShapeError
 from ..base.files import write_csv
-from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen, numbers
+from ..base.types import Indices, Matrix, NoTruthValue, Reported, Value, Vector, frozen, numbers
 from ..base.units import SI, PrintedUnits
 from ..robot import Robot
 from ..strategies.tasks.task import Task
@@ -81,9 +81,13 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
     corners: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
-        return (
-            f"Trajectory({len(self)} samples, {self.cycles} cycles, {self.status.name}, {', '.join(self.joint_names)})"
-        )
+        joints = ", ".join(self.joint_names)
+        return f"Trajectory({len(self)} samples, {self.cycles} cycles, {self.status.name}, {joints})"
+
+    def __str__(self) -> str:
+        seconds = float(self.t[-1]) if len(self) else 0.0
+        cycles = f"{self.cycles} cycle{'s' * (self.cycles != 1)}"
+        return f"{self.status.cause}: {len(self):,} samples, {cycles} in {seconds:.6g} s"
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -94,11 +98,8 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         """How it ended, and from where to where each joint went."""
         rows: list[Sequence[str]] = [("status", self.status.name.lower().replace("_", " "))]
         rows += [("samples", f"{len(self):,}"), ("whole cycles", str(self.cycles)), ("joint", "from", "to", "between")]
-        for name, unit, q in zip(self.joint_names, self.joint_units, self.q.T, strict=True):
-            if len(q):
-                rows.append(
-                    (name, f"{q[0]:.4f} {unit}", f"{q[-1]:.4f} {unit}", f"{q.min():.4f} and {q.max():.4f} {unit}")
-                )
+        for name, unit, q in zip(self.joint_names, self.joint_units, self.q.T if len(self) else (), strict=False):
+            rows.append((name, f"{q[0]:.4f} {unit}", f"{q[-1]:.4f} {unit}", f"{q.min():.4f} and {q.max():.4f} {unit}"))
         return rows
 
     def __getstate__(self) -> dict[str, Any]:
@@ -152,10 +153,8 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
     @typed
     def until(self, count: int) -> Trajectory:
         """The first samples of it, and the cycles that end among them; no more than these are measured."""
-        return replace(
-            self, t=self.t[:count], q=self.q[:count],
-            marks=tuple(k for k in self.marks if k < count), corners=tuple(k for k in self.corners if k < count),
-        )  # fmt: skip
+        marks, corners = (tuple(k for k in indices if k < count) for indices in (self.marks, self.corners))
+        return replace(self, t=self.t[:count], q=self.q[:count], marks=marks, corners=corners)
 
     def turns(self) -> Indices:
         """Whole turns of each hinge after 1, 2, ... cycles (cycles, n): what `whole_turns` of the drift says."""
@@ -178,17 +177,14 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
     def printed(self, units: PrintedUnits) -> Trajectory:
         """The same motion with its values in other units, to be printed."""
         joints, rows = units.factors(self.joint_units), units.factors(self.row_units)
-        measures = Measures(
-            lambda count: self.dq[:count] * joints,
-            lambda count: self.x[:count] * rows,
-            lambda count: self.error[:count] * rows,
-            lambda count: self.sigma[:count],
-            lambda count: self.residual[:count],
+        measures = replace(
+            self.measures,
+            dq=lambda count: self.dq[:count] * joints,
+            x=lambda count: self.x[:count] * rows,
+            error=lambda count: self.error[:count] * rows,
         )
-        return replace(
-            self, joint_units=tuple(map(units.name, self.joint_units)), q=self.q * joints,
-            row_units=tuple(map(units.name, self.row_units)), measures=measures,
-        )  # fmt: skip
+        joint_units, row_units = (tuple(map(units.name, of)) for of in (self.joint_units, self.row_units))
+        return replace(self, joint_units=joint_units, row_units=row_units, q=self.q * joints, measures=measures)
 
     @typed
     def save(self, path: str | FilePath, units: PrintedUnits = SI) -> None:
@@ -211,11 +207,40 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         write_csv(path, header, np.column_stack([seen.t, seen.q, seen.dq, seen.x]).tolist())
 
 
+def trajectory_of(
+    task: Task,
+    t: Vector,
+    q: Matrix,
+    dq: Callable[[int], Matrix],
+    *,
+    marks: tuple[int, ...],
+    status: Status = Status.COMPLETE,
+    error: Callable[[int], Matrix] | None = None,
+    residual: Callable[[int], Vector] | None = None,
+    corners: tuple[int, ...] = (),
+) -> Trajectory:
+    """The trajectory of postures q (k, n) at times t (k,) of a robot with a task; metrics are measured when asked."""
+
+    def sigma(samples: int) -> Vector:
+        J, _ = task.jacobian_batch(q[:samples])
+        return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
+
+    measures = Measures(
+        dq=dq,
+        x=lambda samples: task.value_batch(q[:samples]),
+        error=error or (lambda samples: np.zeros((samples, task.m))),
+        sigma=sigma,
+        residual=residual or np.zeros,
+    )
+    names = task.joint_units, task.row_names, task.units
+    return Trajectory(task.robot, *names, t, q, marks, status, measures, corners)
+
+
 def record(
     task: Task,
     plan: Plan,
     q: Matrix,
-    dq: Matrix | Callable[[int], Matrix],
+    dq: Callable[[int], Matrix],
     cycles: int,
     status: Status,
     residual: Callable[[int], Vector] | None = None,
@@ -236,32 +261,12 @@ def record(
         R = np.concatenate([plan.first[1][None], plan.rotation[index]])[:samples]
         return task.error(q[:samples], p, R)
 
-    def sigma(samples: int) -> Vector:
-        J, _ = task.jacobian_batch(q[:samples])
-        return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
-
     # The samples at the corners of the path, in every cycle.
     first = np.concatenate([[0], np.cumsum(plan.counts)])[list(plan.path.corners)]
     corners = np.add.outer(steps * np.arange(count // steps + 1), first).ravel().tolist()
-    measures = Measures(
-        dq=dq if callable(dq) else lambda samples: dq[:samples],
-        x=lambda samples: task.value_batch(q[:samples]),
-        error=error,
-        sigma=sigma,
-        residual=residual or np.zeros,
-    )
-    return Trajectory(
-        robot=task.robot,
-        joint_units=tuple(c.unit for c in task.robot.coordinates),
-        row_names=task.row_names,
-        row_units=task.units,
-        t=t,
-        q=q,
-        marks=tuple(range(0, min(cycles * steps, count) + 1, steps)),
-        status=status,
-        measures=measures,
-        corners=tuple(k for k in corners if k <= count),
-    )
+    marks = tuple(range(0, min(cycles * steps, count) + 1, steps))
+    corners = tuple(k for k in corners if k <= count)
+    return trajectory_of(task, t, q, dq, marks=marks, status=status, error=error, residual=residual, corners=corners)
 
 
 GAP = 10.0
@@ -269,7 +274,7 @@ GAP = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(Value):
+class Recording(Reported, Value):
     """Joint positions as logged: t (k,) [s], rising; q (k, n) [rad or m] in the order of `joint_names`.
 
     `notes` says what was changed or left out in reading. unknown_turns (p, 2): rows (i, joint), where from sample i to
@@ -297,6 +302,10 @@ class Recording(Value):
                 raise NotFiniteError(what, values[~np.isfinite(values)][:3].tolist())
         if len(self.t) > 1 and not (np.diff(self.t) > 0).all():
             raise ArgumentError("a step of t", float(np.diff(self.t).min()), "give rising times in seconds")
+
+    def __str__(self) -> str:
+        samples = f"{len(self):,} samples of {', '.join(self.joint_names)} from {self.source}"
+        return "; ".join([samples, *self.notes])
 
     def __len__(self) -> int:
         return len(self.t)

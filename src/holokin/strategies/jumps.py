@@ -1,7 +1,7 @@
-"""Where a law jumps: places at which an if_else, a floor, ... of its formula turns over, and what the law does there.
+"""Where a strategy jumps: places at which an if_else, a floor, ... of its formula turns over, and what it does there.
 
-Let s(q) = 0 be such a place, and G-, G+ the law on its two sides. A path of the tool that crosses it at one point and
-comes back at another brings the joints back only if both sides take them along it alike:
+Let s(q) = 0 be such a place, and G-, G+ the strategy on its two sides. A path of the tool that crosses it at one point
+and comes back at another brings the joints back only if both sides take them along it alike:
 
     (G+ - G-) v = 0   for every v with  ds/dq G- v = 0,
 
@@ -15,18 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.errors import SingularityError
-from ..base.types import Array, Matrix, Value, Vector, kept
+from ..base.types import Array, Matrix, Reported, Value, Vector, kept
 from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
 from .strategy import HolonomicStrategy, Strategy
-
-STEPS = 20
-"""Newton steps to a place where a switch turns over."""
-
-STARTS = 8
-"""Postures from which each switch is sought: those to which it is nearest, by its slope."""
-
-REACH = 1.0
-"""Diagonals of the box within which a switch is, by its slope at a posture, to be sought from there."""
 
 BESIDE = 1e-7
 """Distance [joint units] of the two sides that are compared: well over the round-off of a posture, and so small that
@@ -38,21 +29,15 @@ JUMP = 1e-4
 ROUND_OFF = 1e-9
 """Jump of g, over 1 + its size, that is none; what its slopes make over the distance of the sides is taken off."""
 
-PLACES = 8
-"""Places looked at for each switch."""
-
 NEAR = 0.02
 """How far [joint units] from a posture a jump may be that ends a walk there: about a step of one."""
 
-HALVINGS = 40
-"""Of a step that a switch turns over in: to 1e-12 of its length."""
-
 
 @dataclass(frozen=True, eq=False)
-class Jump(Value):
-    """A place q (n,) where the formula of a law turns over, by the operation `what`, and jumps.
+class Jump(Reported, Value):
+    """A place q (n,) where the formula of a strategy turns over, by the operation `what`, and jumps.
 
-    level: jump of g [its unit], of a constraint; 0 of another law. planes: how far the two sides disagree on where
+    level: jump of g [its unit], of a constraint; 0 of another strategy. planes: how far the two sides disagree on where
     the joints go along the place, relative; 0 where they agree, so that joints return across it, too.
     """
 
@@ -61,11 +46,15 @@ class Jump(Value):
     level: float
     planes: float
 
+    def __str__(self) -> str:
+        jumps = f"g jumps by {self.level:.3g}" if self.level else "the planes jump" if self.planes else "no jump"
+        return f"{jumps} ({self.what}) at q = {np.array2string(self.q, precision=3)}"
+
 
 @kept
 def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
-    """(words, gaps, states) of the switches of g, if there is one, else of the planes; none of a law with a loop,
-    as `radial`, whose g is integrated from the planes of another law."""
+    """(words, gaps, states) of the switches of g, if there is one, else of the planes; none of a strategy with a loop,
+    as `radial`, whose g is integrated from the planes of another strategy."""
     e = strategy.expressions
     if strategy.transport is not None or strategy.looped is not strategy:
         return (), SX(0, 1), SX(0, 1)
@@ -85,7 +74,7 @@ def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
 
 
 def may_jump(strategy: Strategy) -> tuple[str, ...]:
-    """The operations of g, or of the planes of a law without one, that may jump; () for most laws."""
+    """The operations of g, or of the planes of a strategy without one, that may jump; () for most strategies."""
     return tuple(dict.fromkeys(_switches(strategy)[0]))
 
 
@@ -106,20 +95,17 @@ def states(strategy: Strategy, Q: Matrix) -> Matrix:
 
 
 def jumps_of(strategy: Strategy, Q: Matrix, low: Vector, high: Vector) -> tuple[Jump, ...]:
-    """Jumps of a law within a box, the largest of each operation: sought from postures (N, n) by Newton's method."""
+    """Jumps within a box, the largest of each operation: sought from postures (N, n) by Newton's method."""
     jumps: dict[str, Jump] = {}
     words = _switches(strategy)[0]
     gaps, slopes = _gaps_at(strategy, Q) if words else (Q, Q)
     for i, what in enumerate(words):
         for q, normal in _places(strategy, i, Q, gaps[:, i], slopes[:, i], low, high):
-            candidate = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
-            if candidate is not None and _more(candidate, jumps.get(what)):
-                jumps[what] = candidate
+            jump = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
+            largest = jumps.get(what)
+            if jump and (largest is None or (jump.planes, jump.level) > (largest.planes, largest.level)):
+                jumps[what] = jump
     return tuple(jumps.values())
-
-
-def _more(jump: Jump, other: Jump | None) -> bool:
-    return other is None or (jump.planes, jump.level) > (other.planes, other.level)
 
 
 def _gaps_at(strategy: Strategy, X: Matrix) -> tuple[Matrix, Array]:
@@ -133,39 +119,39 @@ def _places(
 ) -> list[tuple[Vector, Vector]]:
     """(q, unit normal) at places of a box where switch i turns over; gap (N,) and slope (N, n) are those at Q."""
 
-    def at(X: Matrix) -> tuple[Vector, Matrix]:
+    def gap_at(X: Matrix) -> tuple[Vector, Matrix]:
         gaps, slopes = _gaps_at(strategy, X)
         return gaps[:, i], slopes[:, i]
 
     with np.errstate(all="ignore"):
-        # Begin at the postures that are nearest to the switch, by its slope.
-        far = np.abs(gap) / np.linalg.norm(slope, axis=1)
-        near = np.flatnonzero(far <= REACH * np.linalg.norm(high - low))
-        X = Q[near[np.argsort(far[near], kind="stable")[:STARTS]]]
+        # Begin at the eight postures that are nearest to the switch by its slope, no farther than the box is wide.
+        distance = np.abs(gap) / np.linalg.norm(slope, axis=1)
+        near = np.flatnonzero(distance <= np.linalg.norm(high - low))
+        X = Q[near[np.argsort(distance[near], kind="stable")[:8]]]
         if not len(X):
             return []
-        # Newton's method on gap(q) = 0 within the box, of those that still move.
+        # At most 20 steps of Newton's method on gap(q) = 0 within the box, of those that still move.
         moving = np.arange(len(X))
-        for _ in range(STEPS):
-            gap, slope = at(X[moving])
+        for _ in range(20):
+            gap, slope = gap_at(X[moving])
             move = gap[:, None] * slope / np.sum(slope**2, axis=1)[:, None]
             posture = np.clip(X[moving] - np.where(np.isfinite(move), move, 0.0), low, high)
-            went = np.abs(posture - X[moving]).max(axis=1)
+            motion = np.abs(posture - X[moving]).max(axis=1)
             X[moving] = posture
-            moving = moving[went > 1e-4 * BESIDE]
+            moving = moving[motion > 1e-4 * BESIDE]
             if not len(moving):
                 break
-        gap, slope = at(X)
+        gap, slope = gap_at(X)
         size = np.linalg.norm(slope, axis=1)
         X, slope = (part[np.abs(gap) <= 1e-3 * BESIDE * size] for part in (X, slope))
     if not len(X):
         return []
-    # Keep places on whose two sides the state is another one.
+    # Keep at most eight places on whose two sides the state is another one.
     normals = slope / np.linalg.norm(slope, axis=1)[:, None]
     sides = states(strategy, np.vstack([X - BESIDE * normals, X + BESIDE * normals])).reshape(2, len(X), -1)[:, :, i]
-    turned = np.flatnonzero(sides[0] != sides[1])
-    chosen = turned[np.linspace(0, len(turned) - 1, min(PLACES, len(turned))).astype(int)] if len(turned) else turned
-    return [(X[k], normals[k]) for k in chosen]
+    switched = np.flatnonzero(sides[0] != sides[1])
+    some = np.linspace(0, max(len(switched) - 1, 0), min(8, len(switched))).astype(int)
+    return [(X[k], normals[k]) for k in switched[some]]
 
 
 def _jump(strategy: Strategy, what: str, a: Vector, b: Vector, normal: Vector) -> Jump | None:
@@ -199,7 +185,7 @@ def jump_near(strategy: HolonomicStrategy, q: Vector) -> Jump | None:
     if not may_jump(strategy):
         return None
     jumps = [jump for jump in jumps_of(strategy, q[None], q - NEAR, q + NEAR) if jump.level]
-    return max(jumps, key=lambda one: one.level, default=None)
+    return max(jumps, key=lambda jump: jump.level, default=None)
 
 
 def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | None:
@@ -214,14 +200,14 @@ def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | Non
     return None
 
 
-def _between(strategy: HolonomicStrategy, a: Vector, b: Vector, at_a: Vector, at_b: Vector) -> Jump | None:
+def _between(strategy: HolonomicStrategy, a: Vector, b: Vector, state_a: Vector, state_b: Vector) -> Jump | None:
     """A jump of g on the straight path from a to b; every switch that turns over is halved to where it does."""
     words = _switches(strategy)[0]
-    for i in np.flatnonzero(at_a != at_b):
+    for i in np.flatnonzero(state_a != state_b):
         low, high = a, b
-        for _ in range(HALVINGS):
+        for _ in range(40):  # to 1e-12 of the path
             middle = (low + high) / 2
-            if states(strategy, middle[None])[0, i] == at_a[i]:
+            if states(strategy, middle[None])[0, i] == state_a[i]:
                 low = middle
             else:
                 high = middle

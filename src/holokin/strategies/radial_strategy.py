@@ -18,7 +18,7 @@ import numpy as np
 from ..base.arguments import made, typed
 from ..base.errors import ArgumentError, SingularityError, SingularityKind
 from ..base.tolerances import TOLERANCES
-from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, frozen, whole
+from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Reported, Value, Vector, finite, frozen, whole
 from ..robot import Robot, start_posture
 from ..symbolic import (
     SX,
@@ -50,23 +50,8 @@ from .tasks.task import Task
 # dq/ds = v, where v is the last direction without its part that moves the tool, v - J^+ J v. With one redundant joint
 # that is the self-motion itself, a curve; with several it is a line in it.
 
-CORRECTIONS = 2
-"""Newton corrections of a step. A step of 0.2 leaves 1e-3, the first one 1e-6 of it, the second one round-off."""
-
 ROUGH = 1e-4
 """Last correction [joint units] of a good step, at most: the next one would be of the order of its square."""
-
-PARTS = (4, 16, 64)
-"""Steps that are tried instead of one that is not good, as close to a singular posture, where self-motions bend."""
-
-BETWEEN = 3
-"""Corrections of a posture between two of a curve: 1e-4 off at first, at round-off after three."""
-
-CLOSED = 0.75
-"""Distance from the first posture, in steps, within which a walk has come round; half a step is the farthest."""
-
-SAME_WAY = 0.9
-"""Cosine between two directions in one place from which on they are one: else the curve comes by, and is not closed."""
 
 
 class CurveEnd(StrEnum):
@@ -79,7 +64,7 @@ class CurveEnd(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class SelfMotion(Value):
+class SelfMotion(Reported, Value):
     """Postures (k, n) with one tool pose, in order, s (k,) [joint units] their arc length from the given posture.
 
     `endings`: why it stops at its first and at its last posture; both CLOSED when it comes back to itself.
@@ -89,6 +74,10 @@ class SelfMotion(Value):
     q: Matrix
     s: Vector
     endings: tuple[CurveEnd, CurveEnd]
+
+    def __str__(self) -> str:
+        ends = "closed" if self.closed else f"open, it ends at a {' and at a '.join(self.endings)}"
+        return f"{ends}: {self.s[-1] - self.s[0]:.4g} joint units long, {len(self.q)} postures with one tool pose"
 
     @property
     def closed(self) -> bool:
@@ -102,7 +91,7 @@ class SelfMotion(Value):
         """
         s = float(finite("s", s, ()))
         q = np.array([np.interp(s, self.s, joint) for joint in self.q.T])
-        for _ in range(BETWEEN):
+        for _ in range(3):  # 1e-4 off at first, at round-off after three corrections
             q = q + correction(self.task, q, *self._target)
         return q
 
@@ -158,20 +147,21 @@ class SelfMotions(Value):
 
         Args: as `self_motion`; directions (S, n): in which they begin, where several joints are redundant.
         """
-        every = np.arange(len(Q))
-        if directions is None:
-            directions = np.array([null_vector(J) for J in self.task.jacobian_batch(Q)[0]]).reshape(Q.shape)
         v = directions
-        ahead, last = self._one_way(Q, v, every, step, length, limits)
-        still = np.flatnonzero([end is not CurveEnd.CLOSED for end in last])
-        others, first = self._one_way(Q[still], -v[still], still, step, length, limits)
-        behind, starts = dict(zip(still.tolist(), others, strict=True)), dict(zip(still.tolist(), first, strict=True))
+        if v is None:
+            v = np.array([null_vector(J) for J in self.task.jacobian_batch(Q)[0]]).reshape(Q.shape)
+        # Ahead, and back where the curve has not come round.
+        ahead, last = self._one_way(Q, v, np.arange(len(Q)), step, length, limits)
+        open_curves = np.flatnonzero([end is not CurveEnd.CLOSED for end in last])
+        behind = zip(*self._one_way(Q[open_curves], -v[open_curves], open_curves, step, length, limits), strict=True)
+        backward = dict(zip(open_curves.tolist(), behind, strict=True))
+        # Both halves as one curve, with its arc length from the given posture.
         curves = []
         for i, q in enumerate(Q):
-            back = behind.get(i, Q[:0])
-            line = np.concatenate([back[::-1], q[None], ahead[i]])
-            s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-            curves.append(SelfMotion(self.task, line, s - s[len(back)], (starts.get(i, last[i]), last[i])))
+            back, first = backward.get(i, (Q[:0], last[i]))
+            curve = np.concatenate([back[::-1], q[None], ahead[i]])
+            s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+            curves.append(SelfMotion(self.task, curve, s - s[len(back)], (first, last[i])))
         return curves
 
     def walked(self, Q: Matrix, v: Matrix, lengths: Vector, step: float) -> tuple[Matrix, Flags]:
@@ -189,7 +179,7 @@ class SelfMotions(Value):
         Returns (postures, directions there, which of them are good); those that are not stay where they were.
         """
         postures, along, sound = self._step(q, v, i, length)
-        for parts in PARTS:
+        for parts in (4, 16, 64):  # shorter steps where self-motions bend, as close to a singular posture
             bad = np.flatnonzero(~sound & (length != 0))
             if not len(bad):
                 break
@@ -201,11 +191,13 @@ class SelfMotions(Value):
         return postures, along, sound
 
     def _step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
+        # Along the direction in the middle of the step.
         start, size = q, np.inf
         J = self.task.jacobian_batch(q + length[:, None] / 2 * v)[0]
         along = _unit(v - least_motion(J, (J @ v[:, :, None]))[:, :, 0])
         q = q + length[:, None] * along
-        for _ in range(CORRECTIONS):
+        # Newton corrections: a step of 0.2 leaves 1e-3, the first one 1e-6 of it, the second one round-off.
+        for _ in range(2):
             J = self.task.jacobian_batch(q)[0]
             e = self.task._error_function.batch(q, self.p[i], self.R[i]).reshape(len(q), -1)
             motions = least_motion(J, np.stack([e, np.einsum("kmn,kn->km", J, along)], axis=2))
@@ -222,25 +214,27 @@ class SelfMotions(Value):
         """The postures behind Q (k, n) in the direction v, and why there are no more."""
         if not len(Q):
             return [], []
-        robot, ends = self.task.robot, np.full(len(Q), CurveEnd.LENGTH, dtype=object)
-        on = np.arange(len(Q))
+        ends, walking = np.full(len(Q), CurveEnd.LENGTH, dtype=object), np.arange(len(Q))
         posture, along, _ = self._step(Q, v, i, np.zeros(len(Q)))
-        first, numbers, points = along, [on[:0]], [Q[:0]]
+        first, numbers, points = along, [walking[:0]], [Q[:0]]
         for k in range(int(np.ceil(length / step))):
-            posture, along, sound = self.step(posture, along, i[on], np.full(len(on), step))
-            ends[on[~sound]] = CurveEnd.SINGULAR
+            posture, along, sound = self.step(posture, along, i[walking], np.full(len(walking), step))
+            ends[walking[~sound]] = CurveEnd.SINGULAR
             if limits:
-                beyond = sound & ~robot.within(posture)
-                ends[on[beyond]], sound = CurveEnd.LIMIT, sound & ~beyond
-            back = sound & (np.sum(along * first[on], axis=1) > SAME_WAY) & (k > 2)
-            back &= away(self.task, posture, Q[on]) < CLOSED * step
-            ends[on[back]] = CurveEnd.CLOSED
-            numbers.append(on[sound])
+                beyond = sound & ~self.task.robot.within(posture)
+                ends[walking[beyond]], sound = CurveEnd.LIMIT, sound & ~beyond
+            # A curve has come round where it is within half a step of its start, and goes the same way: else it
+            # crosses itself.
+            round_again = sound & (np.sum(along * first[walking], axis=1) > 0.9) & (k > 2)
+            round_again &= away(self.task, posture, Q[walking]) < 0.75 * step
+            ends[walking[round_again]] = CurveEnd.CLOSED
+            numbers.append(walking[sound])
             points.append(posture[sound])
-            left = sound & ~back
-            on, posture, along = on[left], posture[left], along[left]
-            if not len(on):
+            left = sound & ~round_again
+            walking, posture, along = walking[left], posture[left], along[left]
+            if not len(walking):
                 break
+        # The points of each curve, in the order in which they were reached.
         which, flat = np.concatenate(numbers), np.concatenate(points)
         order = np.argsort(which, kind="stable")
         cuts = np.searchsorted(which[order], np.arange(1, len(Q)))
@@ -294,15 +288,6 @@ def _unit(v: Matrix) -> Matrix:
 # With one redundant joint these postures are a curve, the self-motion, and the label is arc length along it as an
 # angle: it never turns back. With more the label is the projection on the self-motions at the start, which does.
 
-STEP = 0.05
-"""Arc length between the postures that the curve is traced by [joint units]."""
-
-LENGTH = 40.0
-"""The curve is traced so far each way [joint units]; a Panda's closes after 13 or less, the planar arm's after 24."""
-
-SPACINGS = (0.4, 0.2, 0.1)
-"""Arc length between the nodes of the label [joint units]: the first that is fine enough is taken."""
-
 WIDTH = 0.8
 """Width of a node's weight, in spacings: the label's slope then ripples by less than 1 % on a straight curve."""
 
@@ -321,15 +306,6 @@ class Label:
     value: Callable[[SX], SX]
     margin: Callable[[SX], SX]
     angular: bool
-
-
-def _label_of(task: Task, q0: Vector) -> Label:
-    """A label of the postures that hold the tool where it is at `q0` (n,), 0 there.
-
-    Arc length where the self-motions are curves; a curve that turns too sharply for it, as close to singular postures,
-    is labelled by the projection too.
-    """
-    return (_arc_length(task, q0) if task.n - task.m == 1 else None) or _projection(task, q0)
 
 
 def _projection(task: Task, q0: Vector) -> Label:
@@ -353,11 +329,14 @@ def _arc_length(task: Task, q0: Vector) -> Label | None:
     distance to node k with hinges on their circles, so that a full turn of a joint is no way at all. None if no nodes
     are fine enough.
     """
-    curve = self_motion(task, q0, step=STEP, length=LENGTH, limits=False)
-    E, turn = _on_circles(task.robot, curve.q), 2 * np.pi if curve.closed else np.pi
-    length = curve.s[-1] - curve.s[0]
+    # The curve, hinges on their circles: a Panda's closes after 13 joint units or less, the planar arm's after 24.
+    curve = self_motion(task, q0, step=0.05, length=40.0, limits=False)
+    hinges = task.robot.hinges
+    E = np.hstack([curve.q[:, ~hinges], np.cos(curve.q[:, hinges]), np.sin(curve.q[:, hinges])])
+    turn, length = 2 * np.pi if curve.closed else np.pi, curve.s[-1] - curve.s[0]
     angles = turn * curve.s / length
-    for spacing in SPACINGS:
+    # The first spacing of nodes [joint units] that is fine enough is taken.
+    for spacing in (0.4, 0.2, 0.1):
         count = max(4, int(np.ceil(length / spacing)))
         s = np.linspace(curve.s[0], curve.s[-1], count, endpoint=not curve.closed)
         nodes, width = np.array([np.interp(s, curve.s, e) for e in E.T]).T, WIDTH * (s[1] - s[0])
@@ -377,13 +356,13 @@ def _weighted(robot: Robot, nodes: Matrix, width: float, angles: Vector) -> Labe
     hinges = robot.hinges
     slide, turn = np.flatnonzero(~hinges).tolist(), np.flatnonzero(hinges).tolist()
     center = nodes.mean(axis=0)
-    away = (nodes - center) / width**2
+    scaled = (nodes - center) / width**2
     fixed = np.sum((nodes - center) ** 2, axis=1) / (2 * width**2)
 
     def weights(q: SX) -> SX:
         departure = vertcat(q[slide], cos(q[turn]), sin(q[turn])) - SX(center)
-        # |here - node|^2 by its three terms: half the work of the difference itself
-        return exp(SX(away) @ departure - SX(fixed) - departure.T @ departure / (2 * width**2))
+        # |point - node|^2 by its three terms: half the work of the difference itself
+        return exp(SX(scaled) @ departure - SX(fixed) - departure.T @ departure / (2 * width**2))
 
     def value(q: SX) -> SX:
         w = weights(q)
@@ -394,12 +373,6 @@ def _weighted(robot: Robot, nodes: Matrix, width: float, angles: Vector) -> Labe
         return (share - PRESENT) / (1 - PRESENT)
 
     return Label(value, margin, angular=True)
-
-
-def _on_circles(robot: Robot, Q: Matrix) -> Matrix:
-    """Postures (k, n) as points: sliders as they are, hinges as (cos, sin)."""
-    hinges = robot.hinges
-    return np.hstack([Q[:, ~hinges], np.cos(Q[:, hinges]), np.sin(Q[:, hinges])])
 
 
 ARRIVED = 0.01
@@ -421,15 +394,15 @@ joints, is no miss; so short a path has no error of the steps."""
 
 WRONG = 0.01
 """Error of the gain, as a share of it, from which on it is refused; from less where the label's margin is below 1.
-It is an estimate. Of six laws on four arms, with 1, 2, 4 and 8 steps, at random postures up to 12 m from the centre of
-the PPR arm and up to 2.5 rad from that of others, 4,682 gains are answered, and 3 of them more than 1 % wrong: 1.0, 1.4
-and, with four redundant joints, 3.9 %. Without it 301 were, by up to 118 %."""
+It is an estimate. Of six strategies on four arms, with 1, 2, 4 and 8 steps, at random postures up to 12 m from the
+centre of the PPR arm and up to 2.5 rad from that of others, 4,682 gains are answered, and 3 of them more than 1 %
+wrong: 1.0, 1.4 and, with four redundant joints, 3.9 %. Without it 301 were, by up to 118 %."""
 
 GAPS = 0.3
 """How the gaps of the sweep count in that error. They go with the step to the fourth power, as the error of all steps
 does, and are more than it; 0.2 let twice as many wrong ones pass."""
 
-Found = tuple[SX, SX, SX]
+LabelAt = tuple[SX, SX, SX]
 """Label (r,), its gradient (r, n), margin."""
 
 
@@ -469,20 +442,15 @@ def radial(strategy: Strategy, q0: ArrayLike, *, steps: int = 4, name: str | Non
         raise ArgumentError("the number of redundant joints", 0, cure)
     strategy(start)
     lines = _lines(strategy, start, steps)
-    return holonomic(task, _constraint(f"radial strategy of {strategy.name}", task.n - task.m, lines), name=name)
-
-
-def _constraint(title: str, r: int, lines: _Lines) -> Constraint:
-    """g, written out; and with its transport left to a loop."""
-    loop = lines.loop()
-    return replace(
-        _constraint_by_label(title, r, lines, _last_kept(loop)),
-        looped=_constraint_by_label(title, r, lines, lambda _q: loop.symbols, loop),
-    )
+    title, r, loop = f"radial strategy of {strategy.name}", task.n - task.m, lines.loop()
+    # g, written out; and with its transport left to a loop.
+    g = _constraint_by_label(title, r, lines, _with_memory(loop))
+    looped = _constraint_by_label(title, r, lines, lambda _q: loop.symbols, loop)
+    return holonomic(task, replace(g, looped=looped), name=name)
 
 
 def _constraint_by_label(
-    title: str, r: int, lines: _Lines, label_at: Callable[[SX], Found], loop: Transport | None = None
+    title: str, r: int, lines: _Lines, label_at: Callable[[SX], LabelAt], loop: Transport | None = None
 ) -> Constraint:
     """g by its label, gradient and margin at q. Where J is singular the gradient is 0: rcond 0 says so."""
     return Constraint(
@@ -513,17 +481,9 @@ class _Lines:
     along: Callable[..., SX]
     pulled: Callable[..., SX]
 
-    def value(self, q: SX) -> SX:
-        """x."""
-        return self.chart.value_expression(self.chart.kinematics(q))
-
     def away(self, q: SX) -> SX:
         """How far the tool is from the centre (m,)."""
-        return self.value(q) - SX(self.x0)
-
-    def left(self, back: SX) -> SX:
-        """How far the tool has still to go to the centre (m,)."""
-        return SX(self.x0) - self.value(back)
+        return self.chart.value_expression(self.chart.kinematics(q)) - SX(self.x0)
 
     def rate(self, q: SX, v: SX) -> tuple[SX, SX]:
         """(dq, rcond) of the strategy."""
@@ -549,7 +509,8 @@ class _Lines:
         """Square of the gain's error over `WRONG`, estimated from the gradient of a row of the label.
 
         `along` is the gradient by the tool at the given rates: with an exact label it is 0 along v. `gaps` tell of the
-        other directions, in which the law differs from the given one. `aside` is what the row tells of self-motions.
+        other directions, in which the radial strategy differs from the given one. `aside` is what the row tells of
+        self-motions.
         """
         way = norm_2(q - back) + AT_CENTER
         far = v.T @ v / way**2
@@ -558,7 +519,7 @@ class _Lines:
 
     def loop(self) -> Transport:
         """The transport to the centre."""
-        parts = self.away, self.rate, self.slope, self.left, self.end, self.doubt
+        parts = self.away, self.rate, self.slope, lambda back: -self.away(back), self.end, self.doubt
         return transport(*parts, center=self.center, steps=self.steps)
 
 
@@ -572,16 +533,18 @@ def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
     along = as_map([e.q, dx], vertcat(moved.X, fmax(0, moved.rcond)))  # fmax makes 0 of what is not a number
     pulled = as_map([e.q, dx, w], vertcat(*e.slope(dx, w)))
     rcond = float(charted.gain(q0)[1])
-    return _Lines(chart, q0, chart(q0), _label_of(task, q0), rcond, steps, along, pulled)
+    # A curve that turns too sharply for arc length, as close to singular postures, is labelled by the projection too.
+    label = (_arc_length(task, q0) if task.n - task.m == 1 else None) or _projection(task, q0)
+    return _Lines(chart, q0, chart(q0), label, rcond, steps, along, pulled)
 
 
-def _last_kept(build: Callable[[SX], Found]) -> Callable[[SX], Found]:
-    """`build`, its last answer kept: the label, its gradient and the margin then share one transport."""
-    last: list[tuple[SX, Found]] = []
+def _with_memory(build: Callable[[SX], LabelAt]) -> Callable[[SX], LabelAt]:
+    """`build` with its last answer: the label, its gradient and the margin then share one transport."""
+    last: list[tuple[SX, LabelAt]] = []
 
-    def kept(q: SX) -> Found:
+    def label_at(q: SX) -> LabelAt:
         if not last or last[0][0] is not q:
             last[:] = [(q, build(q))]
         return last[0][1]
 
-    return kept
+    return label_at

@@ -61,7 +61,14 @@ def weighted(task: Task, weight: ArrayLike | Callable[[SX], Any], *, name: str =
         ShapeError, NotFiniteError.
     """
     if callable(weight):
-        _check_weight(task, weight)
+        q = symbol("q", task.n)
+        value = written("the weight", weight, q)
+        if value.shape != (task.n, task.n):
+            raise ShapeError("the weight", (task.n, task.n), value.shape)
+        function = Function("weight", {"q": q}, {"weight": value})
+        for posture in _check_postures(task):
+            place = np.array2string(posture, precision=3)
+            _positive_definite(f"the weight at q = {place}", np.reshape(function(posture), (task.n, task.n)))
         # (6): the frame of G_W
         frame = lambda task, k, q: solve(written("the weight", weight, q), task.jacobian_expression(k, q).T)  # noqa: E731
         return FrameStrategy(name, task, frame)
@@ -79,17 +86,6 @@ def _positive_definite(what: str, W: np.ndarray) -> None:
         raise NotFiniteError(what, W.tolist())
     if not np.allclose(W, W.T, rtol=1e-9, atol=1e-12 * np.abs(W).max()) or np.linalg.eigvalsh(W)[0] <= 0:
         raise ArgumentError(what, W.tolist(), "give a symmetric positive definite matrix")
-
-
-def _check_weight(task: Task, weight: Callable[[SX], Any]) -> None:
-    q = symbol("q", task.n)
-    value = written("the weight", weight, q)
-    if value.shape != (task.n, task.n):
-        raise ShapeError("the weight", (task.n, task.n), value.shape)
-    function = Function("weight", {"q": q}, {"weight": value})
-    for posture in _check_postures(task):
-        place = np.array2string(posture, precision=3)
-        _positive_definite(f"the weight at q = {place}", np.reshape(function(posture), (task.n, task.n)))
 
 
 def _check_postures(task: Task) -> np.ndarray:
@@ -173,10 +169,6 @@ def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometri
 
 
 # --- A strategy given as a Python function q -> G without a formula: any code that computes a right inverse.
-
-AGAIN = 1e-6
-"""Difference of G [joint unit / task unit] between two calls at one posture that is no noise: as large as what J G may
-be away from 1. A smaller one counts as noise, which the curvature is measured with."""
 
 
 @final
@@ -281,10 +273,15 @@ class _Calls:
 
 @made
 def numeric(
-    task: Task, G: Callable[[Vector], Any], *, q0: ArrayLike | None = None, name: str = "given function",
+    task: Task,
+    G: Callable[[Vector], Any],
+    *,
+    q0: ArrayLike | None = None,
+    name: str = "given function",
     accuracy: float = 1e-6,
-) -> NumericStrategy:  # fmt: skip
-    """A right inverse as a Python function of NumPy: your own code, or a library's, judged as holokin's own laws are.
+) -> NumericStrategy:
+    """A right inverse as a Python function of NumPy: your own code, or a library's, judged as holokin's own strategies
+    are.
 
     `curvature`, `involutivity`, `follow`, `drift`, `path_spread`, `simulate` and `audit` take it. Derivatives are
     differences of its values, and the verdict says how accurate they are. The function must be a function of q: it is
@@ -296,36 +293,35 @@ def numeric(
         accuracy: how far J G may be from 1, as a share of |J| |G|. Of code in single precision it is 1e-4.
 
     Raises:
-        FunctionError: G raises at all of eight postures, as a law that is defined elsewhere: give q0. ShapeError,
+        FunctionError: G raises at all of eight postures, as a strategy that is defined elsewhere: give q0. ShapeError,
             NotFiniteError: G returns something else. ArgumentError: J G is not 1, with the number and the posture; G
             answers otherwise when it is called again, with the number.
     """
     if not 0 < number("accuracy", accuracy) < 1:
         raise ArgumentError("accuracy", accuracy, "give a number between 0 and 1")
     strategy = NumericStrategy(name, task, G, float(accuracy))
-    postures = _check_postures(task) if q0 is None else _postures_about(task.robot.checked(q0, "the posture q0"))
+    if q0 is None:
+        postures = _check_postures(task)
+    else:  # it, and seven random postures within 0.05 of it
+        moves = np.random.default_rng(0).uniform(-0.05, 0.05, (8, task.n))
+        moves[0] = 0.0
+        postures = task.robot.checked(q0, "the posture q0") + moves
+    # At a few postures, then at the same in another order: it may raise at some, as at a singular one.
     first: dict[int, Matrix] = {}
     refused: HolokinError | None = None
     for i, q in enumerate(postures):
         try:
             first[i] = strategy(q)
-        except (FunctionError, NotFiniteError, SingularityError) as problem:  # as at a singular posture
+        except (FunctionError, NotFiniteError, SingularityError) as problem:
             refused = problem
     if refused is not None and not first:
         raise refused
     for i in reversed(first):
         off = float(np.abs(strategy(postures[i]) - first[i]).max())
-        if off > AGAIN:
+        if off > 1e-6:  # less is noise, which the curvature is measured with
             cure = "give a function of q alone, without a random number, a memory or a warm start"
             raise ArgumentError(f"the change of G of {name!r} when it is called at one posture again", off, cure)
     return strategy
-
-
-def _postures_about(q0: Vector) -> Matrix:
-    """q0, and seven random postures within 0.05 of it."""
-    moves = np.random.default_rng(0).uniform(-0.05, 0.05, (8, len(q0)))
-    moves[0] = 0.0
-    return q0 + moves
 
 
 # --- Strategies with a physical reading: least kinetic energy, and an arm on springs.
@@ -484,14 +480,8 @@ def fitted(
         terms = monomials(variables(task, k, q), exponents)
         return SX(Z.T) @ (q - SX(q0)) + SX(coefficients.T) @ terms
 
-    constraint = Constraint(
-        name or f"fitted {strategy.name}",
-        task.n - task.m,
-        expression,
-        (False,) * (task.n - task.m),
-        formulas=nothing_jumps,
-    )
-    return holonomic(task, constraint)
+    r, title = task.n - task.m, name or f"fitted {strategy.name}"
+    return holonomic(task, Constraint(title, r, expression, (False,) * r, formulas=nothing_jumps))
 
 
 def monomials_up_to(variables: int, degree: int) -> Terms:
@@ -515,6 +505,7 @@ def _least_squares(
 
     Gradients count in the directions that leave the task rows `others` alone, which the polynomial cannot follow.
     """
+    # The monomials T (k, terms) and their slopes S at the postures; the values of g - phi and their slopes.
     task = strategy.task
     r = task.n - task.m
     q = symbol("q", task.n)
@@ -524,7 +515,8 @@ def _least_squares(
     g = strategy.constraint_value.batch(Q).reshape(len(Q), r)
     g = strategy.constraint.nearest(g - np.atleast_1d(strategy.constraint_value(q0)))  # angles count from the middle
     g = g - (Q - q0) @ Z
-    slopes = np.stack([strategy.rows(one) for one in Q]) - Z.T
+    slopes = strategy.rows(Q) - Z.T
+    # One least-squares problem of both.
     span = float(np.abs(Q - q0).max()) or 1.0  # gradients count as the changes they make across the region
     J = task.jacobian_batch(Q)[0][:, others]
     free = span * np.swapaxes(null_space(J), 1, 2) if others else span * np.tile(np.eye(task.n), (len(Q), 1, 1))
@@ -540,9 +532,6 @@ def _least_squares(
 # With an inverse K(x, z), f(K(x, z)) = x, over a contractible set of tool poses x, the complete holonomic strategies
 # are exactly the maps Phi(x, .) of the redundancy coordinates z with Phi(x0, .) = identity: a leaf is q = K(x, Phi(x,
 # z0)), z0 its label, and G = K_x + K_z dPhi/dx. Nothing is redundant in this description.
-
-CHECKED = 1e-8
-"""Largest error of K, z, Phi and its inverse at the places where they are checked [m, rad]."""
 
 
 @made
@@ -590,43 +579,37 @@ def from_transport(
         last = [1.0] * 4  # Newton steps at the end: quadratic, so four reach round-off
         for share in [*((k + 1) / steps for k in range(steps - 1)), *last]:
             place = SX(x0) + share * (pose_value - SX(x0))
-            coordinates = coordinates + factorise(slope(place, coordinates)).solve(
-                value - transport(place, coordinates)
-            )
+            gap = value - transport(place, coordinates)
+            coordinates = coordinates + factorise(slope(place, coordinates)).solve(gap)
         return coordinates
 
     def expression(bound: Task, k: Kinematics, q: SX) -> SX:
         return label(bound.value_expression(k), _sized("z", z(q), (r, 1)))
 
-    _check(task, K, z, transport, label, x0, task.robot.checked(around, "the posture to check around"))
+    # The maps must fit each other: K, z and Phi at a few places near a posture.
+    reached, near = _sized("K", K(x, z0), (task.n, 1)), task.robot.checked(around, "the posture to check around")
+    gaps = {
+        "f(K(x, z)) - x": task.value_expression(task.kinematics(reached)) - x,
+        "z(K(x, z)) - z": as_expression(z(reached)) - z0,
+        "Phi(x0, z) - z": transport(SX(x0), z0) - z0,
+        "Phi(x, label(x, z)) - z": transport(x, label(x, z0)) - z0,
+    }
+    _check_maps(task, z, x, z0, gaps, near)
     # Further research: section VI of the paper, all holonomic strategies
     return holonomic(task, Constraint(name, r, expression, (False,) * r), name=name)
 
 
-def _check(
-    task: Task, K: Callable[[SX, SX], Any], z: Callable[[SX], Any], transport: Callable[..., SX],
-    label: Callable[[SX, SX], SX], x0: np.ndarray, around: np.ndarray,
-) -> None:  # fmt: skip
-    """Raises: ArgumentError when the given maps do not fit each other at a few places near a posture."""
-    r = task.n - task.m
-    q, x, zs = symbol("q", task.n), symbol("x", task.m), symbol("z", r)
-    reached = _sized("K", K(x, zs), (task.n, 1))
-    k = task.kinematics(reached)
-    errors = Function(
-        "check",
-        {"x": x, "z": zs},
-        {
-            "f(K(x, z)) - x": task.value_expression(k) - x,
-            "z(K(x, z)) - z": as_expression(z(reached)) - zs,
-            "Phi(x0, z) - z": transport(SX(x0), zs) - zs,
-            "Phi(x, label(x, z)) - z": transport(x, label(x, zs)) - zs,
-        },
-    )
-    coordinates = Function("z", {"q": q}, {"z": _sized("z", z(q), (r, 1))})
+def _check_maps(task: Task, z: Callable[[SX], Any], x: SX, zs: SX, gaps: dict[str, SX], around: np.ndarray) -> None:
+    """Raises: ArgumentError when the given maps do not fit each other at a few places near a posture.
+
+    Args:
+        gaps: what must be 0 everywhere, by its formula, as expressions of x (m,) and z (r,).
+    """
+    q, errors = symbol("q", task.n), Function("check", {"x": x, "z": zs}, gaps)
+    coordinates = Function("z", {"q": q}, {"z": _sized("z", z(q), zs.shape)})
     for posture in around + 0.1 * np.random.default_rng(0).uniform(-1, 1, (4, task.n)):
-        gaps = errors(task(posture), np.atleast_1d(coordinates(posture)))
-        for what, error in zip(errors.output_shapes, gaps, strict=True):
-            if not np.abs(error).max() < CHECKED:
+        for what, error in zip(gaps, errors(task(posture), np.atleast_1d(coordinates(posture))), strict=True):
+            if not np.abs(error).max() < 1e-8:  # m, rad
                 place = np.array2string(posture, precision=3)
                 raise ArgumentError(f"|{what}| near q = {place}", float(np.abs(error).max()), "it must be 0 everywhere")
 

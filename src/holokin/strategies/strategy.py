@@ -1,4 +1,4 @@
-"""`Strategy`: a right inverse G(q) of the task Jacobian, J G = 1, dq = G dx. Its kinds are in `strategy_kinds`.
+"""`Strategy`: a right inverse G(q) of the task Jacobian, J G = 1, dq = G dx, and its kinds.
 
 A strategy is its planes range G, m-dimensional and transversal to the self-motions ker J. With planes spanned by a
 frame B (n, m), G = B (J B)^-1. With B = N_G this is the paper's (7), N_G (J N_G)^-1 = H H^T J^T (J H H^T J^T)^-1,
@@ -43,6 +43,7 @@ from ..symbolic import (
 )
 from ..symbolic.linear import back_substitute, null_space_expression
 from .constraints import Constraint
+from .tasks.task import Field as Field
 from .tasks.task import Task
 
 # --- The planes of a strategy as expressions: the span of a frame, or the kernel of rows (theory 1.3).
@@ -106,9 +107,9 @@ class FrameExpressions(Expressions):
         """Of x = B c, J B c = dx, with y = (J B)^-T B^T w: w^T dx = (w - J^T y)^T dB c - y^T dJ x."""
         if same(self.planes, self.J.T):  # y = R^-1 Q^T w, c = R^-1 R^-T dx
             frame = factorise(self.planes)
-            m, turned = self.J.shape[0], frame.transpose_times(weight)
-            x, y = frame.solve_transposed(dx), back_substitute(frame.R, turned[:m])
-            left = frame.complement_times(turned[m:])  # w - J^T y, without its round-off
+            m, rotated = self.J.shape[0], frame.transpose_times(weight)
+            x, y = frame.solve_transposed(dx), back_substitute(frame.R, rotated[:m])
+            left = frame.complement_times(rotated[m:])  # w - J^T y, without its round-off
         else:
             frame = factorise(self.planes)
             Q = frame.thin_q()
@@ -128,14 +129,14 @@ class FrameExpressions(Expressions):
         A = null_space_expression(B.T).T
         M = factorise(self.J @ B).solve(SX.eye(m))  # Proposition 1
         brackets = of_frame or pairwise_brackets(B, self.q)
-        turned = []
+        curvatures = []
         for k in range(A.shape[0]):
             K = SX.zeros(m, m)  # antisymmetric
             for (a, b), value in brackets.items():
                 K[a, b] = dot(A[k, :].T, value)
                 K[b, a] = -K[a, b]
-            turned.append(M.T @ K @ M)
-        return A, turned
+            curvatures.append(M.T @ K @ M)
+        return A, curvatures
 
 
 @final
@@ -188,11 +189,8 @@ def _slope_of(form: Callable[..., SX], q: SX, *values: SX) -> SX:
     return as_map([q, *fixed], gradient(form(*fixed), q).T)(q, *values)
 
 
-Field = Callable[[Task, Kinematics, SX], SX]
-"""An expression of the posture: (task, kinematics, q) -> matrix."""
-
 FORMULA = "look in N_G, the rows or the constraint for a division by zero, a log or a sqrt at that posture"
-"""What may be wrong where a law is not finite at a finite posture."""
+"""What may be wrong where a strategy is not finite at a finite posture."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -293,9 +291,6 @@ class Strategy(Made, ByValue, ABC):
             raise ShapeError(f"{what} of {self.name!r}", shape, expression.shape, cure)
         return q, k, self.task.jacobian_expression(k, q), expression
 
-    def _planes_at(self, q: ArrayLike) -> Matrix:
-        return np.reshape(self._planes(self.task.robot.checked(q)), self.looped.expressions.planes.shape)
-
     @cached_property
     def _planes(self) -> Function:
         e = self.looped.expressions
@@ -314,7 +309,7 @@ class Strategy(Made, ByValue, ABC):
         return G
 
     def _doubtful(self, q: Vector, result: Array, rcond: float, margin: float) -> Array:
-        """What was found at q, unless the strategy is singular there."""
+        """The result at q, unless the strategy is singular there."""
         check_solved(self, self.task.robot.checked(q), rcond, margin)
         return result
 
@@ -337,16 +332,15 @@ def check_solved(
 def check_regular(
     task: Task, name: str, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular
 ) -> None:
-    """Raises: SingularityError of a law at q, saying of which kind, unless rcond > least and margin suffices."""
-    what = f"{name} ({task.name})"
+    """Raises: SingularityError of a strategy at q, saying of which kind, unless rcond > least and margin suffices."""
     if not margin > TOLERANCES.representation:
-        raise SingularityError(SingularityKind.REPRESENTATION, q, what, margin)
+        raise SingularityError(SingularityKind.REPRESENTATION, q, f"{name} ({task.name})", margin)
     if rcond > least:
         return
     s = np.linalg.svd(task.jacobian(q), compute_uv=False)
     kinematic = s[-1] <= max(TOLERANCES.rank, least) * s[0]
     kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
-    raise SingularityError(kind, q, what, s[-1] if kinematic else rcond)
+    raise SingularityError(kind, q, f"{name} ({task.name})", s[-1] if kinematic else rcond)
 
 
 def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:
@@ -381,7 +375,7 @@ class FrameStrategy(Strategy):
 
     def distribution(self, q: ArrayLike) -> Matrix:
         """N_G = B (n, m) as it was given."""
-        return self._planes_at(q)
+        return np.reshape(self._planes(self.task.robot.checked(q)), (self.task.n, self.task.m))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,7 +16,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, ExportError
 from ...base.files import write_texts
-from ...base.types import ArrayLike, Shown, number, whole
+from ...base.types import ArrayLike, Reported, number, whole
 from ...motion.ik.branch import enclosed_change, extended_jacobian
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy
@@ -34,13 +34,16 @@ STAMP = "0123456789abcdef"
 
 
 @dataclass(frozen=True)
-class Exported(Shown):
+class Exported(Reported):
     """What was written: the folder, its files, the operations of each function."""
 
     folder: Path
     name: str
     files: tuple[str, ...]
     operations: dict[str, int]
+
+    def __str__(self) -> str:
+        return f"written: {len(self.files)} files of {self.name} in {self.folder}"
 
 
 @typed
@@ -115,7 +118,7 @@ def c_name(words: str) -> str:
     """A C name of words: lower-case letters, digits, underscores."""
     letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in words.lower())
     name = "_".join(part for part in letters.split("_") if part)
-    name = name if name[:1].isalpha() and not name.startswith("hk") else f"law_{name}"
+    name = name if name[:1].isalpha() and not name.startswith("hk") else f"strategy_{name}"
     return name[:40].rstrip("_")
 
 
@@ -173,8 +176,8 @@ def write_export(folder: Path, texts: dict[str, str], project: str) -> None:
     """
     try:
         for file in texts:
-            there = folder / file
-            if there.exists() and not (there.is_file() and MARK.search(there.read_text("utf-8", "replace")[:600])):
+            path = folder / file
+            if path.exists() and not (path.is_file() and MARK.search(path.read_text("utf-8", "replace")[:600])):
                 raise ArgumentError("the output folder", str(folder), f"its {file} is not holokin's: choose another")
         build = folder / "CMakeLists.txt"
         if build.exists() and project not in build.read_text("utf-8", "replace"):

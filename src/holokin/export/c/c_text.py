@@ -155,7 +155,7 @@ class Source:
             "name": self.name,
             "NAME": self.name.upper(),
             "title": line(f"{s.name}, {task.name}"),
-            "law": line(f"The strategy's leaves are g(q) = c, {constraint.name}.")
+            "strategy_words": line(f"The strategy's leaves are g(q) = c, {constraint.name}.")
             if constraint
             else "The strategy keeps no leaf; whether it is repeatable is for `holokin run` to tell.",
             "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": task._point if position else 16 * frames,

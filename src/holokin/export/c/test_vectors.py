@@ -23,20 +23,8 @@ REACH = 0.5
 NEAR = 0.02
 """How far from a posture the wanted pose of its step lies, at most."""
 
-AWAY = 0.7
-"""How far from the start, over the number of joints, the postures are drawn whose poses are solved from it."""
-
 PIECES = 200
 """Pieces of the path to a wanted pose that the self-test allows; the vectors need at most half of them."""
-
-NUDGES = 4
-"""Copies of a vector with all inputs moved by single precision's rounding, which show what it does to the results."""
-
-OF_NUDGES = 8.0
-"""Errors of rounding inside the code, over what nudges of its inputs do: 3.7 at most was seen, where these dominate."""
-
-FOUR_DIGITS = 1e-4
-"""What the self-test allows in single precision, as its TOLERANCE."""
 
 TRIES = 100
 """Draws for one vector before its start is called too close to a singularity."""
@@ -110,10 +98,9 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     dq, scale, *_ = source.functions["step"](q, target, twist, _moving(source, level_rate))
     if 0.99 < scale < 1.0 or scale < 1e-3 or (scale >= 1.0 and source.limits and _load(source, q, dq) > 0.99):
         return None  # whose status hangs on the last digits
-    values = {
-        "q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": s.task.pose(q).ravel(),
-        "gain": np.ravel(G), "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
-    }  # fmt: skip
+    values = {"q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": s.task.pose(q).ravel()}
+    values |= {"gain": np.ravel(G), "rate": s.rate(q, dx)[0]}
+    values |= {"step": np.atleast_1d(dq), "scale": np.atleast_1d(scale)}
     # On a leaf: the Newton step, the posture that the leaf leads to, and one solved from the start.
     if holonomic := source.holonomic:
         values["leaf_rate"] = level_rate
@@ -131,14 +118,8 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             return None
         step = leaf_step(holonomic)(q, position, rotation, c)[0]
         precise = precise and _is_precise(*s.gain(reached)[1:]) and _is_precise(*s.gain(away[1])[1:])
-        values |= {
-            "c": c,
-            "g": np.atleast_1d(holonomic.constraint_value(q)),
-            "leaf": np.atleast_1d(step),
-            "inverse": reached,
-            "away": away[0],
-            "solved": away[1],
-        }
+        values |= {"c": c, "g": np.atleast_1d(holonomic.constraint_value(q)), "leaf": np.atleast_1d(step)}
+        values |= {"inverse": reached, "away": away[0], "solved": away[1]}
     loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))
 
@@ -153,7 +134,7 @@ def _moving(source: Source, level_rate: Vector) -> Vector:
 def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.q0
-    pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
+    pose = _single(task.pose(start + 0.7 / len(start) * rng.uniform(-1, 1, len(start))))
     path = straight_path(task, task._place(start), task.target(pose), (source.leaf, source.leaf))
     try:
         posture = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
@@ -218,7 +199,8 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
         terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - level_now))
     terms["step"] *= values["scale"]
     moved = dict.fromkeys(terms, 0.0)
-    for _ in range(NUDGES):
+    # Four copies of the vector with all inputs moved by single precision's rounding show what it does to the results.
+    for _ in range(4):
         near, to, parameters = _nudged(q, rng), pose.copy(), _moving(source, values.get("leaf_rate", np.zeros(0)))
         to[..., :3, 3], to[..., :3, :3] = _nudged(pose[..., :3, 3], rng, 0.0), _nudged(pose[..., :3, :3], rng)
         parameters[:-5] = _nudged(parameters[:-5], rng)
@@ -230,7 +212,9 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
         for key, value in results.items():
             moved[key] = max(moved[key], float(np.abs(np.atleast_1d(value) - values[key]).max()))
     sizes = {key: max(1.0, float(np.abs(values[key]).max())) for key in terms}
-    return float(max((max(sizes[k], terms[k].max()) + OF_NUDGES * moved[k] / FOUR_DIGITS) / sizes[k] for k in terms))
+    # Rounding inside the code is at most 3.7 times as bad as nudges of its inputs, where these dominate; taken for 8.
+    # The self-test allows 1e-4.
+    return float(max((max(sizes[k], terms[k].max()) + 8.0 * moved[k] / 1e-4) / sizes[k] for k in terms))
 
 
 def _nudged(values: Matrix, rng: np.random.Generator, smallest: float = 1.0) -> Matrix:
@@ -265,13 +249,8 @@ def vectors_header(source: Source, listed: list[TestVector], words: Mapping[str,
     rows = []
     for vector in listed:
         parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in vector.values.items()]
-        rows.append(
-            "  {"
-            + ",\n   ".join(
-                [*parts, str(vector.status), str(int(vector.precise)), repr(vector.loss), repr(vector.terms)]
-            )
-            + "},\n"
-        )
+        parts += [str(vector.status), str(int(vector.precise)), repr(vector.loss), repr(vector.terms)]
+        rows.append("  {" + ",\n   ".join(parts) + "},\n")
     return (
         f"/* Test vectors of {words['name']}, in double precision. Written by holokin {words['version']}. */\n"
         f"#define {words['NAME']}_VECTORS 0x0123456789abcdefU\n\n"
@@ -286,6 +265,7 @@ def _row(values: Vector) -> str:
 
 def selftest(source: Source, words: Mapping[str, Any]) -> str:
     """selftest.c."""
+    # What is refused: a transposed pose; on a leaf numbers that are not finite; a singular posture.
     name, n, r = source.name, words["n"], words["r"]
     leaf_tests = bad = declare = turned = moving = ""
     if words["matrices"]:

@@ -54,7 +54,7 @@ def to_fanuc(
 
     Args:
         name: of the program, at most 36 letters, digits and underscores; by default 8.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: J1 to J6, and E1 to E3 as external ones.
         coupled: write J3 as FANUC counts it on arms whose J3 keeps its angle to the floor while J2 moves:
             J3 = joint 3 - joint 2, after signs and offsets. False writes the joints of the model as they are, which
@@ -116,14 +116,14 @@ def _listing(name: str, body: list[str], goals: Targets, frames: str, written: d
     date = f"DATE {written:%y-%m-%d  TIME %H:%M:%S}"
     axes = [f"J{k}" for k in range(1, 7)] + [f"E{k}" for k in range(1, 4)]
     units = ["mm" if length else "deg" for length in goals.lengths]
-    lines = [
-        f"/PROG  {name}", "/ATTR", "OWNER\t\t= MNEDITOR;", 'COMMENT\t\t= "holokin";', "PROG_SIZE\t= 0;",
-        f"CREATE\t\t= {date};", f"MODIFIED\t= {date};", "FILE_NAME\t= ;", "VERSION\t\t= 0;",
-        f"LINE_COUNT\t= {len(body)};", "MEMORY_SIZE\t= 0;", "PROTECT\t\t= READ_WRITE;",
-        "TCD:  STACK_SIZE\t= 0,", "      TASK_PRIORITY\t= 50,",
-        "      TIME_SLICE\t= 0,", "      BUSY_LAMP_OFF\t= 0,", "      ABORT_REQUEST\t= 0,", "      PAUSE_REQUEST\t= 0;",
-        "DEFAULT_GROUP\t= 1,*,*,*,*;", "CONTROL_CODE\t= 00000000 00000000;", "/MN",
-    ]  # fmt: skip
+    attributes = {"OWNER\t\t": "MNEDITOR", "COMMENT\t\t": '"holokin"', "PROG_SIZE\t": 0, "CREATE\t\t": date}
+    attributes |= {"MODIFIED\t": date, "FILE_NAME\t": "", "VERSION\t\t": 0, "LINE_COUNT\t": len(body)}
+    attributes |= {"MEMORY_SIZE\t": 0, "PROTECT\t\t": "READ_WRITE"}
+    task = {"STACK_SIZE": 0, "TASK_PRIORITY": 50, "TIME_SLICE": 0, "BUSY_LAMP_OFF": 0, "ABORT_REQUEST": 0}
+    task["PAUSE_REQUEST"] = 0
+    lines = [f"/PROG  {name}", "/ATTR", *(f"{key}= {value};" for key, value in attributes.items())]
+    lines.append("TCD:  " + ",\n      ".join(f"{key}\t= {value}" for key, value in task.items()) + ";")
+    lines += ["DEFAULT_GROUP\t= 1,*,*,*,*;", "CONTROL_CODE\t= 00000000 00000000;", "/MN"]
     lines += [f"{i:4d}:{'' if text[:2] in MOTIONS else '  '}{text} ;" for i, text in enumerate(body, 1)]
     lines.append("/POS")
     every = np.vstack([goals.q, *goals.via.values()])

@@ -19,24 +19,37 @@ SLIDING, TURNING = "XYZUVW", "ABC"
 """The letters of axes, in the order in which joints take them."""
 
 DIALECT = Dialect(
-    "G-code", "{state} P{number}", "G4 P{seconds:g}", ("M65", "M64"), own=0, sliding=True, kinds=("joint",),
-    forbidden=r"%|^[oO]", longest=250,
-)  # fmt: skip
+    "G-code",
+    "{state} P{number}",
+    "G4 P{seconds:g}",
+    ("M65", "M64"),
+    own=0,
+    sliding=True,
+    kinds=("joint",),
+    forbidden=r"%|^[oO]",
+    longest=250,
+)
 
 
 @typed
 def to_gcode(
-    timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
-    tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None, zone: float = 0.0,
+    timed: TimedTrajectory,
+    *,
+    name: str | None = None,
+    about: str = "",
+    wiring: Wiring | None = None,
+    tolerance: float | ToolTolerance = 2e-3,
+    lines: ProcessLines | None = None,
+    zone: float = 0.0,
     letters: Sequence[str] | None = None,
-) -> Program:  # fmt: skip
+) -> Program:
     """A G-code program NAME.ngc: every joint is an axis of the machine, in mm or degrees, with trivial kinematics.
 
     Each G1 has its time as inverse time (G93, F in 1/min). The first move goes to the start in ten seconds.
 
     Args:
         name: of the file.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the axes.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
         lines: of the process. "output 3 on" is M64 P3.
@@ -72,7 +85,6 @@ def _letters(lengths: tuple[bool, ...], given: Sequence[str] | None) -> list[str
     sliding, turning = iter(SLIDING), iter(TURNING)
     letters = [next(sliding if length else turning, "") for length in lengths]
     if "" in letters:
-        raise ArgumentError(
-            "the axes", len(lengths), "G-code has six sliding axes and three turning ones: give letters="
-        )
+        cure = "G-code has six sliding axes and three turning ones: give letters="
+        raise ArgumentError("the axes", len(lengths), cure)
     return letters

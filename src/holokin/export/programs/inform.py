@@ -27,9 +27,14 @@ LEVELS = 8
 """The largest position level, PL."""
 
 DIALECT = Dialect(
-    "INFORM", "DOUT OT#({number}) {state}", "TIMER T={seconds:.2f}", ("OFF", "ON"), external=3,
-    kinds=("joint", "linear"), forbidden=r"^/|^END\b|^NOP\b|^'.{33}",
-)  # fmt: skip
+    "INFORM",
+    "DOUT OT#({number}) {state}",
+    "TIMER T={seconds:.2f}",
+    ("OFF", "ON"),
+    external=3,
+    kinds=("joint", "linear"),
+    forbidden=r"^/|^END\b|^NOP\b|^'.{33}",
+)
 
 
 @typed
@@ -48,7 +53,7 @@ def to_inform(
         pulses: of each axis, the robot's six and then the base axes [pulses per degree, or per mm of sliding ones], as
             the controller's parameters have them.
         name: of the job, at most 32 letters, digits and underscores.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: S, L, U, R, B, T, and base axes as external ones.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
         lines: of the process.

@@ -35,10 +35,18 @@ DIALECT = Dialect(
 
 @typed
 def to_krl(
-    timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
-    tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None, zone: float = 1e-3,
-    tool: int | None = None, base: int | None = None, payload: int | None = None,
-) -> Program:  # fmt: skip
+    timed: TimedTrajectory,
+    *,
+    name: str | None = None,
+    about: str = "",
+    wiring: Wiring | None = None,
+    tolerance: float | ToolTolerance = 2e-3,
+    lines: ProcessLines | None = None,
+    zone: float = 1e-3,
+    tool: int | None = None,
+    base: int | None = None,
+    payload: int | None = None,
+) -> Program:
     """A KRL program NAME.src with its data list NAME.dat: E6AXIS targets in degrees, external axes in degrees or mm.
 
     Joint moves from rest to rest are one PTP_SPLINE, which passes through all its targets, with a TIME_BLOCK of their
@@ -48,7 +56,7 @@ def to_krl(
 
     Args:
         name: of the program, at most 24 letters, digits and underscores.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: A1 to A6, and E1 to E6 as external ones. A robot of seven axes (iiwa) has
             another controller and language.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
@@ -60,6 +68,7 @@ def to_krl(
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, numbers, wiring
             or lines.
     """
+    # The targets, and the numbers of the cell.
     goals = targets(timed, wiring, DIALECT, tolerance, lines)
     short = program_name(name, about, NAME, goals)
     numbers = {"tool": tool, "base": base, "payload": payload}
@@ -70,6 +79,7 @@ def to_krl(
     used = [f"{what} {value}" for what, value in numbers.items() if value is not None]
     more += [", ".join(used)] if used else []
     facts = [f"; {line}" for line in header(timed, about, goals, more, 76)]
+    # The program, and the data list of its targets.
     declared = ["DECL INT XERR", *(f"DECL E6POS {point}" for point in _poses(goals))]
     frames = [f"BAS(#{what.upper()},{numbers[what]})" for what in ("tool", "base") if numbers[what] is not None]
     frames += [f"$LOAD=LOAD_DATA[{payload}]"] if payload is not None else []
@@ -98,12 +108,8 @@ def _computed(goals: Targets) -> list[str]:
     """The lines that compute them, and stop the program where that fails."""
     lines = []
     for point in _poses(goals):
-        lines += [
-            f"{point}=FORWARD({point.replace('XF', 'XP').replace('XG', 'XC')},XERR)",
-            "IF XERR<>0 THEN",
-            "HALT",
-            "ENDIF",
-        ]
+        axes = point.replace("XF", "XP").replace("XG", "XC")
+        lines += [f"{point}=FORWARD({axes},XERR)", "IF XERR<>0 THEN", "HALT", "ENDIF"]
     return lines
 
 

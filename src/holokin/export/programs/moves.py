@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arguments import check
 from ...base.errors import ArgumentError
-from ...base.types import Array, Flags, Indices, Matrix, Shown, Value, Vector, positive
+from ...base.types import Array, Flags, Indices, Matrix, Reported, Value, Vector, positive
 from ...base.units import PrintedUnits
 from ...motion import TimedTrajectory
 from ...path.path import rotation_matrix, rotation_vector, straight
@@ -54,12 +54,6 @@ def finer(timed: TimedTrajectory) -> tuple[Vector, Matrix, Matrix]:
 Kind = Literal["joint", "linear", "circular"]
 KINDS: tuple[Kind, ...] = ("joint", "linear", "circular")
 
-LARGEST_ARC = np.deg2rad(170.0)
-"""Of one circular move: controllers refuse or misread half a turn and more."""
-
-FLAT = 1e-6
-"""Height of an arc over its chord, as a share of the chord, below which it is a line."""
-
 STILL = 1e-3
 """Share of the tool's largest speed below which the tool turns in place, and has no speed to keep."""
 
@@ -69,9 +63,9 @@ NO_WAY, SLOWEST = 1e-6, 1e-5
 ARRIVED, STEPS = 1e-9, 8
 """Error [m, rad] at which a controller's inverse has arrived at a pose, and the steps of Newton's method to it."""
 
-LENGTH, REGULAR = 0.3, 0.01
-"""Metres that count as much as a radian, and the least rcond of an arm on linear moves: controllers slow down or stop
-near singular postures."""
+
+TOLERATED = ("position", "rotation", "speed", "joints")
+"""Of a program, over the timed motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,14 +93,14 @@ class ToolTolerance(Value):
         check("task", Task, self.task)
         check("linear", bool, self.linear)
         of_one_tool(self.task, "a tolerance of the tool")
-        for what in ("position", "rotation", "speed", "joints"):
+        for what in TOLERATED:
             positive(f"the tolerance of {what}", getattr(self, what))
         if not self.speed < 1.0:
             raise ArgumentError("the tolerance of speed", self.speed, "give a share below 1, as 0.02 for 2 %")
 
 
 @dataclass(frozen=True)
-class ToolDeviation(Shown):
+class ToolDeviation(Reported):
     """How far moves are from a timed motion: of the tool [m, rad], of its speed (share), of the joints [rad or m].
 
     `slowest` and `fastest` [m/s] are the speeds of the tool where it has one to keep; NaN where it never has.
@@ -124,44 +118,35 @@ class ToolDeviation(Shown):
 
     def within(self, tolerance: ToolTolerance) -> bool:
         """Whether all is kept; a NaN is not."""
-        return all(
-            getattr(self, what) <= getattr(tolerance, what) for what in ("position", "rotation", "speed", "joints")
-        )
+        return all(getattr(self, what) <= getattr(tolerance, what) for what in TOLERATED)
 
     def sentences(self, unit: str = "rad or m", factor: float = 1.0) -> list[str]:
         """What is kept, of the tool in mm and degrees, of the joints in `unit`, by its factor."""
         place = f"between them the tool is within {1e3 * self.position:.2g} mm"
-        sentences = [
-            f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion",
-            f"and the joints within {factor * self.joints:.2g} {unit}",
-        ]
+        sentences = [f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion"]
+        sentences.append(f"and the joints within {factor * self.joints:.2g} {unit}")
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
+            compared = f"{100 * self.compared:.3g} % of the time"
             sentences.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed")
-            sentences.append(
-                f"the speed was compared for {100 * self.compared:.3g} % of the time; at other times the tool"
-            )
+            sentences.append(f"the speed was compared for {compared}; at other times the tool")
             sentences.append("starts or stops, turns in place, or is on the way to the path")
         else:
             sentences.append("its speed was not compared: it only gathers speed and loses it, or turns in place")
         if not self.kept:
             sentences.append("NOT within what was asked for, from one sample to the next: time it with a smaller dt")
-        return [
-            *sentences,
-            "at a target with a zone the controller rounds the corner; this deviation comes in addition",
-        ]
+        sentences.append("at a target with a zone the controller rounds the corner; this deviation comes in addition")
+        return sentences
+
+    def __str__(self) -> str:
+        return "; ".join([f"{'' if self.kept else 'NOT '}within what was asked for", *self.sentences()])
 
     def __or__(self, other: ToolDeviation) -> ToolDeviation:
         """The larger of each of the two; kept if both are."""
-
-        def larger(name: str) -> float:
-            return float(np.fmax(getattr(self, name), getattr(other, name)))
-
-        return ToolDeviation(
-            larger("position"), larger("rotation"), larger("speed"), larger("joints"),
-            float(np.fmin(self.slowest, other.slowest)), larger("fastest"), larger("compared"),
-            self.kept and other.kept,
-        )  # fmt: skip
+        names = (*TOLERATED, "fastest", "compared")
+        larger = {name: float(np.fmax(getattr(self, name), getattr(other, name))) for name in names}
+        slowest = float(np.fmin(self.slowest, other.slowest))
+        return ToolDeviation(**larger, slowest=slowest, kept=self.kept and other.kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,14 +216,10 @@ class ToolMotion(Value):
         turned = rotation_vector(R @ np.swapaxes(self.R[rows], 1, 2))
         with_speed = self.has_speed[rows]
         slowest, fastest = (speed[with_speed].min(), speed[with_speed].max()) if with_speed.any() else (np.nan, np.nan)
-        return ToolDeviation(
-            float(np.linalg.norm(p - self.p[rows], axis=1).max()),
-            float(np.linalg.norm(turned, axis=1).max()),
-            float(np.abs(speed[with_speed] / self.speed[rows][with_speed] - 1.0).max(initial=0.0)),
-            float(np.abs(q - self.q[rows]).max()),
-            float(slowest),
-            float(fastest),
-        )
+        distance, angle = np.linalg.norm(p - self.p[rows], axis=1).max(), np.linalg.norm(turned, axis=1).max()
+        faster = np.abs(speed[with_speed] / self.speed[rows][with_speed] - 1.0).max(initial=0.0)
+        values = distance, angle, faster, np.abs(q - self.q[rows]).max(), slowest, fastest
+        return ToolDeviation(*map(float, values))
 
     @cached_property
     def has_speed(self) -> Flags:
@@ -294,7 +275,7 @@ class ToolMotion(Value):
         if circle is not None:
             center, axis, angle = circle
             p = center + rotation_matrix(share[:, None] * angle * axis) @ (self.p[a] - center)
-            p[:] = p if angle <= LARGEST_ARC else np.nan
+            p[:] = p if angle <= np.deg2rad(170.0) else np.nan  # controllers refuse or misread half a turn and more
         return p, R
 
     def load(self, kind: Kind, a: int, b: int, rows: Indices) -> float:
@@ -316,11 +297,12 @@ class ToolMotion(Value):
 
 
 def _regular(J: Array) -> bool:
-    """Whether square Jacobians (k, n, n) are all of one sign, and none is nearly singular."""
-    scaled = J / np.array([LENGTH] * 3 + [1.0] * 3)[:, None]
+    """Whether square Jacobians (k, n, n) are all of one sign, and none is nearly singular: there controllers slow down
+    or stop. 0.3 m count as much as a radian."""
+    scaled = J / np.array([0.3] * 3 + [1.0] * 3)[:, None]
     sigma = np.linalg.svd(scaled, compute_uv=False)
     signs = np.sign(np.linalg.det(scaled))
-    return bool((sigma[:, -1] > REGULAR * sigma[:, 0]).all() and (signs == signs[0]).all())
+    return bool((sigma[:, -1] > 0.01 * sigma[:, 0]).all() and (signs == signs[0]).all())
 
 
 def _circle(start: Vector, via: Vector, end: Vector) -> tuple[Vector, Vector, float] | None:
@@ -328,7 +310,7 @@ def _circle(start: Vector, via: Vector, end: Vector) -> tuple[Vector, Vector, fl
     u, v = via - start, end - start
     normal = np.cross(u, v)
     chord = float(np.linalg.norm(v))
-    if not np.linalg.norm(normal) > FLAT * chord**2:
+    if not np.linalg.norm(normal) > 1e-6 * chord**2:  # as flat as a millionth of its chord
         return None
     square = float(normal @ normal)
     center = start + (np.cross(normal, u) * (v @ v) - np.cross(normal, v) * (u @ u)) / (2.0 * square)
@@ -440,8 +422,6 @@ class Dialect:
         if re.match(r"(?:output|wait)\b(?=[ .\d]|$)", line):
             raise ArgumentError("a process line", line, "write 'output 3 on', 'output 3 off' or 'wait 0.5'")
         if re.search(self.forbidden, line) or len(line) > self.longest:
-            cure = (
-                f"{self.language} takes at most {self.longest} characters, without what ends a line or starts a section"
-            )
-            raise ArgumentError("a process line", line, cure)
+            most = f"{self.language} takes at most {self.longest} characters"
+            raise ArgumentError("a process line", line, f"{most}, without what ends a line or starts a section")
         return line

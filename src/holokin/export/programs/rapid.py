@@ -17,21 +17,31 @@ from .targets import Targets, Wiring, targets, with_lines, zones
 NAME = 32
 """Characters of a RAPID identifier."""
 
-UNUSED = "9E+09"
-"""What stands for an external axis that there is not."""
-
 DIALECT = Dialect(
-    "RAPID", "SetDO do{number},{state}", "WaitTime {seconds:g}", ("0", "1"),
-    external=6, forbidden=r"^\s*(END)?(PROC|MODULE|FUNC|TRAP)\b", end=";",
-)  # fmt: skip
+    "RAPID",
+    "SetDO do{number},{state}",
+    "WaitTime {seconds:g}",
+    ("0", "1"),
+    external=6,
+    forbidden=r"^\s*(END)?(PROC|MODULE|FUNC|TRAP)\b",
+    end=";",
+)
 
 
 @typed
 def to_rapid(
-    timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
-    tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None, zone: str | float = "z1",
-    tool: str = "tool0", base: str | None = None, payload: str | None = None,
-) -> Program:  # fmt: skip
+    timed: TimedTrajectory,
+    *,
+    name: str | None = None,
+    about: str = "",
+    wiring: Wiring | None = None,
+    tolerance: float | ToolTolerance = 2e-3,
+    lines: ProcessLines | None = None,
+    zone: str | float = "z1",
+    tool: str = "tool0",
+    base: str | None = None,
+    payload: str | None = None,
+) -> Program:
     """A RAPID module NAME.mod with one procedure of moves to joint targets in degrees, external axes in degrees or mm.
 
     A `MoveAbsJ` has its time as \\T. A `MoveL` or `MoveC` has its speed as \\V in mm/s; it goes to
@@ -40,7 +50,7 @@ def to_rapid(
 
     Args:
         name: of the procedure, at most 30 letters, digits and underscores; the module has _M at its end.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's axes: six of the robot, six external ones (a YuMi's seventh axis is the first).
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool. A controller smooths between
             targets in its own way.
@@ -56,6 +66,7 @@ def to_rapid(
     for what in (zone, tool, base, payload):
         if isinstance(what, str):
             checked_name(what, NAME, "RAPID", program=False)
+    # The targets, then the moves to them.
     places, reduced = _zones(goals, zone)
     used = tool if base is None else f"{tool}\\WObj:={base}"
     more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]
@@ -84,7 +95,8 @@ def _declared(name: str, goals: Targets, i: int, via: bool = False) -> list[str]
     row = goals.shown(goals.via[i] if via else goals.q[i])
     own = ",".join(f"{x:.6f}" for x in row[: goals.own])
     other = [f"{x:.6f}" for x in row[goals.own :]]
-    return [f"  CONST jointtarget {name}:=[[{own}],", f"    [{','.join(other + [UNUSED] * (6 - len(other)))}]];"]
+    other += ["9E+09"] * (6 - len(other))  # stands for an external axis that there is not
+    return [f"  CONST jointtarget {name}:=[[{own}],", f"    [{','.join(other)}]];"]
 
 
 def _zones(goals: Targets, zone: str | float) -> tuple[list[str], list[str]]:

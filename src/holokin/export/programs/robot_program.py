@@ -13,7 +13,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.files import write_texts
-from ...base.types import Shown
+from ...base.types import Reported
 from ...base.units import SI
 from ...motion import TimedTrajectory
 from ...version import __version__
@@ -124,7 +124,7 @@ def taken(name: str, language: str, program: bool = True, used: Sequence[str] = 
 
 
 @dataclass(frozen=True)
-class Program(Shown):
+class Program(Reported):
     """A robot program: its files by name, and how it was cut down from the samples.
 
     `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory
@@ -138,6 +138,10 @@ class Program(Shown):
     deviation: float
     tool: ToolDeviation | None = None
     notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        within = self.tool or f"joints within {self.deviation:.2g} rad or m of the timed motion"
+        return "; ".join([f"{within}", f"{', '.join(self.files)}: {self.targets} targets", *self.notes])
 
     @property
     def text(self) -> str:
@@ -154,11 +158,12 @@ class Program(Shown):
 def header(
     timed: TimedTrajectory, about: str, goals: Targets | None, more: Sequence[str] = (), width: int = 100
 ) -> list[str]:
-    """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units.
+    """The facts of a program as lines of ASCII: where it is from, the strategy, limits, tolerances, units.
 
     Names of files are plain words there.
     """
-    lines = [f"Written by holokin {__version__}", _plain(about) or "law: not told"]
+    # Where it is from, and how it was timed.
+    lines = [f"Written by holokin {__version__}", _plain(about) or "strategy: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
     limits, linear = timed.limits, goals is not None and goals.linear
     wiring = Wiring() if goals is None else goals.wiring
@@ -176,13 +181,11 @@ def header(
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
         lines.append(f"{_plain(name)}: " + ", ".join([span, *rates, *turned]))
+    # How near its targets keep to the timed motion.
     unit, factor = units.together(timed.joint_units)
     if goals is not None and goals.tool is not None:
-        lines += [
-            f"{len(goals.t)} joint targets, {_counted(goals)}",
-            *goals.tool.sentences(unit, factor),
-            *_resolution(timed, goals),
-        ]
+        lines.append(f"{len(goals.t)} joint targets, {_counted(goals)}")
+        lines += [*goals.tool.sentences(unit, factor), *_resolution(timed, goals)]
     elif goals is not None and len(goals.t) == len(timed):
         lines.append(f"{len(goals.t)} joint targets, one for each step")
     elif goals is not None:

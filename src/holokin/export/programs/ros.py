@@ -34,7 +34,7 @@ def to_ros(
     The YAML is what `ros2 topic pub` takes, its header comments included; in JSON the same lines stand in "comments".
 
     Args:
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         tolerance: [rad or m] leave out samples between which even motion is right to this; None for all samples.
             Controllers put cubic or quintic polynomials between points with rates, which are nearer.
         frame: the frame_id.
@@ -47,17 +47,12 @@ def to_ros(
         raise ArgumentError("format", format, "use 'yaml' or 'json'")
     picked = np.arange(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance))
     comments = header(timed, about, None, ["units: rad, m, s"])
-    message = {
-        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame},
-        "joint_names": list(timed.joint_names),
-        "points": [
-            {
-                "positions": timed.q[i].tolist(), "velocities": timed.dq[i].tolist(),
-                "accelerations": timed.ddq[i].tolist(), "effort": [], "time_from_start": _stamp(float(timed.t[i])),
-            }
-            for i in picked
-        ],
-    }  # fmt: skip
+    points = []
+    for i in picked:
+        rates = {"velocities": timed.dq[i].tolist(), "accelerations": timed.ddq[i].tolist(), "effort": []}
+        points.append({"positions": timed.q[i].tolist(), **rates, "time_from_start": _stamp(float(timed.t[i]))})
+    stamp = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame}
+    message = {"header": stamp, "joint_names": list(timed.joint_names), "points": points}
     if format == "json":
         text = json.dumps({"comments": comments, **message}, indent=1, allow_nan=False) + "\n"
     else:
@@ -95,6 +90,7 @@ def write_mcap(timed: TimedTrajectory, folder: str | Path, *, topic: str = "/joi
     def stamped(t: float) -> Any:
         return of["Header"](of["Time"](**_stamp(t)), "")
 
+    # The whole trajectory as one message, and each sample as a state.
     points = [
         of["JointTrajectoryPoint"](q, dq, ddq, none, of["Duration"](**_stamp(t)))
         for t, q, dq, ddq in zip(timed.t, timed.q, timed.dq, timed.ddq, strict=True)
@@ -119,9 +115,5 @@ def _stamp(t: float) -> dict[str, int]:
 
 def _yaml(message: dict[str, Any]) -> list[str]:
     """Block style down to the points, JSON in a point; with 1.0e-9 for 1e-9, which to YAML 1.1 is text."""
-    lines = [
-        f"header: {json.dumps(message['header'])}",
-        f"joint_names: {json.dumps(message['joint_names'])}",
-        "points:",
-    ]
+    lines = [f"{key}: {json.dumps(message[key])}" for key in ("header", "joint_names")] + ["points:"]
     return lines + ["- " + re.sub(r"(?<![.0-9])([0-9]+)e", r"\1.0e", json.dumps(point)) for point in message["points"]]

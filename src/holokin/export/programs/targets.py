@@ -17,15 +17,6 @@ from .moves import FINER, KINDS, PLACES, Dialect, Kind, ProcessLines, ToolDeviat
 
 # --- Which samples of a timed motion become targets of a program, and by which moves the controller goes between them.
 
-LOOKS = 33
-"""Instants of a move that are looked at while it is made longer; all are, before it is taken."""
-
-TRIED: tuple[Kind, ...] = ("linear", "circular", "joint")
-"""Of moves that lead equally far the first of these is taken."""
-
-SHORTEST = 1e-4
-"""Way of a tool [m] below which no linear move is made of it: it turns in place, and has no speed in m/s."""
-
 
 @dataclass(frozen=True)
 class Move:
@@ -80,28 +71,24 @@ def tool_moves(
     the same: there is none shorter.
     """
     motion = ToolMotion.of(timed, tolerance, own)
-    tried: list[Kind] = [kind for kind in TRIED if kind == "joint" or (tolerance.linear and kind in kinds)]
+    candidates: list[Kind] = ["linear", "circular", "joint"]
+    candidates = [kind for kind in candidates if kind == "joint" or (tolerance.linear and kind in kinds)]
     moves: list[Move] = []
     largest = ToolDeviation()
     for end in _fixed_samples(timed, more)[1:]:
-        while (first := moves[-1].b if moves else 0) < end:
-            allowed = tried if first >= timed.begin else tried[-1:]  # an entry is the joints' own way
-            ends = {kind: _last_sample(motion, tolerance, kind, first, end) for kind in allowed}
-            kind = max(allowed, key=ends.__getitem__)  # of equal ones the first
-            kind = kind if ends[kind] > first + 1 else "joint"
-            moves.append(_move(motion, kind, first, ends[kind]))
-            largest |= measured(motion, kind, first, ends[kind])
+        while (a := moves[-1].b if moves else 0) < end:
+            # The move that leads farthest, of equal ones the first; an entry is the joints' own way.
+            allowed = candidates if a >= timed.begin else candidates[-1:]
+            ends = {kind: _last_sample(motion, tolerance, kind, a, end) for kind in allowed}
+            kind = max(allowed, key=ends.__getitem__)
+            kind, b = (kind if ends[kind] > a + 1 else "joint"), ends[kind]
+            first, last = FINER * a, FINER * b
+            via = motion.middle(first, last) // FINER if kind == "circular" else -1
+            speed = float("nan") if kind == "joint" else motion.steady(first, last)
+            moves.append(Move(kind, a, b, via, speed, float(motion.way[last] - motion.way[first])))
+            largest |= measured(motion, kind, a, b)
     share = float(motion.has_speed.mean())
     return moves, replace(largest, compared=share, kept=largest.within(tolerance))
-
-
-def _move(motion: ToolMotion, kind: Kind, a: int, b: int) -> Move:
-    first, last = FINER * a, FINER * b
-    length = float(motion.way[last] - motion.way[first])
-    if kind == "joint":
-        return Move(kind, a, b, length=length)
-    via = motion.middle(first, last) // FINER if kind == "circular" else -1
-    return Move(kind, a, b, via, motion.steady(first, last), length)
 
 
 def measured(motion: ToolMotion, kind: Kind, a: int, b: int, looks: int | None = None) -> ToolDeviation:
@@ -117,26 +104,25 @@ def _instants(a: int, b: int, looks: int | None) -> tuple[int, int, Indices]:
     return first, last, np.unique(np.linspace(first, last, looks or last - first + 1).astype(int))
 
 
-def _last_sample(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, end: int) -> int:
-    """The last sample to which one move of a kind keeps the tolerance; the next one if none does."""
+def _last_sample(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, a: int, end: int) -> int:
+    """The last sample to which one move of a kind from sample a keeps the tolerance; the next one if none does."""
 
-    def kept(b: int, looks: int | None = None) -> bool:
-        first, last, rows = _instants(here, b, looks)
+    def within(b: int, looks: int | None = None) -> bool:
+        first, last, rows = _instants(a, b, looks)
         if not motion.deviation(kind, first, last, rows).within(tolerance):
             return False
         if motion.load(kind, first, last, rows) > 1.0 + tolerance.speed:
             return False
         return motion.joint_deviation(kind, first, last, rows) <= tolerance.joints
 
-    farthest_sample = farthest(lambda b: kept(b, LOOKS), here, end)
-    while farthest_sample > here + 1 and not kept(farthest_sample):
-        farthest_sample = here + max(1, (farthest_sample - here) * 7 // 8)
-    moved = np.ptp(motion.p[FINER * here : FINER * farthest_sample + 1], axis=0).max()
-    return farthest_sample if kind == "joint" or moved > SHORTEST else here + 1
+    # As far as 33 instants of the move are within; then all must be.
+    b = farthest(lambda b: within(b, 33), a, end)
+    while b > a + 1 and not within(b):
+        b = a + max(1, (b - a) * 7 // 8)
+    # A tool that moves by less than 0.1 mm turns in place, and has no speed in m/s.
+    moved = np.ptp(motion.p[FINER * a : FINER * b + 1], axis=0).max()
+    return b if kind == "joint" or moved > 1e-4 else a + 1
 
-
-NEAR = 0.05
-"""Share of a path's time by which its samples may be off when one is sought by its time."""
 
 Entry = str | float
 """Of an axis: the joint that it moves, or the value [rad or m] at which it stands still."""
@@ -220,9 +206,12 @@ class Targets(Value):
 
 
 def targets(
-    timed: TimedTrajectory, wiring: Wiring | None, dialect: Dialect, tolerance: float | ToolTolerance | None,
+    timed: TimedTrajectory,
+    wiring: Wiring | None,
+    dialect: Dialect,
+    tolerance: float | ToolTolerance | None,
     lines: ProcessLines | None,
-) -> Targets:  # fmt: skip
+) -> Targets:
     """As few samples as keep the motion within a tolerance of the trajectory, as a controller moves between them.
 
     Args:
@@ -238,25 +227,24 @@ def targets(
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
     q, lengths = _wired(timed, wiring, dialect)
-    on, off = window = _window(timed, lines)
+    window = _window(timed, lines)
     more = window if lines.on or lines.off else ()
-    tool = None
+    # The moves, and the samples to which they lead.
+    tool, linear = None, False
     if isinstance(tolerance, ToolTolerance):
         moves, tool = tool_moves(timed, tolerance, _of_arm(timed, wiring, tolerance), more, dialect.kinds)
+        linear = tolerance.linear and "linear" in dialect.kinds
     else:
-        samples = (
-            range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
-        )
-        moves = [Move("joint", a, b) for a, b in pairwise(samples)]
+        some = None if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
+        moves = [Move("joint", a, b) for a, b in pairwise(range(len(timed)) if some is None else some)]
     picked = np.array([0, *(move.b for move in moves)])
-    stops = np.isin(picked, [*timed.stops, *more])  # where lines stand the robot stops, so that they come in time
+    # Where lines stand the robot stops, so that they come in time.
+    stops = np.isin(picked, [*timed.stops, *more])
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
-    return Targets(
-        timed, wiring, dialect, lines, timed.t[picked], q[picked], tuple(picked.tolist()), lengths,
-        tuple(stops.tolist()), dialect.own or timed.q.shape[1], deviation(timed, picked), tuple(moves), via, tool,
-        isinstance(tolerance, ToolTolerance) and tolerance.linear and "linear" in dialect.kinds,
-        int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
-    )  # fmt: skip
+    of, own = (timed, wiring, dialect, lines), dialect.own or timed.q.shape[1]
+    axes = timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()), own
+    on, off = np.searchsorted(picked, window).tolist()
+    return Targets(*of, *axes, deviation(timed, picked), tuple(moves), via, tool, linear, on, off)
 
 
 def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
@@ -270,7 +258,7 @@ def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
     for t in lines.window:
         posture = [np.interp(t, timed.untimed.t, column) for column in timed.untimed.q.T]
         apart = np.abs(timed.q[rows] - posture).max(axis=1)
-        apart[np.abs(gone - t) > NEAR * gone[-1]] = np.inf  # the path may come by there again
+        apart[np.abs(gone - t) > 0.05 * gone[-1]] = np.inf  # the path may come by there again
         ends.append(timed.begin + int(np.argmin(apart)))
     on, off = ends
     return on, off
@@ -326,10 +314,8 @@ def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) ->
     axes = [name for name in names if name not in wiring.external] if wiring.axes is None else wiring.axes
     own = np.array(sorted(names.index(axis) for axis in axes if isinstance(axis, str)))
     if tolerance.linear and (len(own) != 6 or np.ptp(own) != 5):
-        fact = (
-            f"a linear move to a pose does not say where {len(own)} joints are, but those of six axes one after another"
-        )
-        raise ExportError(fact, "write joint moves: leave out linear")
+        fact = f"a linear move to a pose does not say where {len(own)} joints are"
+        raise ExportError(f"{fact}, but those of six axes one after another", "write joint moves: leave out linear")
     return own
 
 
@@ -357,6 +343,7 @@ def deviation(timed: TimedTrajectory, picked: Indices) -> float:
 
 def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Matrix, tuple[bool, ...]]:
     """(axes (k, own + external), which are lengths). Raises: ExportError, ArgumentError."""
+    # As many axes as the language holds.
     names = list(timed.joint_names)
     axes, external = wiring.axes, wiring.external
     language, own, most = dialect.language, dialect.own or len(names), dialect.external
@@ -369,6 +356,7 @@ def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Ma
     if len(external) > most:
         cure = f"name at most {most}" if most else "export to another language, or lock joints in the robot"
         raise ExportError(f"{held}, but {len(external)} external are given: {', '.join(map(str, external))}", cure)
+    # Each joint on one axis.
     used = [entry for entry in (*axes, *external) if isinstance(entry, str)]
     if sorted(used) != sorted(names):
         wrong = [u for u in used if u not in names] + [n for n in names if used.count(n) != 1]
@@ -376,6 +364,7 @@ def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Ma
     for name in (*wiring.signs, *wiring.offsets):
         if name not in names:
             raise UnknownNameError("joint of signs or offsets", name, names)
+    # What each axis does: sign * joint + offset, or nothing.
     columns, lengths = [], []
     for k, entry in enumerate((*axes, *external)):
         joint = names.index(entry) if isinstance(entry, str) else None

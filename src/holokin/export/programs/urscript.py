@@ -20,9 +20,6 @@ from .targets import Targets, Wiring, targets, with_lines, zones
 STEPS = (0.002, 0.008)
 """Seconds of a control cycle: e-Series and later, CB3."""
 
-APPROACH = "a=0.5, v=0.25"
-"""Of the move to the start [rad/s^2, rad/s]: a quarter of what the language takes by default."""
-
 DIALECT = Dialect(
     "URScript",
     "set_digital_out({number}, {state})",
@@ -43,7 +40,7 @@ def to_urscript(
 
     Args:
         name: of the function.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's six axes.
         tolerance: None sends every sample by servoj, at the controller's own step of 2 or 8 ms, which the trajectory
             must have. Else few targets are sent, with times to joint moves and speeds to linear and circular ones: of
@@ -60,6 +57,7 @@ def to_urscript(
     not_negative("zone", zone)
     if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000):
         raise ArgumentError("(lookahead_time, gain)", (lookahead_time, gain), "see the docstring")
+    # Every sample by servoj, or few targets with their blends.
     every = tolerance is None
     goals = targets(timed, wiring, DIALECT, tolerance, lines)
     if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
@@ -69,6 +67,7 @@ def to_urscript(
     radii, less = zones(goals, zone)
     sentences = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
     sentences += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
+    # The program: its header, its settings and its moves.
     text = [f"  # {line}" for line in header(timed, about, goals, ["radians", *sentences])]
     if tool is not None:
         text.append(f"  set_tcp(p{_list(finite('tool', tool, (6,)))})")
@@ -79,7 +78,7 @@ def to_urscript(
         moves[-1:] = [moves[-1] + "\n  stopj(2.0)"]
     else:
         moves = [_move(goals, i, radii[i + 1]) for i in range(len(goals.moves))]
-    first = f"movej({_list(goals.q[0])}, {APPROACH})"
+    first = f"movej({_list(goals.q[0])}, a=0.5, v=0.25)"  # a quarter of what the language takes by default
     body = with_lines(goals, [[first], *([move] for move in moves)])
     text += [f"  {line}" for line in body]
     files = {f"{short}.script": "\n".join([f"def {short}():", *text, "end", f"{short}()", ""])}

@@ -20,16 +20,17 @@ from .targets import Targets, Wiring, speed_shares, targets, with_lines, zones
 NAME = 15
 """Characters of a VAL3 name."""
 
-TURNING = 10_000
-"""Bound of the tool's turning [degrees/s] on linear moves, which their speed in mm/s is to bind."""
-
 LOCALS = {"l_jA": "jointRx", "l_jB": "jointRx", "l_pA": "pointRx", "l_pB": "pointRx", "l_mDesc": "mdesc"}
 """Variables of the program, with their types."""
 
 DIALECT = Dialect(
-    "VAL3", "diOut{number}={state}", "delay({seconds:g})", ("false", "true"), halt="waitEndMove()",
+    "VAL3",
+    "diOut{number}={state}",
+    "delay({seconds:g})",
+    ("false", "true"),
+    halt="waitEndMove()",
     forbidden=r"\]\]>|^(begin|end)\b",
-)  # fmt: skip
+)
 
 
 @typed
@@ -46,7 +47,7 @@ def to_val3(
 
     Args:
         name: of the program, at most 15 letters, digits and underscores.
-        about: a line of the header: the law.
+        about: a line of the header: the strategy.
         wiring: of the controller's six joints.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
         lines: of the process. "output 3 on" sets the application's dio variable diOut3.
@@ -69,19 +70,17 @@ def to_val3(
     shares = speed_shares(goals, speeds)
     first = ["l_mDesc.accel=100", "l_mDesc.decel=100", "l_mDesc.vel=10", "l_mDesc.blend=off"]
     first += [*_joints("A", goals, goals.q[0]), f"movej(l_jA,{tool},l_mDesc)", "waitEndMove()"]
-    first.append(f"l_mDesc.rvel={TURNING}")
+    first.append("l_mDesc.rvel=10000")  # degrees/s: on linear moves the speed in mm/s is to bind
     moves = [_move(goals, i, float(shares[i]), float(radii[i + 1]), (tool, base)) for i in range(len(goals.moves))]
     body = with_lines(goals, [first, *moves])
     local = '      <Local name="{}" type="{}" xsi:type="array" size="1" />'
     declared = [local.format(name, kind) for name, kind in LOCALS.items()]
-    text = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        '<Programs xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
-        'xmlns="http://www.staubli.com/robotics/VAL3/Program/2">',
-        f'  <Program name="{escape(short)}" access="public">', "    <Locals>", *declared, "    </Locals>",
-        "    <Code><![CDATA[begin", *(f"  {line}" for line in [*facts, *body, "waitEndMove()"]), "end]]></Code>",
-        "  </Program>", "</Programs>", "",
-    ]  # fmt: skip
+    spaces = 'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"'
+    spaces += ' xmlns="http://www.staubli.com/robotics/VAL3/Program/2"'
+    text = ['<?xml version="1.0" encoding="utf-8"?>', f"<Programs {spaces}>"]
+    text += [f'  <Program name="{escape(short)}" access="public">', "    <Locals>", *declared, "    </Locals>"]
+    text += ["    <Code><![CDATA[begin", *(f"  {line}" for line in [*facts, *body, "waitEndMove()"])]
+    text += ["end]]></Code>", "  </Program>", "</Programs>", ""]
     return Program({f"{short}.pgx": "\n".join(text)}, len(goals.q), goals.deviation, goals.tool)
 
 

@@ -111,7 +111,7 @@ def export_moveit(
         ExportError: no joint to spare, several tips, a task of other coordinates.
         As of `export_c`.
     """
-    law = leaf_strategy(strategy, "take one of MoveIt's own solvers for this arm")
+    holonomic = leaf_strategy(strategy, "take one of MoveIt's own solvers for this arm")
     short, chosen = package_names(strategy, name, package, "moveit_plugin")
     check_word("the group", group)
     if "." in group:
@@ -123,7 +123,7 @@ def export_moveit(
         "yaml_group": json.dumps(group, ensure_ascii=False),
         "group_line": markdown_cell(group),
     }
-    written, operations = write_package(source, Path(folder), c, _FILES, words, _python_joints(source, law))
+    written, operations = write_package(source, Path(folder), c, _FILES, words, _python_joints(source, holonomic))
     return MoveItPackage(Path(folder), chosen, source.name, written, operations)
 
 

@@ -111,7 +111,7 @@ def export_ros2_control(
         ExportError: no joint to spare, several tips, a task of other coordinates.
         As of `export_c`.
     """
-    law = leaf_strategy(strategy, "take one of the controllers of ros2_controllers for this arm")
+    holonomic = leaf_strategy(strategy, "take one of the controllers of ros2_controllers for this arm")
     short, chosen = package_names(strategy, name, package, "controller")
     source, c = c_texts(strategy, q0, 0.001, short, True, vectors_count, origin)
     robot = strategy.task.robot
@@ -121,11 +121,11 @@ def export_ros2_control(
         "lower": _limits(joint.lower for joint in robot.coordinates),
         "upper": _limits(joint.upper for joint in robot.coordinates),
         "fastest": _limits(fastest_rate(joint) for joint in robot.coordinates),
-        "angular_flags": ", ".join("true" if flag else "false" for flag in law.constraint.angular),
+        "angular_flags": ", ".join("true" if flag else "false" for flag in holonomic.constraint.angular),
         "level": ", ".join(repr(float(c)) for c in source.leaf),
         "rows_count": len(source.leaf),
     }
-    written, operations = write_package(source, Path(folder), c, _FILES, words, _python_steps(source, law))
+    written, operations = write_package(source, Path(folder), c, _FILES, words, _python_steps(source, holonomic))
     return Ros2ControlPackage(Path(folder), chosen, source.name, written, operations)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import ArgumentError, ExportError
-from ...base.types import Array, Shown
+from ...base.types import Array, Reported
 from ...motion import has_leaf
 from ...robot import to_urdf
 from ...robot.formats.writers import link_names
@@ -45,7 +45,7 @@ SHARED = {
 
 
 @dataclass(frozen=True)
-class RosPackage(Shown, ABC):
+class RosPackage(Reported, ABC):
     """What was written: the folder, the package, its C name, its files, the operations of each C function. Abstract."""
 
     folder: Path
@@ -53,6 +53,11 @@ class RosPackage(Shown, ABC):
     name: str
     files: tuple[str, ...]
     operations: dict[str, int]
+
+    def __str__(self) -> str:
+        return (
+            f"written: package {self.package} with the plugin {self.plugin}, {len(self.files)} files in {self.folder}"
+        )
 
     @property
     @abstractmethod
@@ -128,7 +133,7 @@ def python_header(task: Task, sentence: str, poses: Array, joints: Array, more: 
     """
     from scipy.spatial.transform import Rotation
 
-    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    quaternions, robot = Rotation.from_matrix(poses[:, :3, :3]).as_quat(), task.robot
     return "\n".join(
         [
             f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){sentence} */",
@@ -136,7 +141,8 @@ def python_header(task: Task, sentence: str, poses: Array, joints: Array, more: 
             "#include <cstddef>",
             "#include <string>",
             f"constexpr std::size_t COUNT = {len(joints)}, N = {task.robot.n};",
-            *_names_of_cpp(task),
+            f"const std::string BASE = {cpp_literal(link_names(robot)[0])}, TIP = {cpp_literal(tip_name(task))};",
+            f"const std::string NAMES[{robot.n}] = {{{', '.join(map(cpp_literal, robot.joint_names))}}};",
             *_numbers_of_cpp(f"POSES[{len(poses)}][7]", np.hstack([poses[:, :3, 3], quaternions])),
             *_numbers_of_cpp(f"JOINTS[{len(joints)}][{task.robot.n}]", joints),
             *more,
@@ -149,15 +155,6 @@ def _numbers_of_cpp(declared: str, rows: Iterable[Iterable[float]]) -> list[str]
     """The lines of a table of C++ with all digits."""
     body = ",\n".join("  {" + ", ".join(repr(float(x)) for x in row) + "}" for row in rows)
     return [f"const double {declared} = {{", body, "};"]
-
-
-def _names_of_cpp(task: Task) -> list[str]:
-    """The lines of C++ that name base, tip and joints."""
-    robot = task.robot
-    return [
-        f"const std::string BASE = {cpp_literal(link_names(robot)[0])}, TIP = {cpp_literal(tip_name(task))};",
-        f"const std::string NAMES[{robot.n}] = {{{', '.join(cpp_literal(joint) for joint in robot.joint_names)}}};",
-    ]
 
 
 def _task_note(task: Task) -> str:

@@ -8,6 +8,4 @@ from .motion_checks import Clear as Clear
 from .motion_checks import Clearances, check
 from .scene import Scene
 
-__all__ = [
-    "CheckReport", "Clearance", "Clearances", "Finding", "FindingKind", "LeftOut", "Scene", "Unseen", "check",
-]  # fmt: skip
+__all__ = ["CheckReport", "Clearance", "Clearances", "Finding", "FindingKind", "LeftOut", "Scene", "Unseen", "check"]

@@ -19,7 +19,7 @@ from ...robot import Robot
 from .. import TimedTrajectory
 from ..trajectory import Recording, Trajectory
 
-MOST_TOLD = 20
+MOST_SHOWN = 20
 """Findings in a table; a cyclic motion may have one in every cycle."""
 
 UNREAD_CURE = (
@@ -89,10 +89,10 @@ class Finding(Shown):
 
 @dataclass(frozen=True)
 class Clearance(Shown):
-    """How near two things come: `least` found [m] at `time` [s], and `bound`, what it is at least all the way [m].
+    """How near two things come: `least` [m] at `time` [s], and `bound`, what it is at least all the way [m].
 
     wanted: the distance it is held against [m]; 0 where two are always nearer than the clearance, so that only a
-    collision is told.
+    collision is reported.
 
     Of meshes these are distances of their convex hulls, which are no larger than theirs, as long as they are above the
     clearance that was wanted; below it they are their own. A bound below 0 says nothing of how deep meshes are.
@@ -115,18 +115,18 @@ class LeftOut(Shown):
 
 def left_out_words(pairs: Sequence[LeftOut]) -> list[str]:
     """All pairs that were left out, named, a sentence for each reason."""
-    found: dict[str, list[str]] = {}
-    for one in pairs:
-        found.setdefault(one.reason, []).append(" and ".join(one.pair))
-    return [f"left out, {reason}: {', '.join(names)}" for reason, names in found.items()]
+    names: dict[str, list[str]] = {}
+    for left_out in pairs:
+        names.setdefault(left_out.reason, []).append(" and ".join(left_out.pair))
+    return [f"left out, {reason}: {', '.join(those)}" for reason, those in names.items()]
 
 
 @dataclass(frozen=True)
 class Unseen(Shown):
     """A link without a shape that can be looked at, and why.
 
-    unread: whether its file has a shape for it that was to be looked at and could not be read: then nothing can be
-    told of it.
+    unread: whether its file has a shape for it that was to be looked at and could not be read: then nothing is known
+    of it.
     """
 
     link: str
@@ -136,7 +136,7 @@ class Unseen(Shown):
 
 def cannot_tell(unseen: Sequence[Unseen]) -> str:
     """The verdict on distances where shapes could not be read; empty where all were."""
-    names = dict.fromkeys(one.link for one in unseen if one.unread)
+    names = dict.fromkeys(link.link for link in unseen if link.unread)
     return f"cannot tell: the shapes of {brief(', '.join(names))} could not be read" if names else ""
 
 
@@ -160,7 +160,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
     """What `check` found of a motion.
 
     Attributes:
-        findings: sorted by time; none is well.
+        findings: sorted by time; empty where all is well.
         samples, duration: of the motion; [s].
         wanted: the clearance that was asked for [m].
         pairs: the clearances of all pairs that were looked at, the nearest first.
@@ -198,12 +198,16 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
     @property
     def nearest(self) -> Clearance | None:
         """The pair that gives the least distance: of those held against the clearance, and those that touch."""
-        told = [one for one in self.pairs if np.isfinite(counted(one.least, one.wanted, self.wanted))]
-        return min(told, key=lambda one: one.least, default=None)
+        return min(self._judged, key=lambda pair: pair.least, default=None)
+
+    @property
+    def _judged(self) -> list[Clearance]:
+        """The pairs that are held against the clearance, and those that touch."""
+        return [pair for pair in self.pairs if np.isfinite(counted(pair.least, pair.wanted, self.wanted))]
 
     @property
     def clearance(self) -> float:
-        """The least distance found [m], that of `nearest`.
+        """The least distance [m], that of `nearest`.
 
         NaN where no pair was held against the clearance, or where shapes could not be read.
         """
@@ -212,8 +216,8 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
     @property
     def bound(self) -> float:
         """What `clearance` is at least on the whole motion [m], joints going straight from sample to sample."""
-        judged = [one.bound for one in self.pairs if np.isfinite(counted(one.least, one.wanted, self.wanted))]
-        return float("nan") if self.unread else min(judged, default=float("nan"))
+        bounds = [pair.bound for pair in self._judged]
+        return float("nan") if self.unread else min(bounds, default=float("nan"))
 
     def __str__(self) -> str:
         return self.table()
@@ -226,10 +230,10 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
     @typed
     def told(self, units: PrintedUnits = SI) -> list[str]:
         """The findings as sentences, the first of many; and that nothing was found, or that it cannot be told."""
-        some = [str(finding.printed(units)) for finding in self.findings[:MOST_TOLD]]
-        more = len(self.findings) - len(some)
-        some += [f"and {more} more"] if more > 0 else []
-        return [*some, f"{self.unread}; {UNREAD_CURE}"] if self.unread else some or ["nothing found"]
+        sentences = [str(finding.printed(units)) for finding in self.findings[:MOST_SHOWN]]
+        more = len(self.findings) - len(sentences)
+        sentences += [f"and {more} more"] if more > 0 else []
+        return [*sentences, f"{self.unread}; {UNREAD_CURE}"] if self.unread else sentences or ["nothing found"]
 
     @typed
     def notes(self, units: PrintedUnits = SI) -> list[str]:
@@ -237,22 +241,19 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         lines: list[str] = []
         if near := self.nearest:
             by, unit, digits = units.factor("m"), units.name("m"), 4 if units.length == "m" else 1
-            told = f"; on the whole motion at least {by * self.bound:.{digits}f} {unit}" if self.bound > 0 else ""
+            bound = f"; on the whole motion at least {by * self.bound:.{digits}f} {unit}" if self.bound > 0 else ""
             least = f"{'of what was read: ' if self.unread else ''}least distance {by * near.least:.{digits}f} {unit}"
-            lines.append(f"{least}, {' and '.join(near.pair)} at {near.time:.3f} s{told}; {len(self.pairs)} pairs")
-        lines += [f"not looked at: {one.link}: {one.reason}" for one in self.unseen]
+            lines.append(f"{least}, {' and '.join(near.pair)} at {near.time:.3f} s{bound}; {len(self.pairs)} pairs")
+        lines += [f"not looked at: {link.link}: {link.reason}" for link in self.unseen]
         return [*self.observations, *lines, *left_out_words(self.left_out), *self.remarks]
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
-        return {
-            "passed": self.passed, "unread": self.unread, "samples": self.samples, "duration": self.duration,
-            "wanted": self.wanted, "clearance": number_or_none(self.clearance), "bound": number_or_none(self.bound),
-            "findings": [vars(one) | {"kind": one.kind.name.lower()} for one in self.findings],
-            "pairs": [vars(one) for one in self.pairs], "left_out": [vars(one) for one in self.left_out],
-            "unseen": [vars(one) for one in self.unseen], "remarks": list(self.remarks),
-            "observations": list(self.observations),
-        }  # fmt: skip
+        facts = {what: getattr(self, what) for what in ("passed", "unread", "samples", "duration", "wanted")}
+        facts |= {what: number_or_none(getattr(self, what)) for what in ("clearance", "bound")}
+        facts["findings"] = [vars(finding) | {"kind": finding.kind.name.lower()} for finding in self.findings]
+        facts |= {what: [vars(part) for part in getattr(self, what)] for what in ("pairs", "left_out", "unseen")}
+        return facts | {what: list(getattr(self, what)) for what in ("remarks", "observations")}
 
     @typed
     def save(self, path: str | Path) -> None:
@@ -298,11 +299,11 @@ class Motion(Value):
 
 def robot_of(given: Any, robot: Robot | None) -> Robot:
     """The robot that is given, or that of a trajectory. Raises: ArgumentError: there is none."""
-    walk = given.untimed if isinstance(given, TimedTrajectory) else given
-    found = robot or getattr(walk, "robot", None)
-    if found is None:
+    trajectory = given.untimed if isinstance(given, TimedTrajectory) else given
+    its_robot = robot or getattr(trajectory, "robot", None)
+    if its_robot is None:
         raise ArgumentError("the robot of the motion", None, "give robot=: postures and recordings have none")
-    return found
+    return its_robot
 
 
 def motion_of(given: Any, robot: Robot) -> Motion:
@@ -320,9 +321,10 @@ def motion_of(given: Any, robot: Robot) -> Motion:
     if isinstance(given, Recording):
         if len(given) < 2:
             return Motion(given.t, given.q, ())
-        told = ("speeds are differences of successive samples",)
+        remarks = ("speeds are differences of successive samples",)
         steps = np.diff(given.q, axis=0) / np.diff(given.t)[:, None]
-        return Motion(given.t, given.q, ((RATES[0], np.vstack([steps, steps[-1:]]), robot.max_velocity, "/s"),), told)
+        rates = (RATES[0], np.vstack([steps, steps[-1:]]), robot.max_velocity, "/s")
+        return Motion(given.t, given.q, (rates,), remarks)
     q = robot.postures(given)
     if not np.isfinite(q).all():
         raise NotFiniteError("the postures", q[~np.isfinite(q)][:3].tolist())

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any, final
 
 import numpy as np
 
 from ...base.errors import UnknownNameError
-from ...base.types import Array, Indices, Matrix, Value, Vector, frozen
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...robot import Capsule, LinkShape, Robot, Shape, Unread, joints_above
 from ...robot.shapes.link_shapes import coal_package, lowest
 from ...robot.tree import Frames, joint_frames, placed
-from .check_report import LeftOut, Unseen, cannot_tell, keeps
+from .check_report import LeftOut, Unseen, cannot_tell
 from .scene import Scene
 
 FLOOR = "floor"
@@ -42,10 +43,10 @@ class Link(Value):
 
 def links_of(shapes: Sequence[LinkShape]) -> list[Link]:
     """The links that have shapes. Links of one name on several joints, as a robot of parts may have, stay apart."""
-    found: dict[tuple[str, int], list[LinkShape]] = {}
+    links: dict[tuple[str, int], list[LinkShape]] = {}
     for shape in shapes:
-        found.setdefault((shape.link, shape.joint), []).append(shape)
-    return [Link(name, joint, tuple(of)) for (name, joint), of in found.items()]
+        links.setdefault((shape.link, shape.joint), []).append(shape)
+    return [Link(name, joint, tuple(of)) for (name, joint), of in links.items()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +106,8 @@ class FloorGap(Gap):
 
     def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
         """Height of the lowest point over the floor."""
-        found = [lowest(s.shape, *_pose(frames, s, rows))[:, 2] for s in self.link.shapes]
-        return np.min(found, axis=0) - self.height
+        heights = [lowest(s.shape, *_pose(frames, s, rows))[:, 2] for s in self.link.shapes]
+        return np.min(heights, axis=0) - self.height
 
     def nearest(self, frames: Frames, near: float) -> Nearest:
         """The lowest point, and that of the floor below it."""
@@ -133,33 +134,31 @@ class LinkGap(Gap):
 
     def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
         """The least over pairs of their shapes; those whose balls are farther apart than another pair are left out."""
-        sides = [[(s.shape, *_pose(frames, s, rows)) for s in link.shapes] for link in (self.one, self.other)]
-        pairs = [(a, b) for a in sides[0] for b in sides[1]]
         least = np.full(len(rows), np.inf)
-        bounds = [_ball_gap(a, b) for a, b in pairs]
-        for i in np.argsort([bound.min() for bound in bounds]):
-            open_rows = np.flatnonzero(bounds[i] < least)
-            if len(open_rows):
-                found = _distance(pairs[i][0], pairs[i][1], open_rows, near)
-                least[open_rows] = np.minimum(least[open_rows], found)
+        for a, b, bound in self._pairs(frames, rows):
+            undecided = np.flatnonzero(bound < least)
+            if len(undecided):
+                least[undecided] = np.minimum(least[undecided], _distance(a, b, undecided, near))
         return least
 
     def nearest(self, frames: Frames, near: float) -> Nearest:
         """Of the pair of their shapes that is nearest."""
         count = len(frames[0][0])
-        sides = [
-            [(s.shape, *_pose(frames, s, np.arange(count))) for s in link.shapes] for link in (self.one, self.other)
-        ]
-        pairs = [(a, b) for a in sides[0] for b in sides[1]]
-        bounds, best = [_ball_gap(a, b) for a, b in pairs], np.zeros((count, 10))
+        best = np.zeros((count, 10))
         best[:, 0] = near
-        for i in np.argsort([bound.min() for bound in bounds]):
-            rows = np.flatnonzero(bounds[i] < best[:, 0])
+        for a, b, bound in self._pairs(frames, np.arange(count)):
+            rows = np.flatnonzero(bound < best[:, 0])
             if len(rows):
-                found = _nearest(pairs[i][0], pairs[i][1], rows)
-                nearer = found[:, 0] < best[rows, 0]
-                best[rows[nearer]] = found[nearer]
+                columns = _nearest(a, b, rows)
+                nearer = columns[:, 0] < best[rows, 0]
+                best[rows[nearer]] = columns[nearer]
         return Nearest.of(best, near)
+
+    def _pairs(self, frames: Frames, rows: Indices) -> list[tuple[Posed, Posed, Vector]]:
+        """Each shape of one link with each of the other, and how far apart their balls are; the nearest first."""
+        sides = [[(s.shape, *_pose(frames, s, rows)) for s in link.shapes] for link in (self.one, self.other)]
+        pairs = [(a, b, _ball_gap(a, b)) for a, b in product(*sides)]
+        return sorted(pairs, key=lambda pair: pair[2].min())
 
     @property
     def joints(self) -> tuple[int, int]:
@@ -220,33 +219,36 @@ def _distance(one: Posed, other: Posed, rows: Indices, near: float) -> Vector:
     if isinstance(a, Capsule) and isinstance(b, Capsule):
         steps = [R[rows, :, 2] * a.length / 2, S[rows, :, 2] * b.length / 2]
         return segment_distance(p[rows], steps[0], x[rows], steps[1]) - a.radius - b.radius
-    found = _coal_distance(a.solid, b.solid, one, other, rows)
+    distances = _coal_distance(a.solid, b.solid, one, other, rows)[:, 0]
     if a.surface is not None or b.surface is not None:
-        close = np.flatnonzero(found < near)
+        close = np.flatnonzero(distances < near)
         c, d = (shape.solid if shape.surface is None else shape.surface for shape in (a, b))
-        found[close] = np.maximum(_coal_distance(c, d, one, other, rows[close]), 0.0)
-    return found
+        distances[close] = np.maximum(_coal_distance(c, d, one, other, rows[close])[:, 0], 0.0)
+    return distances
 
 
-def _coal_distance(a: Any, b: Any, one: Posed, other: Posed, rows: Indices) -> Vector:
-    """What coal finds of its shapes a and b, which are where `one` and `other` are."""
+def _coal_distance(a: Any, b: Any, one: Posed, other: Posed, rows: Indices, columns: int = 1) -> Matrix:
+    """What coal finds of its shapes a and b, which are where `one` and `other` are: distances (k, 1), or with them
+    where the two are nearest (k, 10), the fields of `Nearest`."""
     coal = coal_package()
     (_, p, R), (_, x, S) = one, other
-    asked, answer = coal.DistanceRequest(), coal.DistanceResult()
-    asked.enable_signed_distance = True
-    found = np.empty(len(rows))
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.enable_signed_distance = True
+    values = np.empty((len(rows), columns))
     for k, row in enumerate(rows):
-        answer.clear()
+        result.clear()
         ends = coal.Transform3s(R[row], p[row]), coal.Transform3s(S[row], x[row])
-        found[k] = coal.distance(a, ends[0], b, ends[1], asked, answer)
-    return found
+        values[k, 0] = coal.distance(a, ends[0], b, ends[1], request, result)
+        if columns > 1:
+            values[k, 1:] = np.concatenate([-result.normal, result.getNearestPoint1(), result.getNearestPoint2()])
+    return values
 
 
 def _nearest(one: Posed, other: Posed, rows: Indices) -> Matrix:
     """Where two shapes, meshes as their hulls, are nearest at some rows: (k, 10), the fields of `Nearest`."""
     (a, p, R), (b, x, S) = one, other
-    p, R, x, S = p[rows], R[rows], x[rows], S[rows]
     if isinstance(a, Capsule) and isinstance(b, Capsule):
+        p, R, x, S = p[rows], R[rows], x[rows], S[rows]
         u, v = R[:, :, 2] * a.length / 2, S[:, :, 2] * b.length / 2
         s, t = _segment_places(p, u, x, v)
         ends = p + s[:, None] * u, x + t[:, None] * v
@@ -254,16 +256,7 @@ def _nearest(one: Posed, other: Posed, rows: Indices) -> Matrix:
         size = np.linalg.norm(step, axis=1)
         across = np.where(size[:, None] > 0, step / np.where(size > 0, size, 1.0)[:, None], UP)
         return np.column_stack([size - a.radius - b.radius, across, *ends])
-    coal = coal_package()
-    asked, answer = coal.DistanceRequest(), coal.DistanceResult()
-    asked.enable_signed_distance = True
-    found = np.empty((len(rows), 10))
-    for k in range(len(rows)):
-        answer.clear()
-        places = coal.Transform3s(R[k], p[k]), coal.Transform3s(S[k], x[k])
-        found[k, 0] = coal.distance(a.solid, places[0], b.solid, places[1], asked, answer)
-        found[k, 1:] = np.concatenate([-answer.normal, answer.getNearestPoint1(), answer.getNearestPoint2()])
-    return found
+    return _coal_distance(a.solid, b.solid, one, other, rows, 10)
 
 
 def segment_distance(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Vector:
@@ -310,14 +303,8 @@ def _segment_places(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> tuple[Vector,
 ACCURACY = 1e-3
 """How much less [m] than the least distance found it may be anywhere on the motion: a millimetre."""
 
-FINE = 2e-4
-"""Motion [m] below which an interval between two samples is not halved any more: half of it is a tenth of ACCURACY."""
-
 TOUCH = float(np.nextafter(0.0, 1.0))
 """The least distance [m] of two things that do not touch."""
-
-FIRST = 16
-"""Intervals into which a motion is cut to begin with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,7 +322,7 @@ class Swept(Value):
 
     @property
     def least(self) -> float:
-        """The least distance found [m]."""
+        """The least distance [m]."""
         return float(self.d.min())
 
     @property
@@ -343,14 +330,12 @@ class Swept(Value):
         """Where it is, as a number of a sample."""
         return float(self.s[int(np.argmin(self.d))])
 
-    def stretches(self, limit: float) -> list[tuple[float, float, float, float]]:
-        """(first s, last s, least distance there, its s) of each stretch on which the distance is below a limit."""
-        edges = np.diff(np.concatenate([[0], ~keeps(self.d, limit), [0]]).astype(int))
-        found = []
-        for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-            k = a + int(np.argmin(self.d[a:b]))
-            found.append((float(self.s[a]), float(self.s[b - 1]), float(self.d[k]), float(self.s[k])))
-        return found
+
+def stretches(wrong: Flags, size: Vector) -> Iterator[tuple[int, int, int]]:
+    """(first, last, worst) sample of each stretch that is wrong; the worst has the largest size."""
+    edges = np.diff(np.concatenate([[0], wrong, [0]]).astype(int))
+    for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        yield int(a), int(b) - 1, int(a) + int(np.argmax(size[a:b]))
 
 
 def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float]) -> list[Swept]:
@@ -365,8 +350,11 @@ def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float])
         return []
     near = max(*limits, TOUCH)
     judged = [i for i, limit in enumerate(limits) if limit == max(limits)]
-    walks = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)) @ gap.weights)]) for gap in gaps]
-    starts = np.unique(np.linspace(0, len(q) - 1, FIRST + 1).astype(int)).astype(float)
+    # How far points of each pair can have come nearer, up to each sample.
+    ways = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)) @ gap.weights)]) for gap in gaps]
+    samples = np.arange(len(q))
+    # The distances at the ends of 16 intervals.
+    starts = np.unique(np.linspace(0, len(q) - 1, 17).astype(int)).astype(float)
     known = [dict.fromkeys(starts.tolist(), 0.0) for _ in gaps]
     _look(robot, gaps, q, known, [starts for _ in gaps], near)
     bounds = np.full(len(gaps), np.inf)
@@ -375,28 +363,31 @@ def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float])
         bounds = np.array([distances[0.0] for distances in known])
     while any(len(a) for a, _ in waiting):
         best = min(min(known[i].values()) for i in judged)
-        asked: list[Vector] = []
+        middles: list[Vector] = []
         for i, (a, b) in enumerate(waiting):
+            # Bounds of the distance over each interval.
             d, e = (np.array([known[i][s] for s in ends.tolist()]) for ends in (a, b))
-            step = _at(walks[i], b) - _at(walks[i], a)
+            step = np.interp(b, samples, ways[i]) - np.interp(a, samples, ways[i])
             bound, limit = (d + e - step) / 2, max(limits[i], TOUCH)
             inside = (d < limit) & (e < limit) & ((d + e + step) / 2 < limit)
             own = min(known[i].values()) - ACCURACY
             least = max(limit, best - ACCURACY) if i in judged else limit
-            want = np.where(inside, bound < own, bound < least)
-            split = want & ((b - a > 1) | ((step > FINE) & ((bound < own) | ((d >= limit) & (e >= limit)))))
+            undecided = np.where(inside, bound < own, bound < least)
+            # Halve those that do not tell, between two samples down to a motion of which half is a tenth of `ACCURACY`.
+            crosses = (step > ACCURACY / 5) & ((bound < own) | ((d >= limit) & (e >= limit)))
+            split = undecided & ((b - a > 1) | crosses)
             bounds[i] = min(bounds[i], float(bound[~split].min(initial=np.inf)))
             middle = (a[split] + b[split]) / 2
             middle = np.where(b[split] - a[split] > 1, np.floor(middle), middle)
-            asked.append(middle)
+            middles.append(middle)
             waiting[i] = (np.concatenate([a[split], middle]), np.concatenate([middle, b[split]]))
-        _look(robot, gaps, q, known, asked, near)
-    found = []
+        _look(robot, gaps, q, known, middles, near)
+    swept = []
     for gap, distances, bound in zip(gaps, known, bounds, strict=True):
         s = np.array(sorted(distances))
         d = np.array([distances[x] for x in s.tolist()])
-        found.append(Swept(gap, s, d, min(float(bound), float(d.min()))))
-    return found
+        swept.append(Swept(gap, s, d, min(float(bound), float(d.min()))))
+    return swept
 
 
 def postures_at(q: Matrix, s: Vector) -> Matrix:
@@ -408,22 +399,17 @@ def postures_at(q: Matrix, s: Vector) -> Matrix:
 
 
 def _look(
-    robot: Robot, gaps: Sequence[Gap], q: Matrix, known: list[dict[float, float]], asked: list[Vector],
-    near: float,
-) -> None:  # fmt: skip
+    robot: Robot, gaps: Sequence[Gap], q: Matrix, known: list[dict[float, float]], places: list[Vector], near: float
+) -> None:
     """Find the distances of each gap at its places, and note them."""
-    places = np.unique(np.concatenate(asked))
-    if not len(places):
+    together = np.unique(np.concatenate(places))
+    if not len(together):
         return
-    frames = joint_frames(robot, postures_at(q, places))
-    for gap, distances, s in zip(gaps, known, asked, strict=True):
+    frames = joint_frames(robot, postures_at(q, together))
+    for gap, distances, s in zip(gaps, known, places, strict=True):
         if len(s):
-            rows: Indices = np.searchsorted(places, s)
+            rows: Indices = np.searchsorted(together, s)
             distances.update(zip(s.tolist(), gap.distances(frames, rows, near).tolist(), strict=True))
-
-
-def _at(walk: Vector, s: Vector) -> Vector:
-    return np.interp(s, np.arange(len(walk)), walk)
 
 
 POSTURES = 200
@@ -431,7 +417,6 @@ POSTURES = 200
 
 ADJACENT = "parent and child"
 ALWAYS = f"they touch at each of {POSTURES} random postures"
-NEAR = f"nearer than the clearance at each of {POSTURES} random postures, so only collisions are told"
 ASKED = "allowed to touch"
 
 LEVEL = 1e-9
@@ -454,8 +439,29 @@ class Pairs(Value):
     @property
     def unread(self) -> str:
         """That nothing can be told of links whose shapes could not be read, and why; empty where all were read."""
-        first = next((one.reason for one in self.unseen if one.unread), "")
-        return f"{cannot_tell(self.unseen)} ({first})" if first else ""
+        reason = next((link.reason for link in self.unseen if link.unread), "")
+        return f"{cannot_tell(self.unseen)} ({reason})" if reason else ""
+
+
+class _PairList:
+    """The pairs as they are gathered: gaps with the distance asked of each, and what is left out."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.allowed = {frozenset(pair) for pair in scene.allowed}
+        self.gaps: list[tuple[Gap, float]] = []
+        self.left_out: list[LeftOut] = []
+
+    def may_touch(self, names: tuple[str, str]) -> bool:
+        """Whether the scene allows it, by name or for all others."""
+        asked = (names, *((name, ALL) for name in names)) if self.allowed else ()
+        return any(frozenset(pair) in self.allowed for pair in asked)
+
+    def add(self, gap: Gap, limit: float) -> None:
+        """A gap to look at, unless the two may touch."""
+        if self.may_touch(gap.names):
+            self.left_out.append(LeftOut(gap.names, ASKED))
+        else:
+            self.gaps.append((gap, limit))
 
 
 def _readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[tuple[LinkShape, str]]]:
@@ -475,75 +481,61 @@ def pairs_of(robot: Robot, scene: Scene, q: Matrix) -> Pairs:
     things = links_of([shape for shape in good if shape.obstacle])
     names = [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty]
     _known(scene.allowed, names if floor is None else [*names, FLOOR])
-    allowed = _Allowed(scene.allowed)
-    unseen = [Unseen(one.link, fault, _asked_about(one, every, allowed, scene)) for one, fault in faulty]
+    pairs = _PairList(scene)
+    unseen = [Unseen(shape.link, fault, _asked_about(shape, every, pairs, scene)) for shape, fault in faulty]
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
         unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]
-    travel = _travel(robot, q)
-    parents = [_parent(robot, links, link) for link in links]
-    left_out, gaps, tested = [], [], []
-    for i, one in enumerate(links):
-        for thing in things if one.joint >= 0 else ():
-            if (one.name, thing.name) in allowed:
-                left_out.append(LeftOut((one.name, thing.name), ASKED))
-            else:
-                gaps.append(link_gap(robot, one, thing, travel))
+    # How far joints are from their zeros in the motion.
+    values = [np.abs(joint.multiplier * q[:, joint.coordinate] + joint.offset).max() for joint in robot.joints]
+    travel, parents = np.array(values), [_parent(robot, links, link) for link in links]
+    # Links and obstacles, and two links that are not parent and child.
+    tested: list[LinkGap] = []
+    for i, link in enumerate(links):
+        for thing in things if link.joint >= 0 else ():
+            pairs.add(link_gap(robot, link, thing, travel), clearance)
         for j, other in enumerate(links[:i] if scene.self_collision else ()):
-            pair = (other.name, one.name)
-            if one.joint == other.joint:
+            names = (other.name, link.name)
+            if link.joint == other.joint:
                 continue  # they never move against each other
-            if pair in allowed:
-                left_out.append(LeftOut(pair, ASKED))
-            elif other is parents[i] or one is parents[j]:
-                left_out.append(LeftOut(pair, ADJACENT))
+            if pairs.may_touch(names):
+                pairs.left_out.append(LeftOut(names, ASKED))
+            elif other is parents[i] or link is parents[j]:
+                pairs.left_out.append(LeftOut(names, ADJACENT))
             else:
-                tested.append(link_gap(robot, other, one, travel))
-    limits = [clearance] * len(gaps)
-    for gap, values in zip(tested, _at_random(robot, tested, clearance), strict=True):
-        if values.max(initial=-np.inf) <= 0:
-            left_out.append(LeftOut(gap.names, ALWAYS))
+                tested.append(link_gap(robot, other, link, travel))
+    # Links that touch, or are too near, at every random posture.
+    for gap, distances in zip(tested, _at_random(robot, tested, clearance), strict=True):
+        nearest = distances.max(initial=-np.inf)
+        if nearest <= 0:
+            pairs.left_out.append(LeftOut(gap.names, ALWAYS))
             continue
-        if values.max() < clearance:
-            left_out.append(LeftOut(gap.names, NEAR))
-        gaps.append(gap)
-        limits.append(0.0 if values.max() < clearance else clearance)
+        if nearest < clearance:
+            reason = f"nearer than the clearance at each of {POSTURES} random postures, so only collisions are told"
+            pairs.left_out.append(LeftOut(gap.names, reason))
+        pairs.gaps.append((gap, 0.0 if nearest < clearance else clearance))
+    # Links and the floor.
     for link in links:
-        if floor is None or link.joint < 0:
-            continue
-        if (link.name, FLOOR) in allowed:
-            left_out.append(LeftOut((link.name, FLOOR), ASKED))
-        else:
-            gaps.append(floor_gap(robot, link, floor, travel))
-            limits.append(clearance)
-    return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen), clearance)
+        if floor is not None and link.joint >= 0:
+            pairs.add(floor_gap(robot, link, floor, travel), clearance)
+    gaps, limits = tuple(gap for gap, _ in pairs.gaps), tuple(limit for _, limit in pairs.gaps)
+    return Pairs(gaps, limits, tuple(pairs.left_out), tuple(unseen), clearance)
 
 
-class _Allowed:
-    """The pairs of names that may touch."""
-
-    def __init__(self, pairs: Sequence[tuple[str, str]]) -> None:
-        self.pairs = {frozenset(pair) for pair in pairs}
-
-    def __contains__(self, names: tuple[str, str]) -> bool:
-        asked = (names, *((name, ALL) for name in names)) if self.pairs else ()
-        return any(frozenset(pair) in self.pairs for pair in asked)
-
-
-def _asked_about(one: LinkShape, every: Sequence[LinkShape], allowed: _Allowed, scene: Scene) -> bool:
+def _asked_about(shape: LinkShape, every: Sequence[LinkShape], pairs: _PairList, scene: Scene) -> bool:
     """Whether a shape may meet a thing that it may not touch."""
-    (up, height), floor = one.placement[2, 2:], scene.floor
-    level = isinstance(one.shape, Unread) and one.shape.plane and up > 1 - LEVEL
+    (up, height), floor = shape.placement[2, 2:], scene.floor
+    level = isinstance(shape.shape, Unread) and shape.shape.plane and up > 1 - LEVEL
     if level and floor is not None and floor >= height - LEVEL:
         return False  # the floor stands for it
-    rivals = [FLOOR] if floor is not None and not one.obstacle and one.joint >= 0 else []
+    rivals = [FLOOR] if floor is not None and not shape.obstacle and shape.joint >= 0 else []
     for other in every:
-        if one.obstacle or other.obstacle:
-            meet = one.obstacle != other.obstacle and max(one.joint, other.joint) >= 0
+        if shape.obstacle or other.obstacle:
+            meet = shape.obstacle != other.obstacle and max(shape.joint, other.joint) >= 0
         else:
-            meet = scene.self_collision and one.joint != other.joint
+            meet = scene.self_collision and shape.joint != other.joint
         rivals += [other.link] if meet else []
-    return any((one.link, name) not in allowed for name in rivals)
+    return any(not pairs.may_touch((shape.link, name)) for name in rivals)
 
 
 def _known(pairs: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
@@ -552,24 +544,18 @@ def _known(pairs: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
             raise UnknownNameError("link or obstacle", name, tuple(dict.fromkeys(names)))
 
 
-def _travel(robot: Robot, q: Matrix) -> Vector:
-    """The farthest that each joint of the tree is from its zero in a motion (joints,)."""
-    values = [np.abs(joint.multiplier * q[:, joint.coordinate] + joint.offset).max() for joint in robot.joints]
-    return np.array(values)
-
-
 def _parent(robot: Robot, links: Sequence[Link], link: Link) -> Link | None:
     """The link with shapes on which one hangs, if only links without shapes are between. See `LinkShape.parent`."""
-    own, rest = link.shapes[0], [one for one in links if not one.shapes[0].carried]
-    if own.carried and any(one.joint == link.joint for one in rest):
+    own, others = link.shapes[0], [other for other in links if not other.shapes[0].carried]
+    if own.carried and any(other.joint == link.joint for other in others):
         return None  # it is fixed to that
     for joint in [*joints_above(robot.joints, link.joint)[1:], -1] if link.joint >= 0 else ():
-        there = [one for one in rest if one.joint == joint]
-        named = [one for one in there if one.name == own.parent]
+        on_joint = [other for other in others if other.joint == joint]
+        named = [other for other in on_joint if other.name == own.parent]
         if named:
             return named[0]
-        if there and (own.parent is None or there[0].shapes[0].parent is None):
-            return there[0] if len(there) == 1 else None
+        if on_joint and (own.parent is None or on_joint[0].shapes[0].parent is None):
+            return on_joint[0] if len(on_joint) == 1 else None
     return None
 
 

@@ -12,13 +12,13 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, RobotFileError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, not_negative
+from ...base.types import Array, Flags, Matrix, Value, Vector, not_negative
 from ...robot import Robot, chain_length, joints_above, with_capsules
 from ...robot.links import SLENDER
 from ...robot.tree import Frames, joint_frames
 from ...strategies.tasks.task import Task
 from .check_report import (
-    MOST_TOLD,
+    MOST_SHOWN,
     UNREAD_CURE,
     CheckReport,
     Clearance,
@@ -30,11 +30,8 @@ from .check_report import (
     motion_of,
     robot_of,
 )
-from .clearance import Pairs, Swept, pairs_of, sweep
+from .clearance import Pairs, Swept, pairs_of, stretches, sweep
 from .scene import Scene
-
-EXACT = 1e-9
-"""Share of a limit by which a rate may exceed it: that of round-off."""
 
 
 def _limit_findings(robot: Robot, motion: Motion, margin: float) -> Iterator[Finding]:
@@ -43,42 +40,32 @@ def _limit_findings(robot: Robot, motion: Motion, margin: float) -> Iterator[Fin
         q, lower, upper = motion.q[:, i], c.lower + margin, c.upper - margin
         for past, limit in ((lower - q, lower), (q - upper, upper)):
             for a, b, k in stretches(past > TOLERANCES.limit, past):
-                yield _found(FindingKind.POSITION, (c.name,), motion, (a, b, k), float(q[k]), float(limit), c.unit)
+                facts = _times(motion, a, b, k), k, float(q[k]), float(limit), c.unit
+                yield _finding(FindingKind.POSITION, c.name, *facts)
         for kind, values, limits, per in motion.rates:
             size, most = np.abs(values[:, i]), float(limits[i])
-            for a, b, k in stretches(size > most * (1 + EXACT), size):
-                yield _found(kind, (c.name,), motion, (a, b, k), float(size[k]), most, c.unit + per)
-
-
-def _unjudged_speeds(robot: Robot, motion: Motion) -> list[str]:
-    """A sentence on the joints whose speeds were not judged, since nothing limits them; none where there are none."""
-    limits = [most for kind, _, most, _ in motion.rates if kind is FindingKind.VELOCITY]
-    names = [name for most in limits for name, one in zip(robot.joint_names, most, strict=True) if not np.isfinite(one)]
-    return [f"cannot tell whether {', '.join(names)} can be so fast: there is no limit of the speed"] if names else []
+            for a, b, k in stretches(size > most * (1 + 1e-9), size):  # but for round-off
+                yield _finding(kind, c.name, _times(motion, a, b, k), k, float(size[k]), most, c.unit + per)
 
 
 def _singular_findings(task: Task, motion: Motion, J: Array, rcond: float) -> Iterator[Finding]:
     """Where the smallest singular value of the task Jacobian J (k, m, n) is less than `rcond` times the largest."""
     values = np.linalg.svd(J, compute_uv=False)
-    found = values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)
-    for a, b, k in stretches(found < rcond, -found):
-        yield _found(FindingKind.SINGULARITY, (task.name,), motion, (a, b, k), float(found[k]), rcond, "")
+    ratios = values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)
+    for a, b, k in stretches(ratios < rcond, -ratios):
+        yield _finding(FindingKind.SINGULARITY, task.name, _times(motion, a, b, k), k, float(ratios[k]), rcond, "")
 
 
-def stretches(wrong: Flags, size: Vector) -> Iterator[tuple[int, int, int]]:
-    """(first, last, worst) sample of each stretch that is wrong; the worst has the largest size."""
-    edges = np.diff(np.concatenate([[0], wrong, [0]]).astype(int))
-    for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-        yield int(a), int(b) - 1, int(a) + int(np.argmax(size[a:b]))
+def _finding(
+    kind: FindingKind, what: str, times: tuple[float, ...], k: int, value: float, limit: float, unit: str
+) -> Finding:
+    """A finding at the times of its begin, its end, and where it is worst, at sample k."""
+    return Finding(kind, (what,), *times, k, value, limit, unit)
 
 
-def _found(
-    kind: FindingKind, what: tuple[str, ...], motion: Motion, place: tuple[int, int, int], value: float, limit: float,
-    unit: str,
-) -> Finding:  # fmt: skip
-    a, b, k = place
-    t = motion.t
-    return Finding(kind, what, float(t[a]), float(t[b]), float(t[k]), k, value, limit, unit)
+def _times(motion: Motion, *samples: float) -> tuple[float, ...]:
+    """When a motion is at samples, whose numbers need not be whole [s]."""
+    return tuple(float(np.interp(s, np.arange(len(motion.t)), motion.t)) for s in samples)
 
 
 # --- Jumps of posture inside a motion: joint steps in whose middle the tool is off its way; and self-motions.
@@ -91,14 +78,11 @@ SHARE = 0.25
 """Share of the tool's step by which its middle may be off, beside `TOLERANCES.tracking`: a circle of six samples is off
 by an eighth, joints that go 1 rad in any direction by a ninth as a rule."""
 
-LARGE, MANY = 0.3, 20.0
-"""A joint step [rad or m] that is told in any case, and how many times the median it is then."""
+LARGE = 0.3
+"""A joint step [rad or m] that is reported in any case, if it is 20 times the median; motion of a self-motion, too."""
 
 AT_REST = 0.01
 """How far the tool goes, over how far points at the arm's length would go, up to which it is called at rest."""
-
-LOOKED_AT = 64
-"""Samples of a self-motion at which it is looked at whether the tool is where it was."""
 
 
 def _jump_findings(task: Task, motion: Motion) -> Iterator[Finding]:
@@ -109,32 +93,30 @@ def _jump_findings(task: Task, motion: Motion) -> Iterator[Finding]:
     """
     robot, Q, task = task.robot, motion.samples, task if task._geometric else task._geometric_twin
     step = _steps(robot, Q)
-    at = np.flatnonzero(_off_at_most(robot, Q, step) > TOLERANCES.tracking)
-    if not len(at):
+    candidates = np.flatnonzero(_off_at_most(robot, Q, step) > TOLERANCES.tracking)
+    if not len(candidates):
         return
     # How far the tool is off in the middle of each step, and how far the step leads it.
-    p, R = task._poses(Q[at])
-    middle, end = Q[at] + step[at] / 2, Q[at] + step[at]
-    back, on = task.error(middle, p, R), task.error(middle, *task._poses(end))
-    whole = task.error(Q[at], *task._poses(end))
-    far, turn = _sizes(task, whole)
+    begin, move = Q[candidates], step[candidates]
+    middle, (p, R), end = begin + move / 2, task._poses(begin), task._poses(begin + move)
+    back, on = task.error(middle, p, R), task.error(middle, *end)
+    way, turn = _sizes(task, task.error(begin, *end))
     off = [
         np.maximum(np.linalg.norm(a + b, axis=1), sum(np.linalg.norm(x, axis=1) for x in (a, b)) - size) / 2
-        for a, b, size in zip(_parts(task, back), _parts(task, on), (far, turn), strict=True)
+        for a, b, size in zip(_parts(task, back), _parts(task, on), (way, turn), strict=True)
     ]
+    # How far it may be off; each stretch of steps by more than that is a finding.
     length = _length(robot)
-    allowed = [
-        TOLERANCES.tracking + SHARE * (far + length * turn), TOLERANCES.tracking + SHARE * (turn + far / length)
-    ]  # fmt: skip
+    allowed = [TOLERANCES.tracking + SHARE * size for size in (way + length * turn, turn + way / length)]
     worst = np.zeros(len(step))
-    worst[at] = np.maximum(off[0] / allowed[0], off[1] / allowed[1])
+    worst[candidates] = np.maximum(off[0] / allowed[0], off[1] / allowed[1])
     for a, b, k in stretches(worst > 1, worst):
-        i = int(np.searchsorted(at, k))
+        i = int(np.searchsorted(candidates, k))
         part = int(off[1][i] / allowed[1][i] > off[0][i] / allowed[0][i])
         joint = robot.joint_names[int(np.argmax(np.abs(step[k])))]
         times = motion.time(a), motion.time(b + 1), (motion.time(k) + motion.time(k + 1)) / 2
         value, limit, unit = float(off[part][i]), float(allowed[part][i]), ("m", "rad")[part]
-        yield Finding(FindingKind.JUMP, (joint,), *times, motion.index(k), value, limit, unit)
+        yield _finding(FindingKind.JUMP, joint, times, motion.index(k), value, limit, unit)
 
 
 def _large_steps(robot: Robot, motion: Motion, known: Sequence[Finding] | None) -> list[str]:
@@ -146,18 +128,18 @@ def _large_steps(robot: Robot, motion: Motion, known: Sequence[Finding] | None) 
     step = np.abs(_steps(robot, motion.samples))
     size = step.max(axis=1, initial=0.0)
     usual = float(np.median(size[size > 0])) if (size > 0).any() else 0.0
-    wrong = (size > LARGE) & (size > MANY * usual)
+    wrong = (size > LARGE) & (size > 20.0 * usual)
     for k in np.flatnonzero(wrong).tolist():
-        wrong[k] = not any(one.start <= motion.time(k) < one.stop for one in known or ())
+        wrong[k] = not any(jump.start <= motion.time(k) < jump.stop for jump in known or ())
     if not wrong.any():
         return []
     k = int(np.argmax(np.where(wrong, size, 0.0)))
     joint, more = robot.coordinates[int(np.argmax(step[k]))], int(wrong.sum()) - 1
-    untold = "whether it is a jump of posture cannot be told without the task of a tool"
+    unknown = "whether it is a jump of posture cannot be told without the task of a tool"
     often = f"{size[k] / usual:.0f} times the median step{f', and there are {more} more' * (more > 0)}"
     return [
         f"a large step: {joint.name} goes {size[k]:.3g} {joint.unit} from one sample to the next at "
-        f"{motion.time(k):.3f} s, {often}; {untold if known is None else 'the tool stays near its straight line'}"
+        f"{motion.time(k):.3f} s, {often}; {unknown if known is None else 'the tool stays near its straight line'}"
     ]
 
 
@@ -166,29 +148,28 @@ def self_motions(task: Task, motion: Motion, J: Array) -> list[str]:
     robot, q = task.robot, motion.q
     step = _steps(robot, q)
     joints = np.abs(step).sum(axis=1)
-    far, turn = _sizes(task, np.einsum("kmn,kn->km", (J[1:] + J[:-1]) / 2, step))
-    length, found = _length(robot), []
-    rests = (far <= AT_REST * length * joints) & (turn <= AT_REST * joints)
+    # Stretches in which the tool goes a hundredth as far as points at the arm's length would.
+    way, turn = _sizes(task, np.einsum("kmn,kn->km", (J[1:] + J[:-1]) / 2, step))
+    length, notes = _length(robot), []
+    rests = (way <= AT_REST * length * joints) & (turn <= AT_REST * joints)
     for a, b, _ in stretches(rests, joints):
-        gone = np.abs(np.cumsum(step[a : b + 1], axis=0)).max(axis=0)
-        joint = robot.coordinates[int(np.argmax(gone))]
-        some = np.unique(np.linspace(a, b + 1, LOOKED_AT).astype(int))
-        if gone.max() <= LARGE or _strays(task, q, some):
+        # At 64 samples of them, at most, the tool must be where it was.
+        moved = np.abs(np.cumsum(step[a : b + 1], axis=0)).max(axis=0)
+        joint = robot.coordinates[int(np.argmax(moved))]
+        some = np.unique(np.linspace(a, b + 1, 64).astype(int))
+        p, R = task._poses(q[some[:1]])
+        strays = max(size.max() for size in _sizes(task, task.error(q[some], p[0], R[0])))
+        if moved.max() <= LARGE or strays > TOLERANCES.tracking:
             continue
-        when, far_gone = f"{motion.t[a]:.3f} to {motion.t[b + 1]:.3f} s", f"{gone.max():.3g} {joint.unit}"
-        found.append(f"a self-motion: from {when} the tool rests while {joint.name} moves by {far_gone}")
-    return found if len(found) <= MOST_TOLD else [*found[:MOST_TOLD], f"and {len(found) - MOST_TOLD} more self-motions"]
+        when, by = f"{motion.t[a]:.3f} to {motion.t[b + 1]:.3f} s", f"{moved.max():.3g} {joint.unit}"
+        notes.append(f"a self-motion: from {when} the tool rests while {joint.name} moves by {by}")
+    more = len(notes) - MOST_SHOWN
+    return notes if more <= 0 else [*notes[:MOST_SHOWN], f"and {more} more self-motions"]
 
 
 def _length(robot: Robot) -> float:
     """Of the arm [m], by which turns are compared with distances; that of sliders alone may be 0."""
     return max(chain_length(robot), TOLERANCES.tracking)
-
-
-def _strays(task: Task, q: Matrix, some: Indices) -> bool:
-    """Whether the tool leaves its place by more than `TOLERANCES.tracking`."""
-    p, R = task._poses(q[some[:1]])
-    return bool(max(size.max() for size in _sizes(task, task.error(q[some], p[0], R[0]))) > TOLERANCES.tracking)
 
 
 def _steps(robot: Robot, Q: Matrix) -> Matrix:
@@ -223,17 +204,15 @@ def _parts(task: Task, rows: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def _sizes(task: Task, rows: Matrix) -> tuple[Vector, Vector]:
-    far, turn = (np.linalg.norm(part, axis=1) for part in _parts(task, rows))
-    return far, turn
+    way, turn = (np.linalg.norm(part, axis=1) for part in _parts(task, rows))
+    return way, turn
 
 
 LINKS = Scene()
 """What `check` looks at by default: links against links."""
 
 RCOND = 0.01
-"""Smallest over largest singular value of J below which a posture is told: rates are 100 times those elsewhere."""
-
-_CAPSULES = "{} has no shapes: capsules of radius {:.3f} m from joint to joint stand for its links"
+"""Smallest over largest singular value of J below which a posture is reported: rates are 100 times those elsewhere."""
 
 
 @typed
@@ -278,27 +257,32 @@ def check(
         MissingExtraError: coal is not installed, and shapes other than capsules meet.
     """
     robot = robot_of(motion, robot or (None if task is None else task.robot))
-    found = motion_of(motion, robot)
-    if not len(found.t):
+    samples = motion_of(motion, robot)
+    if not len(samples.t):
         raise ArgumentError("the samples of the motion", 0, "give at least one")
     edge, scene = not_negative("margin", margin), scene or Scene(self_collision=False)
-    remarks = list(found.remarks)
+    remarks, observations = list(samples.remarks), []
     findings: list[Finding] = []
+    # Limits of the joints, and the joints whose speeds nothing limits.
     if limits:
-        findings += _limit_findings(robot, found, edge)
-        remarks += _unjudged_speeds(robot, found)
-    seen: list[str] = []
+        findings += _limit_findings(robot, samples, edge)
+        speeds = [most for kind, _, most, _ in samples.rates if kind is FindingKind.VELOCITY]
+        endless = [robot.joint_names[i] for most in speeds for i in np.flatnonzero(~np.isfinite(most))]
+        if endless:
+            remarks.append(f"cannot tell whether {', '.join(endless)} can be so fast: there is no limit of the speed")
+    # Singular postures, jumps of posture and self-motions, by the task.
     jumps: list[Finding] | None = None
     if task is not None:
-        J = task.jacobian_batch(found.q)[0]
-        findings += _singular_findings(task, found, J, not_negative("rcond", rcond))
+        J = task.jacobian_batch(samples.q)[0]
+        findings += _singular_findings(task, samples, J, not_negative("rcond", rcond))
         if task._spatial:
-            jumps = list(_jump_findings(task, found))
+            jumps = list(_jump_findings(task, samples))
             findings += jumps
-            seen += self_motions(task, found, J)
+            observations += self_motions(task, samples, J)
     else:
         remarks.append("singularities were not looked at: no task was given")
-    seen += _large_steps(robot, found, jumps)
+    observations += _large_steps(robot, samples, jumps)
+    # Distances on the whole motion.
     swept: list[Swept] = []
     pairs = Pairs((), (), (), (), scene.clearance)
     if scene.floor is not None or scene.obstacles:
@@ -308,30 +292,22 @@ def check(
     elif not scene.empty:
         if all(shape.obstacle for shape in robot.shapes):
             robot = with_capsules(robot)
-            remarks.append(_CAPSULES.format(robot.name, chain_length(robot) / SLENDER))
-        pairs = pairs_of(robot, scene, found.q)
-        swept = sweep(robot, pairs.gaps, found.q, pairs.limits)
-        findings += _distance_findings(found, swept, pairs)
-    near = [
-        Clearance(one.gap.names, one.least, _time(found, one.least_at), one.bound, limit)
-        for one, limit in sorted(zip(swept, pairs.limits, strict=True), key=lambda pair: pair[0].least)
-    ]
-    return CheckReport(
-        tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]),
-        scene.clearance, tuple(near), pairs.left_out, pairs.unseen, tuple(remarks), tuple(seen),
-    )  # fmt: skip
-
-
-def _distance_findings(motion: Motion, swept: Sequence[Swept], pairs: Pairs) -> Iterator[Finding]:
-    for one, limit in zip(swept, pairs.limits, strict=True):
-        for first, last, least, at in one.stretches(limit):
+            capsules = f"capsules of radius {chain_length(robot) / SLENDER:.3f} m from joint to joint"
+            remarks.append(f"{robot.name} has no shapes: {capsules} stand for its links")
+        pairs = pairs_of(robot, scene, samples.q)
+        swept = sweep(robot, pairs.gaps, samples.q, pairs.limits)
+    clearances = []
+    for pair, limit in sorted(zip(swept, pairs.limits, strict=True), key=lambda both: both[0].least):
+        (time,) = _times(samples, pair.least_at)
+        clearances.append(Clearance(pair.gap.names, pair.least, time, pair.bound, limit))
+        for first, last, nearest in stretches(~keeps(pair.d, limit), -pair.d):
+            least, times = float(pair.d[nearest]), _times(samples, *pair.s[[first, last, nearest]])
             kind = FindingKind.COLLISION if least <= 0 else FindingKind.CLEARANCE
-            times = (_time(motion, first), _time(motion, last), _time(motion, at))
-            yield Finding(kind, one.gap.names, *times, int(at), least, limit, "m")
-
-
-def _time(motion: Motion, s: float) -> float:
-    return float(np.interp(s, np.arange(len(motion.t)), motion.t))
+            findings.append(Finding(kind, pair.gap.names, *times, int(pair.s[nearest]), least, limit, "m"))
+    findings.sort(key=lambda finding: (finding.start, finding.time))
+    duration, left_out = float(samples.t[-1] - samples.t[0]), (pairs.left_out, pairs.unseen)
+    notes = tuple(clearances), *left_out, tuple(remarks), tuple(observations)
+    return CheckReport(tuple(findings), len(samples.t), duration, scene.clearance, *notes)
 
 
 Clear = Callable[[Matrix], Flags]
@@ -382,8 +358,8 @@ class Clearances(Value):
     @property
     def free(self) -> Clearances:
         """Those of the pairs that are not always nearer than is wanted."""
-        kept = [(gap, limit) for gap, limit in zip(self.pairs.gaps, self.limits, strict=True) if limit >= self.wanted]
-        gaps, limits = tuple(gap for gap, _ in kept), tuple(float(limit) for _, limit in kept)
+        free = np.flatnonzero(self.limits >= self.wanted).tolist()
+        gaps, limits = tuple(self.pairs.gaps[p] for p in free), tuple(self.limits[free].tolist())
         return replace(self, pairs=replace(self.pairs, gaps=gaps, limits=limits))
 
     def distances(self, Q: Matrix, near: float | Vector = -np.inf) -> Matrix:
@@ -393,8 +369,8 @@ class Clearances(Value):
         """
         frames, every, gaps = joint_frames(self.robot, Q), np.arange(len(Q)), self.pairs.gaps
         nears = np.broadcast_to(near, len(gaps)).tolist()
-        found = [gap.distances(frames, every, e) for gap, e in zip(gaps, nears, strict=True) if len(Q)]
-        return np.column_stack(found) if found else np.zeros((len(Q), len(gaps)))
+        columns = [gap.distances(frames, every, e) for gap, e in zip(gaps, nears, strict=True) if len(Q)]
+        return np.column_stack(columns) if columns else np.zeros((len(Q), len(gaps)))
 
     def least(self, Q: Matrix, near: float = -np.inf) -> Vector:
         """The least distance at postures (k, n) -> (k,) [m]; of pairs that are always near only where they touch."""
@@ -412,24 +388,25 @@ class Clearances(Value):
             d distance / dq = n . (J_a - J_b)
         """
         frames, robot = joint_frames(self.robot, Q), self.robot
-        found, slopes = np.empty((len(Q), len(self.limits))), np.zeros((len(Q), len(self.limits), robot.n))
+        distances, slopes = np.empty((len(Q), len(self.limits))), np.zeros((len(Q), len(self.limits), robot.n))
         turn, shift = _screws(robot, frames)
         for p, gap in enumerate(self.pairs.gaps):
-            at = gap.nearest(frames, near)
-            found[:, p] = at.distance
-            rows = np.isfinite(at.distance)
+            nearest = gap.nearest(frames, near)
+            distances[:, p] = nearest.distance
+            rows = np.isfinite(nearest.distance)
             if not rows.any():
                 continue
+            # The joints that move one of the two points and not the other.
             above = [joints_above(robot.joints, joint) for joint in gap.joints]
-            for sign, own, other, point in ((1.0, *above, at.on_one), (-1.0, *above[::-1], at.on_other)):
+            for sign, own, other, point in ((1.0, *above, nearest.on_one), (-1.0, *above[::-1], nearest.on_other)):
                 moving = [i for i in own if i not in other]
-                n = at.away[rows]
+                n = nearest.away[rows]
                 each = np.einsum("kij,kj->ki", turn[rows][:, moving], np.cross(point[rows], n))
                 each += np.einsum("kij,kj->ki", shift[rows][:, moving], n)
                 for column, i in enumerate(moving):
                     joint = robot.joints[i]
                     slopes[rows, p, joint.coordinate] += sign * joint.multiplier * each[:, column]
-        return found, slopes
+        return distances, slopes
 
 
 def _screws(robot: Robot, frames: Frames) -> tuple[Array, Array]:

@@ -42,12 +42,10 @@ class Scene(Value):
         floor = None if self.floor is None else number("floor", self.floor)
         if floor is not None and not np.isfinite(floor):
             raise ArgumentError("floor", floor, "give its height in m, or None")
-        plain = {
-            "obstacles": tuple(self.obstacles), "floor": floor, "allowed": tuple((a, b) for a, b in self.allowed),
-            "clearance": not_negative("clearance", self.clearance),
-        }  # fmt: skip
-        for name, value in plain.items():
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "floor", floor)
+        object.__setattr__(self, "clearance", not_negative("clearance", self.clearance))
+        object.__setattr__(self, "allowed", tuple((a, b) for a, b in self.allowed))
         super().__post_init__()
 
     @property

@@ -250,9 +250,8 @@ def impedance_with_memory(
         dF = factorise(J.T).solve(stiffness @ dq)  # J^T F' = (K - Gamma) dq, since tau_0 stays
         outputs = {"dq": dq, "dF": dF, "rcond": extended.rcond(), "margin": task._margin_expression(k.rotation)}
         R, twist = task._target_symbols()[1], symbol("twist", 6 * task.frames)
-        rates = Function(
-            "wanted", {"R": R, "twist": twist}, {"dx": task._rates_expression(R, *task._velocities(twist))}
-        )
+        wanted = {"dx": task._rates_expression(R, *task._velocities(twist))}
+        rates = Function("wanted", {"R": R, "twist": twist}, wanted)
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
 
     def begin(q0: Vector) -> Step:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -99,9 +99,15 @@ class LeafTask:
 
 @typed
 def pink_task(
-    strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
-    prefix: str = "", joints: Sequence[str] | None = None,
-) -> Any:  # fmt: skip
+    strategy: HolonomicStrategy,
+    q0: ArrayLike,
+    *,
+    cost: ArrayLike = 1.0,
+    gain: float = 1.0,
+    lm_damping: float = 0.0,
+    prefix: str = "",
+    joints: Sequence[str] | None = None,
+) -> Any:
     """The leaf of a strategy through a posture q0 as a `pink.tasks.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
     Give it to pink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
@@ -121,15 +127,20 @@ def pink_task(
         ShapeError, NotFiniteError: start or cost.
         UnknownNameError (when called): the model has no joint of that name.
     """
-    made = _checked(strategy, q0, cost, gain, lm_damping, joints)
-    return _class_of("pink", "pin-pink", "pink.tasks")(strategy, prefix, *made)
+    return _leaf_task("pink", strategy, q0, cost, gain, lm_damping, prefix, joints)
 
 
 @typed
 def mink_task(
-    strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
-    prefix: str = "", joints: Sequence[str] | None = None,
-) -> Any:  # fmt: skip
+    strategy: HolonomicStrategy,
+    q0: ArrayLike,
+    *,
+    cost: ArrayLike = 1.0,
+    gain: float = 1.0,
+    lm_damping: float = 0.0,
+    prefix: str = "",
+    joints: Sequence[str] | None = None,
+) -> Any:
     """The leaf of a strategy through a posture q0 as a `mink.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
     Give it to mink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
@@ -142,32 +153,29 @@ def mink_task(
     Raises:
         MissingExtraError: mink is not installed. Else as `pink_task`.
     """
-    made = _checked(strategy, q0, cost, gain, lm_damping, joints)
-    return _class_of("mink", "mink", "mink")(strategy, prefix, *made)
+    return _leaf_task("mink", strategy, q0, cost, gain, lm_damping, prefix, joints)
 
 
 @cache
-def _class_of(library: str, package: str, module: str) -> Any:
+def _class_of(library: Literal["pink", "mink"]) -> Any:
     """The task of a library; made when asked for, since its parent is the library's."""
-    parent = extra(module, package, library).Task
-
-    def init(
-        self: Any, strategy: HolonomicStrategy, prefix: str, q0: Vector, names: Sequence[str] | None, cost: Vector,
-        gain: float, lm_damping: float,
-    ) -> None:  # fmt: skip
-        parent.__init__(self, cost=cost, gain=gain, lm_damping=lm_damping)
-        self._hold(strategy, q0, prefix, names)
-
+    module, package = {"pink": ("pink.tasks", "pin-pink"), "mink": ("mink", "mink")}[library]
     about = f"The leaf of a strategy as a task of {library}: see `holokin.{library}_task`."
-    members = {"__init__": init, "__doc__": about, "__module__": __name__}
-    return type(f"{library.title()}LeafTask", (LeafTask, parent), members)
+    members = {"__doc__": about, "__module__": __name__}
+    return type(f"{library.title()}LeafTask", (LeafTask, extra(module, package, library).Task), members)
 
 
-def _checked(
-    strategy: HolonomicStrategy, q0: ArrayLike, cost: ArrayLike, gain: float, lm_damping: float,
+def _leaf_task(
+    library: Literal["pink", "mink"],
+    strategy: HolonomicStrategy,
+    q0: ArrayLike,
+    cost: ArrayLike,
+    gain: float,
+    lm_damping: float,
+    prefix: str,
     joints: Sequence[str] | None,
-) -> tuple[Vector, tuple[str, ...] | None, Vector, float, float]:  # fmt: skip
-    """(start, names, cost, gain, damping) as they must be."""
+) -> Any:
+    """The task of a library, of arguments as they must be."""
     robot, rows = strategy.task.robot, strategy.constraint.rows
     if not rows:
         raise ArgumentError("the strategy", strategy, "give one with redundant joints: here nothing is left to hold")
@@ -187,7 +195,9 @@ def _checked(
         raise ArgumentError("gain", gain, "give the share of the error that is removed in a step, from 0 to 1")
     if not 0 <= damping < np.inf:
         raise ArgumentError("lm_damping", lm_damping, "give a number from 0 on")
-    return q0, names, np.broadcast_to(weights, rows).copy(), share, damping
+    task = _class_of(library)(cost=np.broadcast_to(weights, rows).copy(), gain=share, lm_damping=damping)
+    task._hold(strategy, q0, prefix, names)
+    return task
 
 
 @dataclass(frozen=True)
@@ -208,9 +218,16 @@ class PostureTask(Shown):
 
 @typed
 def pink_law(
-    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0,
-    solver: str = "quadprog", damping: float = 1e-12, limits: bool = True, name: str | None = None,
-) -> ControlLaw:  # fmt: skip
+    robot: Robot,
+    posture: PostureTask = PostureTask(),
+    *,
+    leaf: HolonomicStrategy | None = None,
+    gain: float = 1.0,
+    solver: str = "quadprog",
+    damping: float = 1e-12,
+    limits: bool = True,
+    name: str | None = None,
+) -> ControlLaw:
     """pink's solve_ik with a frame task on the robot's first tip, and a posture task if it costs something.
 
     Args:
@@ -229,6 +246,7 @@ def pink_law(
         return joints.write(q, pin.neutral(model))
 
     def begin(q0: Vector) -> Step:
+        # The task of the tool, that of the posture, and the leaf as a constraint.
         configuration = pink.Configuration(model, model.createData(), full(q0), copy_data=False)
         tool = pink.tasks.FrameTask(robot.tips[0].name, position_cost=1.0, orientation_cost=1.0, gain=gain)
         tasks = [tool]
@@ -252,9 +270,16 @@ def pink_law(
 
 @typed
 def mink_law(
-    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0,
-    solver: str = "daqp", damping: float = 1e-12, limits: bool = True, name: str | None = None,
-) -> ControlLaw:  # fmt: skip
+    robot: Robot,
+    posture: PostureTask = PostureTask(),
+    *,
+    leaf: HolonomicStrategy | None = None,
+    gain: float = 1.0,
+    solver: str = "daqp",
+    damping: float = 1e-12,
+    limits: bool = True,
+    name: str | None = None,
+) -> ControlLaw:
     """mink's solve_ik with a frame task on a site at the robot's first tip, and a posture task if it costs something.
 
     Args:
@@ -272,6 +297,7 @@ def mink_law(
         return joints.write(q, np.zeros(model.nq))
 
     def begin(q0: Vector) -> Step:
+        # The task of the tool, that of the posture, and the leaf as a constraint.
         configuration = mink.Configuration(model)
         tool = mink.FrameTask(robot.tips[0].name, "site", position_cost=1.0, orientation_cost=1.0, gain=gain)
         tasks = [tool]
@@ -310,6 +336,7 @@ def placo_law(
     placo = extra("placo", "placo", "placo")
 
     def begin(q0: Vector) -> Step:
+        # A solver with a fixed base, a task of the tool and one of the posture.
         with _urdf_file(robot) as path:
             wrapper = placo.RobotWrapper(path, placo.Flags.ignore_collisions)
         solver = placo.KinematicsSolver(wrapper)
@@ -323,6 +350,7 @@ def placo_law(
             rest.set_joints(dict(zip(robot.joint_names, target, strict=True)))
             rest.configure("posture", "soft", posture.cost)
 
+        # All the way to the target, and the rates that lead there.
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             for joint, value in zip(robot.joint_names, q, strict=True):
                 wrapper.set_joint(joint, float(value))

@@ -26,7 +26,7 @@ from ...base.types import Array, Matrix, Vector, kept
 from ...strategies import HolonomicStrategy, RowExpressions
 from ...symbolic import SX, Enclosure, Function, jacobian, short, vertcat
 
-# --- Rays of a radial law: straight paths of the tool from its center, on whose leaf each pose has one posture.
+# --- Rays of a radial strategy: straight paths of the tool from its center, on whose leaf each pose has one posture.
 #
 # The transport leads a posture back along the ray to one over the center. Where arc length labels those, two with one
 # label differ by full turns of joints alone, and the transport, which can be gone both ways, keeps that difference. So
@@ -36,12 +36,8 @@ from ...symbolic import SX, Enclosure, Function, jacobian, short, vertcat
 # for, it is taken to be 0: wrong only where a joint really makes more than half a turn in that piece.
 #
 # Two things are not shown: that last one, and that the transport of a few steps leads different postures to different
-# ones, as the exact transport does. Both were tested: against the given law, integrated along rays of hundreds of
+# ones, as the exact transport does. Both were tested: against the given strategy, integrated along rays of hundreds of
 # poses.
-
-LEAP = 0.1
-"""Joint motion [joint unit] to an answer near by that Newton's method finds in one go."""
-
 
 HALF_TURN = 3.14
 """Joint motion [joint unit] in a piece of a ray from which on a full turn may be missed or made up."""
@@ -52,7 +48,7 @@ an eighth each, the first was no more than 7/6 of this, and such a one leads no 
 
 
 SHORTEST = 2.0**-16
-"""Share of a ray below which it is given up: where the law ends is then nearer than some 1e-5 m. Poses of a Panda
+"""Share of a ray below which it is given up: where the strategy ends is then nearer than some 1e-5 m. Poses of a Panda
 beyond are refused in half the time that 2^-48 takes, and the same are reached."""
 
 
@@ -62,7 +58,7 @@ def keeps_turns(q: Vector, begun: Vector, posture: Vector) -> bool:
 
 
 def rays_from(strategy: HolonomicStrategy) -> Vector | None:
-    """The center (n,) of a radial law whose leaves have one posture for each pose; None of other laws.
+    """The center (n,) of a radial strategy whose leaves have one posture for each pose; None of other strategies.
 
     That is where its label is arc length, and straight paths of the tool are those of its transport.
     """
@@ -84,8 +80,9 @@ def rays_code(strategy: HolonomicStrategy) -> str:
         return ""
     values = ", ".join(f"HK_C({value!r})" for value in center.tolist())
     rows = ", ".join(map(str, strategy.task.rows))
+    # Joint motion [joint unit] to an answer near by that Newton's method finds in one go: 0.1.
     return (
-        f"#define HK_RAYS\n#define HK_LEAP {LEAP}\n#define HK_HALF_TURN {HALF_TURN}\n#define HK_ASIDE {ASIDE}\n"
+        f"#define HK_RAYS\n#define HK_LEAP 0.1\n#define HK_HALF_TURN {HALF_TURN}\n#define HK_ASIDE {ASIDE}\n"
         f"#define HK_SHORTEST_RAY {SHORTEST!r}\nstatic const hk_t hk_center[] = {{{values}}};\n"
         f"static const int hk_ray_rows[] = {{{rows}}};\n"
     )
@@ -97,12 +94,11 @@ def rays_code(strategy: HolonomicStrategy) -> str:
 # evenly, and is 0 there: two rates tell where. Of a path that passes close by one, the place moves on by a quarter of
 # what has been gone (or by half, past a posture about which joints spin).
 #
-# A path is given up where the place stands still until 4^-SURE of the share is left; the posture is then led on while
-# Newton's method converges, to 4^-CLOSER at least. It is a judgement, no proof: it refuses poses, and answers none.
+# A path is given up where the place stands still until 4^-4 of the share is left; the posture is then led on while
+# Newton's method converges, to 4^-7 at least. It is a judgement, no proof: it refuses poses, and answers none.
 
-SURE, CLOSER = 4, 7
-STANDS, STILL = 0.25, 0.1
-"""By what share of the way gone the place may move on, between pieces and close by."""
+STANDS = 0.25
+"""By what share of the way gone the place may move on between pieces; close by 0.1."""
 
 Solve = Callable[[Vector, float], Vector | None]
 """(where to begin, share of the path) -> the posture there, None where Newton's method does not contract."""
@@ -144,15 +140,15 @@ class Fold:
             return None
         near = copy(self)
         self.first = self.slack  # the next look, if any, where this has halved again
-        for k in range(CLOSER + 1):  # to q at first, then to a quarter of the share left, by half of the motion
+        for k in range(8):  # to q at first, then to a quarter of the share left, by half of the motion
             left = near.at - share if k else 0.0
             share += 0.75 * left
             posture = solve(q + left * rate if k else q, share)
             if posture is None:
-                return q if k > SURE else None
+                return q if k > 4 else None
             q, ahead = posture, 0.001 * (near.at - share)
             rate = rate_at(q, share + ahead) / ahead
-            if k and not near.agrees(share, rate, STILL if k > 1 else STANDS):
+            if k and not near.agrees(share, rate, 0.1 if k > 1 else STANDS):
                 return None
             near.share, near.slack = share, 1.0 / float(rate @ rate)
         return q
@@ -179,9 +175,6 @@ LAID = 8
 
 LONGEST = 0.1
 """Half length [joint units] of a tube to begin with."""
-
-TINY = 1e-300
-"""A change that is none: an arm of slides alone has the same Jacobian everywhere."""
 
 SHORT = 40_000
 """Operations, equal ones counted apart, up to which the derivative of the extended Jacobian is enclosed; it takes less
@@ -273,9 +266,8 @@ def lay_tube(strategy: HolonomicStrategy, center: Vector, half: Vector) -> Tube:
         change, bend = _enclosed(enclosure, center, half, radius, Y)
     if enclosure is None or (not np.isfinite(change) and radius <= THICKNESS * SWITCH):
         change, bend = _sampled(strategy, center, half, radius, A, Y)
-    for (
-        first
-    ) in strategy.task._rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
+    # The rotation vector of the error turns its axes, by at most 0.6 of its length.
+    for first in strategy.task._rotations:
         rows = slice(first, first + 3)
         change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
     return Tube(center, half, radius, change, bend, _length(Y[:, : strategy.task.m]))
@@ -317,11 +309,9 @@ def _sampled(
 def branch_code(strategy: HolonomicStrategy) -> str:
     """C that branch.c needs: numbers, the extended Jacobian and, where there is one, the enclosure of its change."""
     task, change = strategy.task, enclosed_change(strategy)
-    numbers = {
-        "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "RESTS": RESTS,
-        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURNS": len(task._rotations),
-        "ANGLES": int(task._by_angles), "ROWS": task.m,
-    }  # fmt: skip
+    names = ("THICKNESS", "DOUBT", "LAID", "RESTS", "LONGEST", "DIRECTIONS", "SWITCH")
+    numbers = {"CHANGE": TOLERANCES.change} | {name: globals()[name] for name in names}
+    numbers |= {"TURNS": len(task._rotations), "ANGLES": int(task._by_angles), "ROWS": task.m}
     head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
     head += f"static const int hk_turns[] = {{{', '.join(map(str, task._rotations or (0,)))}}};\n"
     enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
@@ -334,7 +324,7 @@ class Branch:
     def __init__(self, strategy: HolonomicStrategy) -> None:
         self._strategy = strategy
         self._tube: Tube | None = None
-        self._at: tuple[float, Vector] = (0.0, np.zeros(0))
+        self._place: tuple[float, Vector] = (0.0, np.zeros(0))
         self._length = LONGEST
 
     def step(self, a: Vector, b: Vector, curve: float) -> float:
@@ -343,9 +333,9 @@ class Branch:
         1 to 2 when b is on the branch of a, where the last step led; below 1 when this one is too long to tell.
         """
         if self._tube is not None:
-            there = self._tube.place(b)
-            if self._tube.links(self._at, there, curve):
-                self._at = there
+            end = self._tube.place(b)
+            if self._tube.links(self._place, end, curve):
+                self._place = end
                 return 2.0
         move = b - a
         size = float(np.linalg.norm(move))
@@ -356,10 +346,11 @@ class Branch:
             length = max(self._length, size / 2)
             half = move * (length / size)
             tube = lay_tube(self._strategy, a + half, half)
-            change, there = tube.change, tube.place(b)
-            if tube.links(tube.place(a), there, curve):
-                self._tube, self._at = tube, there
-                self._length = length * min(1.5, (0.7 * TOLERANCES.change / max(change, TINY)) ** 0.5)
+            change, end = tube.change, tube.place(b)
+            if tube.links(tube.place(a), end, curve):
+                self._tube, self._place = tube, end
+                change = max(change, 1e-300)  # an arm of slides alone has the same Jacobian everywhere
+                self._length = length * min(1.5, (0.7 * TOLERANCES.change / change) ** 0.5)
                 return min(2.0, max(1.0, 2 * self._length / size))
             if length <= size / 2:
                 break

@@ -81,6 +81,7 @@ def projection(look: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]
     A, c = look.A, look.c
     if not len(c):
         return e if M is None else M @ e, c
+    # The free optimum, and the forces that hold all constraints.
     free, MA = (e, A.T) if M is None else (M @ e, M @ A.T)
     H, b = A @ MA, A @ free + c
     H[np.diag_indices(len(c))] *= 1 + DEPENDENT
@@ -114,9 +115,9 @@ def inside(edge: Edge, look: Look | None, goal: Goal, careful: bool) -> Look | N
             return look
         z, _ = projection(look, np.zeros(len(look.e)), None)
         size = float(np.linalg.norm(z))
-        there = edge.moved(look, z, min(1.0, longest / max(size, 1e-300)), goal, careful)
-        longest = min(size, longest) / 4 if there is None else 2 * longest
-        look = there or look
+        moved = edge.moved(look, z, min(1.0, longest / max(size, 1e-300)), goal, careful)
+        longest = min(size, longest) / 4 if moved is None else 2 * longest
+        look = moved or look
     return look if look is not None and look.excess <= WITHIN else None
 
 
@@ -143,24 +144,24 @@ def descend(
         # Shorten the step until it stays on the branch and the merit falls as much as hoped.
         along, share = z if weight > 0 else None, min(1.0, trust / size)
         while share * size > DONE:
-            there, hoped = edge.moved(look, along, share, goal, careful), DESCENT * share * float(look.e @ z)
-            if there is not None and (there.excess > NEAR or look.merit(weight) - there.merit(weight) < hoped):
-                small = size <= SMALL and there.excess <= NEAR
-                there = there if small else inside(edge, there, goal, careful)
-            if there is not None:
-                further, forces = projection(there, there.e, M)
+            end, hoped = edge.moved(look, along, share, goal, careful), DESCENT * share * float(look.e @ z)
+            if end is not None and (end.excess > NEAR or look.merit(weight) - end.merit(weight) < hoped):
+                small = size <= SMALL and end.excess <= NEAR
+                end = end if small else inside(edge, end, goal, careful)
+            if end is not None:
+                further, forces = projection(end, end.e, M)
                 ratio = float(np.linalg.norm(further)) / size
-                lower = look.merit(weight) - there.merit(weight) >= hoped
+                lower = look.merit(weight) - end.merit(weight) >= hoped
                 if lower or (size <= SMALL and share == 1.0 and ratio <= CONTRACTION):
                     break
             share /= 2
         else:
             break
         # Where a joint would move by more than the step, keep the place up to which none does.
-        if step is not None and cut is None and least_ratio(there.q, q0, step) < 1.0:
+        if step is not None and cut is None and least_ratio(end.q, q0, step) < 1.0:
             cut = part(edge, look, along, share, goal, careful, q0, step) or safe
-        # Go there; a step of full length widens the region of trust.
-        look, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
+        # Go on from its end; a step of full length widens the region of trust.
+        look, z, fresh = end, further, fresh and ratio <= FAST and share == 1.0
         trust = 2 * max(share * size, TRUST / 4)
         safe = look if look.excess <= WITHIN else safe
     return inside(edge, look, goal, careful) or safe, cut
@@ -172,10 +173,10 @@ def part(
     """Along a motion of the tool as far as no joint goes farther from its beginning than a step; None for nowhere."""
     best, low, high = None, 0.0, 2.0 * share
     for _ in range(HALVINGS):
-        there = inside(edge, edge.moved(look, z, share, goal, careful), goal, careful)
-        ratio = 0.0 if there is None else least_ratio(there.q, q0, step)
-        if there is not None and ratio >= 1.0:
-            best, low = there, share
+        end = inside(edge, edge.moved(look, z, share, goal, careful), goal, careful)
+        ratio = 0.0 if end is None else least_ratio(end.q, q0, step)
+        if end is not None and ratio >= 1.0:
+            best, low = end, share
             if ratio <= AMPLE or share >= 1.0:
                 break
         else:
@@ -190,8 +191,8 @@ def compliance(edge: Edge, look: Look, forces: Vector, goal: Goal) -> Matrix:
     pull = look.e + look.A.T @ forces
     H = np.empty((len(pull), len(pull)))
     for k in range(len(pull)):
-        there = edge.look(look.q + SPREAD * look.S[:, k], goal, look)
-        H[:, k] = (pull - there.e - there.A.T @ forces) / SPREAD
+        near = edge.look(look.q + SPREAD * look.S[:, k], goal, look)
+        H[:, k] = (pull - near.e - near.A.T @ forces) / SPREAD
     H = (H + H.T) / 2
     held = look.A[forces > 0]
     H += 10 * np.linalg.norm(H) * held.T @ held  # which changes nothing while they are held

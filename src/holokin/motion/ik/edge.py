@@ -66,44 +66,33 @@ from .leaf import (
 # posture on the level within `radius` of the curve, it lies within eta / (1 - K), A is regular there, and so it moves
 # continuously. Stretches follow one another where one's posture lies within the other's radius.
 
-SLENDER = 0.02
-"""Radius of a stretch over the largest joint's motion in half of it, to begin with and at most: then it is such that
-what the curve misses and what A changes off it take as much room."""
-
-SLENDEREST = 0.004
-"""The same, at least: the middles of thinner ones take more Newton steps."""
-
-CENTRED = 0.25
-"""Newton correction in the middle of a stretch that may be left, over its radius."""
-
-FULL = 0.98
-"""Room that a stretch may take: below 1, for round-off."""
-
-FIRST = 0.12
-"""Largest joint's motion [joint unit] in half of the first stretch that is tried."""
-
-SHORTEST = 2e-4
-"""The same for the last one that is tried, before the pieces of `follow` take over: they get closer to a fold."""
-
-WIDEST = 0.1
-"""Half the width [joint unit] of a region about a posture that is tried for short ways, some steps of a loop."""
-
-ALIKE = 0.4
-"""Largest |1 - Y A| in a region: a way may be 1.4 / 0.6 times as long in it as Newton's first correction."""
-
-WIDER = 1.3
-"""How much wider than the last region the next one may be tried."""
-
-AHEAD = 0.7
-"""Share of its radius by which the middle of a region lies ahead of the posture for which it is made."""
-
-STRETCHES = 2_000
-"""Stretches of one way tried at most, before the pieces of `follow` take over."""
+NUMBERS = {
+    # Radius of a stretch over the largest joint's motion in half of it, to begin with and at most: then it is such that
+    # what the curve misses and what A changes off it take as much room; and at least: the middles of thinner ones take
+    # more Newton steps.
+    "SLENDER": 0.02,
+    "SLENDEREST": 0.004,
+    "CENTRED": 0.25,  # Newton correction in the middle of a stretch that may be left, over its radius
+    "FULL": 0.98,  # room that a stretch may take: below 1, for round-off
+    # Largest joint's motion [joint unit] in half of the first stretch that is tried, and of the last one, before the
+    # pieces of `follow` take over: they get closer to a fold.
+    "FIRST": 0.12,
+    "SHORTEST": 2e-4,
+    # Half the width [joint unit] of a region about a posture that is tried for short ways, some steps of a loop; how
+    # much wider than the last one the next may be; the share of its radius by which its middle lies ahead of the
+    # posture for which it is made; the largest |1 - Y A| in it: then a way may be 1.4 / 0.6 times as long in it as
+    # Newton's first correction.
+    "WIDEST": 0.1,
+    "WIDER": 1.3,
+    "AHEAD": 0.7,
+    "ALIKE": 0.4,
+}
+"""Of native code."""
 
 SHORT = 2_000
 """Operations of the extended Jacobian up to which it has Taylor models. Those of longer ones are so wide that stretches
 are no longer than the pieces of `follow`, and take longer: that of `stationary` has 2,200 to 2,700. With Taylor
-models, a law of a planar arm with 1,273 operations answers 100 times as fast as without."""
+models, a strategy of a planar arm with 1,273 operations answers 100 times as fast as without."""
 
 PIECES = 1_000
 """Pieces of `follow` that native code tries at most after the stretches, which end within some 1e-4 rad of a fold:
@@ -119,10 +108,8 @@ def node(strategy: HolonomicStrategy) -> Function:
         horzcat(task._error_expression(e.kinematics, p, R), identity[: task.m, :]),
         horzcat(strategy.leaf_gap(c), identity[task.m :, :]),
     )
-    outputs = {
-        "dq": solution.X[:, 0], "rcond": solution.rcond, "margin": strategy._margin_expression,
-        "side": solution.orientation, "inverse": solution.X[:, 1:],
-    }  # fmt: skip
+    outputs = {"dq": solution.X[:, 0], "rcond": solution.rcond, "margin": strategy._margin_expression}
+    outputs |= {"side": solution.orientation, "inverse": solution.X[:, 1:]}
     return Function("node", {"q": e.q, "p": p, "R": R, "c": c}, outputs, solution.system)
 
 
@@ -159,22 +146,23 @@ def twist(strategy: HolonomicStrategy) -> Function:
 
 def inverse_code(strategy: HolonomicStrategy) -> str:
     """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
-    s, task, models = strategy, strategy.task, along(strategy)
+    # Numbers: how a path is followed, in stretches where there are any, at most 2,000 of one way, then in pieces.
+    s, task, e, models = strategy, strategy.task, strategy.expressions, along(strategy)
     r = task.n - task.m
     rules = leaf_rules(1.0) if models is None else leaf_rules(1.0, PIECES)
-    numbers = {
-        "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD,
-        "WIDER": WIDER,
-        "SLENDER": SLENDER, "SLENDEREST": SLENDEREST, "CENTRED": CENTRED, "ROTATION": ROTATION, "REGULAR": REGULAR,
-        "RULES": f"{{{', '.join(repr(getattr(rules, key)) for key, *_ in rules._fields_)}}}",
-    }  # fmt: skip
+    numbers = NUMBERS | {"R": r, "ROTATION": ROTATION, "REGULAR": REGULAR}
+    numbers["RULES"] = f"{{{', '.join(repr(getattr(rules, key)) for key, *_ in rules._fields_)}}}"
     if models is not None:
-        numbers["STRETCHES"] = STRETCHES
+        numbers["STRETCHES"] = 2_000
     head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
     angular = [int(flag) for flag in s.constraint.angular] if r else []
     for name, values in (("rows", list(task.rows)), ("angular", angular)):
         head += f"static const int hk_{name}[] = {{{', '.join(map(str, values or [0]))}}};\n"
-    return head + branch_code(s) + rays_code(s) + free_code(task) + _place_code(s)
+    # The tool's pose and the constraint, which poses.c needs.
+    pose = Function("pose", {"q": e.q}, {"T": poses_expression(e.kinematics)}).c("hk_pose_body")
+    level = "static void hk_constraint_body(const hk_t *q, hk_t *g) { (void)q, (void)g; }\n"
+    level = s.constraint_value.c("hk_constraint_body") if r else level
+    return head + branch_code(s) + rays_code(s) + free_code(task) + pose + level
 
 
 def free_code(task: Task) -> str:
@@ -189,16 +177,6 @@ def stretch_code(strategy: HolonomicStrategy) -> str:
         return ""
     curve = bend(strategy).c("hk_bend_body") + twist(strategy).c("hk_twist_body")
     return models.c + node(strategy).c("hk_node_body") + curve
-
-
-def _place_code(strategy: HolonomicStrategy) -> str:
-    """C of the tool's pose and of the constraint, which poses.c needs."""
-    e = strategy.expressions
-    pose = Function("pose", {"q": e.q}, {"T": poses_expression(e.kinematics)})
-    level = "static void hk_constraint_body(const hk_t *q, hk_t *g) { (void)q, (void)g; }\n"
-    if strategy.task.n > strategy.task.m:
-        level = strategy.constraint_value.c("hk_constraint_body")
-    return pose.c("hk_pose_body") + level
 
 
 Goal = Pose
@@ -228,9 +206,6 @@ BEGUN = 1e-3
 FEW = 200
 """Pieces of one step of the tool tried at most, after stretches, where there are any. A step is some centimetres long;
 where that is not enough, a shorter one is tried."""
-
-MANY = 5_000
-"""The same where native code has stretches and there is none: of 400 ways that it shows none took over 3,000."""
 
 
 @kept
@@ -336,8 +311,8 @@ class Edge(Value):
 
     @cached_property
     def tries(self) -> int:
-        """Pieces of one step of the tool tried at most."""
-        return FEW if along(self.strategy) is None else MANY
+        """Pieces of one step of the tool tried at most; where native code has stretches none of 400 took over 3,000."""
+        return FEW if along(self.strategy) is None else 5_000
 
     @cached_property
     def context(self) -> Vector:
@@ -376,10 +351,9 @@ class Edge(Value):
             sizes = sizes[which]
         else:
             which, sizes = scaled.which, scaled.sizes
-        return Look(
-            q, np.atleast_1d(e), S, float(rcond2) ** 0.5, np.reshape(twist, (6, -1)), p, R,
-            which, c[which] / sizes, A[which] / sizes[:, None], sizes,
-        )  # fmt: skip
+        tool = np.reshape(twist, (6, -1)), p, R
+        constraints = which, c[which] / sizes, A[which] / sizes[:, None], sizes
+        return Look(q, np.atleast_1d(e), S, float(rcond2) ** 0.5, *tool, *constraints)
 
     @cached_property
     def ray(self) -> bool:

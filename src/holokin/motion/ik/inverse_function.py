@@ -86,6 +86,13 @@ class Nearest(NoTruthValue, Value, ask="`.status`"):
     held: tuple[str, ...] = ()
     moving: bool = False
 
+    def __str__(self) -> str:
+        verdict = self.status.name.lower().replace("_", " ")
+        if self.status is InverseStatus.CLAMPED:
+            missing = f"{self.position:.3g} m and {self.angle:.3g} rad are missing"
+            verdict = f"{verdict}: {missing}, {'held by ' + ', '.join(self.held) if self.held else 'held by nothing'}"
+        return f"{verdict}, rcond {self.rcond:.2g}{', still moving' if self.moving else ''}"
+
 
 @kept
 def _edge_kernel(strategy: HolonomicStrategy) -> EdgeKernel | None:
@@ -104,16 +111,10 @@ def _edge_kernel(strategy: HolonomicStrategy) -> EdgeKernel | None:
         return None
 
 
-@kept
-def _edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float, rcond: float, limits: bool) -> Edge:
-    """The same as `_edge_at`, kept with the strategy."""
-    return _edge_at(strategy, np.array(start), length, rcond, limits)
-
-
-def _edge_at(strategy: HolonomicStrategy, q0: Vector, length: float, rcond: float, limits: bool) -> Edge:
+def _edge_at(strategy: HolonomicStrategy, start: ArrayLike, length: float, rcond: float, limits: bool) -> Edge:
     """The edge of the leaf through a start (n,). Raises: ArgumentError: the start lies beyond it. JointLimitError."""
     robot = strategy.task.robot
-    q0 = start_posture(robot, q0, limits)
+    q0 = start_posture(robot, start, limits)
     free = np.full(robot.n, np.inf)
     edge = Edge(strategy, q0, length, rcond, *((robot.lower, robot.upper) if limits else (-free, free)))
     look = edge.look(q0, edge.tool(q0))
@@ -121,6 +122,10 @@ def _edge_at(strategy: HolonomicStrategy, q0: Vector, length: float, rcond: floa
         cure = f"give a smaller one, or a start farther from singular postures: this one has {look.rcond:.3g}"
         raise ArgumentError("rcond, below which the tool is not to go", rcond, cure)
     return edge
+
+
+_edge_of = kept(_edge_at)
+"""The same, remembered with the strategy; the start is a tuple."""
 
 
 def down(
@@ -258,11 +263,11 @@ def nearest(
     return Nearest(joints, pose, status, distance, position, angle / edge.length, float(rcond[0]), held, moving)
 
 
-def steps_of(step: ArrayLike, joints: int) -> Vector:
-    """A step of each joint (n,). Raises: ShapeError, ArgumentError."""
-    given = one_or_each("step", step, joints)
+def steps_of(what: str, value: ArrayLike, joints: int) -> Vector:
+    """Positive numbers, one of each joint (n,) or one for all. Raises: ShapeError, ArgumentError."""
+    given = one_or_each(what, value, joints)
     if not (given > 0).all():  # NaN included
-        raise ArgumentError("step", np.asarray(step, dtype=float).tolist(), "give positive numbers")
+        raise ArgumentError(what, np.asarray(value, dtype=float).tolist(), "give positive numbers")
     return np.ascontiguousarray(given)
 
 
@@ -310,6 +315,8 @@ class InverseKinematics(Value):
             level: c (r,), or one number for all rows; by default that of the start. The path leads straight from level
                 to level, too.
 
+        The joints are an array, without a status: a refusal is an exception, and `batch` has a status for each pose.
+
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line. JumpError: g jumps on it.
             OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
@@ -352,7 +359,7 @@ class InverseKinematics(Value):
         """
         if level is None:
             return self._calls[1](pose, q)
-        return self._warm_at(pose, q, self._at_level(level))
+        return self._warm(pose, q, self._at_level(level))
 
     def batch(self, poses: PoseLike, threads: int | None = None, level: ArrayLike | None = None) -> Solutions:
         """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose, level)` finds it.
@@ -389,9 +396,16 @@ class InverseKinematics(Value):
         return Solutions(q, status, last)
 
     def nearest(
-        self, pose: PoseLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
-        limits: bool | None = None, step: ArrayLike | None = None, level: ArrayLike | None = None,
-    ) -> Nearest:  # fmt: skip
+        self,
+        pose: PoseLike,
+        q: ArrayLike | None = None,
+        *,
+        length: float = LENGTH,
+        rcond: float = MARGIN,
+        limits: bool | None = None,
+        step: ArrayLike | None = None,
+        level: ArrayLike | None = None,
+    ) -> Nearest:
         """The posture of the leaf whose tool pose is nearest to one that may be out of reach.
 
             min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, within the joint limits
@@ -430,6 +444,7 @@ class InverseKinematics(Value):
             SingularityError, BranchError: at the tool pose of the start the level is not reached. NotFiniteError: q.
             NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
         """
+        # The pose, where to begin, and how far to go.
         given = self._given_poses.shaped("a tool pose", pose_numbers("a tool pose", pose)[None])[0]
         if self.strategy.task.frames > 1:
             raise ArgumentError("the frames of the task", self.strategy.task.frames, "the nearest pose is asked of one")
@@ -440,7 +455,7 @@ class InverseKinematics(Value):
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         if step is not None and q is None:
             raise ArgumentError("q", None, "step limits the motion from the last answer: give that as q, or no step")
-        most = None if step is None else steps_of(step, len(self.q0))
+        most = None if step is None else steps_of("step", step, len(self.q0))
         check("limits", bool | None, limits)
         asked = self.limits if limits is None else bool(limits)
         if positive("rcond", rcond) > 1:
@@ -478,17 +493,13 @@ class InverseKinematics(Value):
         """The same of a position and a rotation."""
         return paths.reach(p, R, self.q0 if self.region is None else self._inside(p, R)[0], search=True)
 
-    def _warm(self, pose: PoseLike, q: ArrayLike) -> Vector:
-        """`ik.near(pose, q)` of any pose."""
-        return self._warm_at(pose, q, self._paths)
-
-    def _warm_at(self, pose: PoseLike, q: ArrayLike, paths: PosePaths) -> Vector:
-        """The same on any leaf."""
+    def _warm(self, pose: PoseLike, q: ArrayLike, paths: PosePaths | None = None) -> Vector:
+        """`ik.near(pose, q)` of any pose, on any leaf."""
         p, R = self._given_poses.one(pose)
         begin = self.strategy.task.robot.checked(q, "the posture to begin from")
-        there = None if self.region is None else self._inside(p, R)
-        posture = paths.reach(p, R, begin)
-        if there is not None and not np.linalg.norm(posture - there[0]) <= there[1]:
+        of_region = None if self.region is None else self._inside(p, R)
+        posture = (paths or self._paths).reach(p, R, begin)
+        if of_region is not None and not np.linalg.norm(posture - of_region[0]) <= of_region[1]:
             fact = "from this posture the pose is reached with other joints than those of ik(pose)"
             raise BranchError(fact, "go back by the path that was come, or stop and move the joints to ik(pose)")
         return posture
@@ -526,27 +537,24 @@ class InverseKinematics(Value):
     @cached_property
     def _calls(self) -> tuple[Callable[[PoseLike], Vector], Callable[[PoseLike, ArrayLike], Vector]]:
         """What serves `ik(pose)` and `ik.near(pose, q)`."""
-        cold, warm = weak(self._cold), weak(self._warm)
-        kernel = None if may_jump(self.strategy) or self.region is not None else self._paths.kernel
-        bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
-        return (cold, warm) if bound is None else bound
+        return self._natively(self._cold, self._warm, self.region is None)
 
-    def _silent(self, pose: PoseLike) -> Vector | None:
-        """`ik(pose)`, or None where there is none."""
-        return self._silent_near(pose, self.q0)
-
-    def _silent_near(self, pose: PoseLike, q: Vector) -> Vector | None:
-        """`ik.near(pose, q)`, or None where there is none."""
-        p, R = self._given_poses.one(pose)
-        posture, status = self._paths.go(p, R, q)
-        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, posture, status) is None
+    def _silent(self, pose: PoseLike, q: Vector | None = None) -> Vector | None:
+        """`ik.near(pose, q)`, or without q `ik(pose)`; None where there is none."""
+        (p, R), begin = self._given_poses.one(pose), self.q0 if q is None else q
+        posture, status = self._paths.go(p, R, begin)
+        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, begin, posture, status) is None
         return posture if reached else None
 
     @cached_property
     def _quiet(self) -> tuple[Callable[[PoseLike], Vector | None], Callable[[PoseLike, Vector], Vector | None]]:
         """What serves `answer`."""
-        cold, warm = weak(self._silent), weak(self._silent_near)
-        kernel = None if may_jump(self.strategy) else self._paths.kernel
+        return self._natively(self._silent, self._silent)
+
+    def _natively(self, cold: Callable[..., Any], warm: Callable[..., Any], native: bool = True) -> tuple[Any, Any]:
+        """Two calls by native code, where there is any: `cold` and `warm` serve what it does not answer."""
+        cold, warm = weak(cold), weak(warm)
+        kernel = None if may_jump(self.strategy) or not native else self._paths.kernel
         bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
         return (cold, warm) if bound is None else bound
 

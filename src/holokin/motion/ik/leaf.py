@@ -46,15 +46,11 @@ CREEP = 1e-10
 the joints' distance from it."""
 
 
-DEGREES = "it is more than two turns beyond the joint limits: give angles in rad, as np.radians(...) makes them"
-"""What is said of a level that the joints do not take, as one in degrees."""
-
 WITHIN = "choose another leaf or pose, widen the limits by hk.with_limits, or ask with limits=False"
 """The cure of an answer beyond the joint limits."""
 
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
-
 
 Pose = tuple[Vector, Matrix]
 """A pose of the tool: position (3,), rotation (3, 3)."""
@@ -103,12 +99,8 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     e, task = strategy.expressions, strategy.task
     (p, R), c = task._target_symbols(), symbol("c", task.n - task.m)
     solution = e.rate(task._error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
-    outputs = {
-        "dq": solution.X,
-        "rcond": solution.rcond,
-        "margin": strategy._margin_expression,
-        "side": solution.orientation,
-    }
+    outputs = {"dq": solution.X, "rcond": solution.rcond, "margin": strategy._margin_expression}
+    outputs["side"] = solution.orientation
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, solution.system, strategy.transport)
 
 
@@ -206,9 +198,8 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: 
 def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Any = None) -> JumpError:
     """What is said of a leaf that ends where g jumps."""
     posture = posture_text(jump.q, strategy.task.robot.joint_names)
-    fact = (
-        f"{where}the leaf of {strategy.name!r} ends at {posture}, where its g jumps by {jump.level:.3g} ({jump.what})"
-    )
+    place = f"at {posture}, where its g jumps by {jump.level:.3g} ({jump.what})"
+    fact = f"{where}the leaf of {strategy.name!r} ends {place}"
     cure = "write g without the jump, mark it as an angle if it is one, or keep the path away from there"
     return JumpError(fact, cure, walk, jump.what, jump.q, jump.level)
 
@@ -218,8 +209,8 @@ def leaf_walk(
 ) -> Callable[[Vector, LeafPath], tuple[Vector, PathEnd]]:
     """(q, path) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
 
-    ray: the ways are rays of a radial law from its center, so that no fold need be looked for. folds: give a path up
-    where a fold is seen ahead, as native inverse kinematics does.
+    ray: the ways are rays of a radial strategy from its center, so that no fold need be looked for. folds: give a path
+    up where a fold is seen ahead, as native inverse kinematics does.
     """
     correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
@@ -385,7 +376,8 @@ def _check_in_reach(strategy: HolonomicStrategy, q: Vector, change: Vector) -> N
         far = np.abs(change) > np.where(A > 0, A * room, 0.0).sum(axis=1)
     if far.any():
         level = float((leaf_value(strategy, q) + change)[far][0])
-        raise ArgumentError("the level", level, DEGREES)
+        cure = "it is more than two turns beyond the joint limits: give angles in rad, as np.radians(...) makes them"
+        raise ArgumentError("the level", level, cure)
 
 
 def check_levels(strategy: HolonomicStrategy, levels: Vector) -> None:
@@ -393,6 +385,5 @@ def check_levels(strategy: HolonomicStrategy, levels: Vector) -> None:
     far = np.array(strategy.constraint.angular, dtype=bool) & (np.abs(levels) > WOUND)
     if far.any():
         level = float(levels[far][0])
-        raise ArgumentError(
-            "the level", level, f"an angle in rad is wanted: {level:g} degrees are {np.radians(level):.4g}"
-        )
+        cure = f"an angle in rad is wanted: {level:g} degrees are {np.radians(level):.4g}"
+        raise ArgumentError("the level", level, cure)

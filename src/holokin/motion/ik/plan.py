@@ -12,8 +12,8 @@ import numpy as np
 from ...base.errors import ArgumentError, StartError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Indices, Matrix, Vector
-from ...path import Samples, locate
-from ...path.editing import AnyPath, paths_of
+from ...path import Path, Samples, locate
+from ...path.editing import AnyPath
 from ...path.path import rotation_vector
 from ...robot import doubtful_unit
 from ...strategies.tasks.frame_task import free_directions, leaves_free
@@ -162,9 +162,7 @@ class Plan:
         """x' by the share of a segment (s, looks, m) at even places of it; NaN where the representation is singular."""
         count = len(self.path.durations)
         samples = self.path.on(np.repeat(np.arange(count), looks), np.tile(np.linspace(0.0, 1.0, looks), count))
-        rates, margins = self.task._tool_rates(
-            turned(samples.rotation, self.start_rotation), samples.velocity, samples.angular
-        )
+        rates, margins = self._task_rates(samples)
         rates[~(margins > TOLERANCES.representation)] = np.nan
         return rates.reshape(count, looks, -1) * self.path.durations[:, None, None]
 
@@ -187,21 +185,18 @@ class Plan:
 
     def _block(self, step: int) -> _Block:
         first = step - step % BLOCK
-        if first not in self._kept:
+        if first not in self._memory:
             segment, u0, u1 = self._locate(np.arange(first, min(first + BLOCK, self.steps)))
             samples = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
-            rotations = [turned(sample.rotation, self.start_rotation) for sample in samples]
-            pairs = zip(samples, rotations, strict=True)
-            rates, margins = zip(
-                *(self.task._tool_rates(R, sample.velocity, sample.angular) for sample, R in pairs), strict=True
-            )
-            self._kept.clear()
-            h = self.path.durations[segment] / self.counts[segment]
-            self._kept[first] = _Block(samples[2].position, rotations[2], h, rates, np.min(margins, axis=0))
-        return self._kept[first]
+            rates, margins = zip(*map(self._task_rates, samples), strict=True)
+            end, h = samples[2], self.path.durations[segment] / self.counts[segment]
+            self._memory.clear()
+            rotation = turned(end.rotation, self.start_rotation)
+            self._memory[first] = _Block(end.position, rotation, h, rates, np.min(margins, axis=0))
+        return self._memory[first]
 
     @cached_property
-    def _kept(self) -> dict[int, _Block]:
+    def _memory(self) -> dict[int, _Block]:
         return {}
 
     def _locate(self, step: Indices) -> tuple[Indices, Vector, Vector]:
@@ -209,16 +204,17 @@ class Plan:
 
     def rates_at_ends(self) -> Matrix:
         """x' (steps + 1, m) at the start and at the end of each step. Raises: SingularityError."""
-        return np.vstack(
-            [self._rates_at(self.path.on(np.zeros(1, dtype=int), np.zeros(1))), self._rates_at(self._ends)]
-        )
+        start = self.path.on(np.zeros(1, dtype=int), np.zeros(1))
+        return np.vstack([self._rates_at(start), self._rates_at(self._ends)])
 
     def _rates_at(self, samples: Samples) -> Matrix:
-        rates, margins = self.task._tool_rates(
-            turned(samples.rotation, self.start_rotation), samples.velocity, samples.angular
-        )
+        rates, margins = self._task_rates(samples)
         self._check(margins.min(initial=np.inf))
         return rates
+
+    def _task_rates(self, samples: Samples) -> tuple[Matrix, Vector]:
+        R = turned(samples.rotation, self.start_rotation)
+        return self.task._tool_rates(R, samples.velocity, samples.angular)
 
     def _check(self, margin: float) -> None:
         check_representation(self.task, np.full(self.task.n, np.nan), margin)
@@ -256,7 +252,7 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
     Raises:
         ArgumentError.
     """
-    paths = paths_of(path)
+    paths = (path,) if isinstance(path, Path) else path.paths
     if len(paths) != task.frames:
         several = f"give {task.frames} of them, one a frame of the task, by hk.path.synchronized"
         raise ArgumentError("the number of paths", len(paths), several if task.frames > 1 else "give one")
@@ -289,9 +285,14 @@ class NativeFollower:
     """
 
     def __init__(
-        self, kernel: FollowKernel, plan: Plan, x: Vector, rules: ctypes.Structure, limits: bool,
+        self,
+        kernel: FollowKernel,
+        plan: Plan,
+        x: Vector,
+        rules: ctypes.Structure,
+        limits: bool,
         halted: Callable[[], None] = lambda: None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.halted = halted
         robot, n, slack = plan.task.robot, plan.task.n, TOLERANCES.limit
         p, R = plan.first
@@ -305,6 +306,5 @@ class NativeFollower:
     def run(self, q: Vector, first: int, last: int, Q: Matrix) -> int:
         """Steps [first, last) of a cycle from q into the rows of Q; returns how many were done before a halt."""
         self._x[: len(q)] = q
-        return self._kernel(
-            self._segments, self._counts, self._home, self._x, (first, last), self._limits, self._rules, Q
-        )
+        path = self._segments, self._counts, self._home
+        return self._kernel(*path, self._x, (first, last), self._limits, self._rules, Q)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -37,9 +38,6 @@ from .solutions import InverseStatus, beyond_limits, in_rows
 
 # --- Can the tool get there at all? Asked only after following has failed.
 
-TARGETS = 24
-"""Targets of the rest of the path that are tried."""
-
 RESTARTS = 64
 """Random postures tried besides the last one before a target is called out of reach. At eleven poses far out on a
 Panda's circle of 0.35 m, one start in three got there; with 8 starts one of them was missed."""
@@ -50,13 +48,6 @@ ROUND = 16
 ALIKE = 1.01
 """Where half of a round's searches end within this factor of the least error that was found, no more are made: beyond
 the reach of an arm all of them lead to the same stretched posture."""
-
-LOOKS = 200
-"""Postures that one search for a target looks at. A target that is reached takes some six."""
-
-STALLED, AFTER = 0.99, 20
-"""A search that makes the error no smaller than this share within so many looks ends: close to a stretched arm, each
-step gains less than the one before, and the looks are needed for other postures."""
 
 STATIONARY = 1e-3
 """Largest cosine between the error that is left and what a joint does to it at which a search has got to its end."""
@@ -109,7 +100,7 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> Beyond | Non
     Least squares within the joint limits from the last posture, then from random ones. None also where the searches
     did not come to an end, since nothing is known then.
     """
-    for i in np.unique(np.linspace(step, plan.steps - 1, TARGETS).astype(int)):
+    for i in np.unique(np.linspace(step, plan.steps - 1, 24).astype(int)):
         position, rotation = plan.target(int(i), 1.0)
         nearest = nearest_postures(plan.task, position[None], rotation[None], q[None], limits=limits)
         if not nearest.reached[0]:
@@ -156,6 +147,7 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
     """
     robot = task.robot
     lower, upper = (robot.lower, robot.upper) if limits else (np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
+    # From the posture near each target, then from random ones, some at a time, for those that it does not reach.
     best = _search(task, position, rotation, near, lower, upper)
     q, missing, ended = best.q.copy(), best.missing.copy(), best.ended.copy()
     low = np.where(np.isfinite(robot.lower), robot.lower, near - np.pi)
@@ -195,7 +187,7 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
     error, D = look(q, np.arange(k))
     damping, before, ended = np.full(k, 1e-6), np.full(k, np.inf), np.zeros(k, dtype=bool)
     rows = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
-    for looks in range(1, LOOKS):
+    for looks in range(1, 200):  # some six for a target that is reached
         e, S, postures = error[rows], D[rows], q[rows]
         # A joint at its limit is not free while the error pushes it out; a posture with no free slope left is
         # stationary.
@@ -203,9 +195,10 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
         slope = np.einsum("kmn,km->kn", S, e)
         free = ~(((postures <= lower) & (slope >= 0)) | ((postures >= upper) & (slope <= 0)))
         still = np.abs(slope) > STATIONARY * np.linalg.norm(S, axis=1) * size[:, None]
+        # One that gains less than 1 % within 20 looks is close to a stretched arm: other postures need the looks.
         stalled = np.zeros(len(rows), dtype=bool)
-        if looks % AFTER == 0:
-            stalled, before[rows] = size > STALLED * before[rows], size
+        if looks % 20 == 0:
+            stalled, before[rows] = size > 0.99 * before[rows], size
         ended[rows] = ~(free & still).any(axis=1) | (stalled & (size > FAR))
         # Only postures that are not there, may still get nearer, and are not damped for ever go on.
         go = ~ended[rows] & ~stalled & (np.abs(e).max(axis=1) > REACHED / 10) & (damping[rows] <= 1e12)
@@ -218,21 +211,18 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
         normal += (damping[rows] * scale)[:, None, None] * np.eye(m)
         moved = postures - np.einsum("kmn,km->kn", A, np.linalg.solve(normal, e[..., None])[..., 0])
         moved = np.clip(moved, lower, upper)
-        there, derivative = look(moved, rows)
-        sound = np.isfinite(there).all(axis=1) & np.isfinite(derivative).all(axis=(1, 2))
+        left, derivative = look(moved, rows)
+        sound = np.isfinite(left).all(axis=1) & np.isfinite(derivative).all(axis=(1, 2))
         with np.errstate(invalid="ignore", over="ignore"):
-            better = sound & (np.sum(there**2, axis=1) < np.sum(e**2, axis=1))
+            better = sound & (np.sum(left**2, axis=1) < np.sum(e**2, axis=1))
         # Keep motions that lessen the error, and trust the slopes more after them, less after others.
         to = rows[better]
-        q[to], error[to], D[to] = moved[better], there[better], derivative[better]
+        q[to], error[to], D[to] = moved[better], left[better], derivative[better]
         damping[rows] = np.where(better, np.maximum(damping[rows] / 10, 1e-12), damping[rows] * 10)
     with np.errstate(invalid="ignore"):
         missing = np.where(np.isfinite(error).all(axis=1), np.abs(error).max(axis=1), np.inf)
     return NearestPostures(q, missing, ended)
 
-
-PIECES = 32
-"""Pieces in which a path is gone again, to see where on it g may jump."""
 
 FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
 """What becomes of a pose that is out of reach for any posture, too."""
@@ -269,14 +259,19 @@ class PosePaths(Value):
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
         if search and status in FAILED:
-            # Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
             nearest = nearest_postures(strategy.task, p[None], R[None], q[None], limits=self.limits)
-            missing = float(nearest.missing[0]) if nearest.ended[0] and not nearest.reached[0] else None
-            if missing is not None:
+            if nearest.ended[0] and not nearest.reached[0]:
                 fact = f"the pose is out of reach of {strategy.task.robot.name!r}: no search came closer than"
                 cure = doubtful_target(strategy.task, p) or "give a pose nearer to the base"
-                raise OutOfReachError(f"{fact} {missing:.3g} (m or rad)", cure)
-        return self._answer(q, status)
+                raise OutOfReachError(f"{fact} {nearest.missing[0]:.3g} (m or rad)", cure)
+        if status is InverseStatus.LIMIT:
+            strategy.task.robot.check_limits(q, WITHIN)
+        if status is InverseStatus.OTHER_BRANCH:
+            fact = f"the posture to begin from lies on another branch of {strategy.name!r} than the start"
+            raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
+        if status is not InverseStatus.REACHED:
+            raise leaf_problem(strategy, q, PathEnd.FOLD if status is InverseStatus.LEAF_ENDS else PathEnd.STOPPED)
+        return q
 
     def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the path from a posture was gone, what became of it)."""
@@ -289,20 +284,23 @@ class PosePaths(Value):
     def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
         """The same from the start to many poses (k, 3F), (k, 3F, 3), none of which is bad."""
         if self.kernel is None:
-            walks = [self._walk(*pose, self.q0) for pose in zip(p, R, strict=True)]
-            q = np.array([posture for posture, _ in walks]).reshape(-1, len(self.q0))
-            return q, np.array([status for _, status in walks], dtype=np.intp)
+            return self._walk_each(p, R, [self.q0] * len(p))
         q = np.tile(self.q0, (len(p), 1))
         return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
 
     def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
         """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
         if self.kernel is None:
-            walks = [self._walk(*walk) for walk in zip(p, R, begin, strict=True)]
-            q = np.array([walk for walk, _ in walks]).reshape(-1, len(self.q0))
-            return q, np.array([status == InverseStatus.REACHED for _, status in walks], dtype=bool)
-        q = np.ascontiguousarray(begin).copy()
-        return q, np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads) == InverseStatus.REACHED)
+            q, status = self._walk_each(p, R, begin)
+        else:
+            q = np.ascontiguousarray(begin).copy()
+            status = np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads))
+        return q, status == InverseStatus.REACHED
+
+    def _walk_each(self, p: Matrix, R: Array, begin: Sequence[Vector] | Matrix) -> tuple[Matrix, Indices]:
+        walks = [self._walk(*walk) for walk in zip(p, R, begin, strict=True)]
+        q = np.array([posture for posture, _ in walks]).reshape(-1, len(self.q0))
+        return q, np.array([status for _, status in walks], dtype=np.intp)
 
     def jump(self, p: Vector, R: Matrix, begin: Vector, q: Vector, status: InverseStatus) -> Jump | None:
         """A jump of g on the path that was gone to q."""
@@ -366,18 +364,6 @@ class PosePaths(Value):
         sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
         return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
 
-    def _answer(self, q: Vector, status: InverseStatus) -> Vector:
-        """The posture that was found. Raises: what says why there is none."""
-        if status is InverseStatus.LIMIT:
-            self.strategy.task.robot.check_limits(q, WITHIN)
-        if status is InverseStatus.OTHER_BRANCH:
-            fact = f"the posture to begin from lies on another branch of {self.strategy.name!r} than the start"
-            raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
-        if status is not InverseStatus.REACHED:
-            ends = status is InverseStatus.LEAF_ENDS
-            raise leaf_problem(self.strategy, q, PathEnd.FOLD if ends else PathEnd.STOPPED)
-        return q
-
 
 def _jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, stopped: bool) -> Jump | None:
     """A jump of g on a path from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
@@ -386,9 +372,9 @@ def _jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector,
     """
     if np.array_equal(*states(strategy, np.array([q0, q]))):
         return jump_near(strategy, q) if stopped else None
-    walk, rows = leaf_walk(strategy, q0), [q0]
-    for first, last in pairwise(np.linspace(0.0, 1.0, PIECES + 1).tolist()):
-        piece = replace(path, at=lambda s, a=first, b=last: path.at(a + s * (b - a)), arc=path.arc / PIECES**2)
+    walk, rows, pieces = leaf_walk(strategy, q0), [q0], 32
+    for first, last in pairwise(np.linspace(0.0, 1.0, pieces + 1).tolist()):
+        piece = replace(path, at=lambda s, a=first, b=last: path.at(a + s * (b - a)), arc=path.arc / pieces**2)
         posture, ended = walk(rows[-1], piece)
         rows.append(posture)
         stopped = stopped or ended is not PathEnd.REACHED

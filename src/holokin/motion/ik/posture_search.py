@@ -12,7 +12,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, ShapeError
 from ...base.poses import PoseLike, given_pose
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Reported, Value, Vector, finite, tool_pose, whole
 from ...path.workspaces import sobol
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy
@@ -60,9 +60,6 @@ a turn that is not kept changes it by far more."""
 
 TURNS = 3
 """Turns of a hinge that are tried where g depends on them, those nearest to what is wished."""
-
-AT_ONCE = 2_200
-"""Postures that are tried for one answer at most: three turns of seven hinges."""
 
 
 def keeps(strategy: HolonomicStrategy, q: Matrix, moved: Matrix) -> Flags:
@@ -143,7 +140,7 @@ def _combinations(q: Vector, hinges: Flags, free: Flags, near: Vector, low: Vect
         first, last = np.ceil((low[j] - q[j]) / (2 * np.pi)), np.floor((high[j] - q[j]) / (2 * np.pi))
         around = sorted({0.0, *np.arange(wish - TURNS, wish + TURNS + 1), first, last}, key=lambda k: abs(k - wish))
         options.append([k for k in around if first <= k <= last][:TURNS])
-    while np.prod([len(turns) for turns in options], dtype=float) > AT_ONCE:
+    while np.prod([len(turns) for turns in options], dtype=float) > 2_200:  # three turns of seven hinges
         options = [turns[:-1] if len(turns) > 1 else turns for turns in options]
     tuples = list(product(*options))
     postures = np.tile(q, (len(tuples), 1))
@@ -163,15 +160,13 @@ EXACT = 1e-10
 MOST_STARTS = 1_000_000
 """They are all gone from at once: a million take two minutes and a gigabyte."""
 
+
 SAMPLED = 8
 """Postures at which it is looked at which hinges may turn round without a change of g."""
 
-APART = 1e-6
-"""Distance [joint units] below which two postures are one: well over `EXACT`, well under what tells branches apart."""
-
 
 @dataclass(frozen=True, eq=False)
-class Postures(Value):
+class Postures(Reported, Value):
     """The postures q (k, n) found at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
 
     Each is at the pose and on the leaf, if there is one; of those that differ by whole turns of hinges it is one, see
@@ -257,7 +252,10 @@ def all_postures(
     c = np.broadcast_to(given, (r,))
     check_levels(strategy, c)
     # Newton's method from starts over the joint ranges; singular postures are counted apart.
-    aim = _preferred(task.robot, limits) if near is None else task.robot.checked(near, "near")
+    robot, bounded = task.robot, limits & np.isfinite(task.robot.lower) & np.isfinite(task.robot.upper)
+    with np.errstate(invalid="ignore"):
+        aim = np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)
+    aim = aim if near is None else robot.checked(near, "near")
     free = free_hinges(strategy, spread(task.robot, SAMPLED))
     begun = spread(task.robot, count, ~free & task.robot.hinges)
     begun = begun if near is None else np.vstack([aim, begun[1:]])
@@ -326,16 +324,10 @@ def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
     classes: list[list[Vector]] = []
     for posture in q:
         known = np.array([members[0] for members in classes]).reshape(-1, robot.n)
-        near = np.abs(joint_gap(robot, known, posture)).max(axis=1) < APART
-        if near.any():
-            classes[int(np.argmax(near))].append(posture)
+        # One posture: well over `EXACT`, well under what tells branches apart.
+        same = np.abs(joint_gap(robot, known, posture)).max(axis=1) < 1e-6
+        if same.any():
+            classes[int(np.argmax(same))].append(posture)
         else:
             classes.append([posture])
     return [np.array(members) for members in classes]
-
-
-def _preferred(robot: Robot, limits: bool) -> Vector:
-    """Where hinges (n,) are by choice: within limits in the middle of their range, else about 0."""
-    bounded = limits & np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    with np.errstate(invalid="ignore"):
-        return np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)

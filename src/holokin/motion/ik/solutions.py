@@ -43,7 +43,7 @@ class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
     LEAF_ENDS = 3
     """[J; J_g] turns singular on the way: the leaf has no posture further on."""
     SINGULAR = 4
-    """The way begins or ends at a singular posture of the arm, the law or a representation."""
+    """The way begins or ends at a singular posture of the arm, the strategy or a representation."""
     NOT_CONVERGED = 5
     """No next piece of the way could be shown to keep to the branch, or it took too many pieces."""
     NOT_FINITE = 6
@@ -97,10 +97,18 @@ class Solutions(NoTruthValue, Value, ask="`.reached`"):
     def __repr__(self) -> str:
         return f"Solutions({len(self):,} poses, {int(self.reached.sum()):,} reached)"
 
+    def __str__(self) -> str:
+        counts = [f"{count:,} {name}" for name, count in self._counts if name != "reached"]
+        return "; ".join([f"{int(self.reached.sum()):,} of {len(self):,} poses reached", *counts])
+
+    @property
+    def _counts(self) -> list[tuple[str, int]]:
+        counts = [(status.name.lower().replace("_", " "), self.count(status)) for status in InverseStatus]
+        return [(name, count) for name, count in counts if count]
+
     def _shown_rows(self) -> list[Sequence[str]]:
         """How many poses have each status."""
-        counts = [(status.name.lower().replace("_", " "), self.count(status)) for status in InverseStatus]
-        return [("poses", f"{len(self):,}"), *((name, f"{count:,}") for name, count in counts if count)]
+        return [("poses", f"{len(self):,}"), *((name, f"{count:,}") for name, count in self._counts)]
 
     @property
     def reached(self) -> Flags:
@@ -139,8 +147,8 @@ class GivenPoses(Value):
         """(position, rotation) of one pose. Raises: ShapeError, NotFiniteError, ArgumentError."""
         given = finite("a tool pose", pose_numbers("a tool pose", pose))
         wanted = self.shaped("a tool pose", given[None])[0]
-        for one in wanted.reshape(-1, 4, 4) if wanted.shape[-2:] == (4, 4) else ():
-            tool_pose("a tool pose", one)
+        for matrix in wanted.reshape(-1, 4, 4) if wanted.shape[-2:] == (4, 4) else ():
+            tool_pose("a tool pose", matrix)
         p, R = self.places(wanted[None])
         return p[0], R[0]
 

@@ -24,9 +24,6 @@ from .constraint import Constraint, as_gain, least, nothing_jumps
 MEET = 1e-4
 """Distance [m] up to which axes meet: URDF files round right angles to 1.5708, a hundredth of a millimetre on 2 m."""
 
-TURNED = 1e-3
-"""Angle [rad] from which two axes are not parallel."""
-
 
 @dataclass(frozen=True)
 class Point:
@@ -110,7 +107,7 @@ class _Axis:
 class _Place:
     """Where a point is (3,) at q = 0, in the base frame."""
 
-    at: Vector
+    position: Vector
     point: Point
 
 
@@ -180,10 +177,9 @@ def _chain(robot: Robot, tip: str | None) -> list[_Axis]:
         frames.append((frames[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.placement)
     end = next((t for t in robot.tips if t.name == tip), robot.tips[0])
     axes: list[_Axis] = []
-    for at in joints_above(robot.joints, end.joint):
-        joint = robot.joints[at]
-        direction = frames[at][:3, :3] @ joint.axis
-        axes.append(_Axis(at, joint.name, frames[at], direction, joint.kind == "revolute"))
+    for i in joints_above(robot.joints, end.joint):
+        joint = robot.joints[i]
+        axes.append(_Axis(i, joint.name, frames[i], frames[i][:3, :3] @ joint.axis, joint.kind == "revolute"))
     return axes[::-1]
 
 
@@ -200,8 +196,8 @@ def _meeting(axes: Sequence[_Axis]) -> _Place | None:
 
 
 def _not_parallel(axes: Sequence[_Axis]) -> bool:
-    """Whether no axis is parallel to the next."""
-    return all(np.linalg.norm(np.cross(a.direction, b.direction)) > TURNED for a, b in pairwise(axes))
+    """Whether no axis is parallel to the next, to a milliradian."""
+    return all(np.linalg.norm(np.cross(a.direction, b.direction)) > 1e-3 for a, b in pairwise(axes))
 
 
 def _beside(axis: _Axis, other: _Axis) -> _Place:
@@ -213,11 +209,8 @@ def _beside(axis: _Axis, other: _Axis) -> _Place:
 
 def _next_to(axis: _Axis, shoulder: _Place) -> _Place:
     """The point of an axis next to the shoulder."""
-    return axis.place(axis.foot(shoulder.at), f"on the axis of {axis.name}, at the point nearest to the shoulder")
-
-
-MOST_JOINTS = 10_000
-"""Indices of joints beyond it are of no robot."""
+    words = f"on the axis of {axis.name}, at the point nearest to the shoulder"
+    return axis.place(axis.foot(shoulder.position), words)
 
 
 Definition = Literal["stereographic", "conventional"]
@@ -271,17 +264,19 @@ def arm_angle(
             "pole", pole, 'leave it out, or take definition="stereographic": the conventional angle has none'
         )
     V = _direction("reference", reference)
-    R = _pole(V) if pole is None else _direction("pole", pole)
+    if pole is None:  # perpendicular to V: -x, or, if V is along x, -y
+        axis = np.array([-1.0, 0.0, 0.0]) if abs(V[0]) < 0.9 else np.array([0.0, -1.0, 0.0])
+        R = (axis - (axis @ V) * V) / np.linalg.norm(axis - (axis @ V) * V)
+    else:
+        R = _direction("pole", pole)
     if not conventional and abs(float(R @ V)) > 1e-9:
         raise ArgumentError("pole", R.tolist(), f"give a direction perpendicular to the reference {V.tolist()}")
     if joints is not None and (len(joints) != 3 or any(a == b for a, b in combinations(joints, 2))):
         raise ArgumentError("the points of an arm angle", joints, "name three: shoulder, elbow, wrist")
 
     seen = _Seen(joints, conventional, V, R, tip)
-    margin = least([distance for _, distance in seen.places])
-    return Constraint(
-        f"arm angle ({definition})", 1, seen.angle, (True,), margin, places=seen.places, formulas=nothing_jumps
-    )
+    name, margin = f"arm angle ({definition})", least([distance for _, distance in seen.places])
+    return Constraint(name, 1, seen.angle, (True,), margin, places=seen.places, formulas=nothing_jumps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,7 +344,7 @@ def height(*joints: str | int) -> Constraint:
     """
     if not joints:
         raise ArgumentError("the joints to keep level", joints, "name at least one")
-    if any(not isinstance(joint, str) and abs(joint) > MOST_JOINTS for joint in joints):
+    if any(not isinstance(joint, str) and abs(joint) > 10_000 for joint in joints):
         raise ArgumentError("a joint to keep level", "beyond all robots", "give its name, or its index in q")
 
     def expression(task: Task, k: Kinematics, _q: SX) -> SX:
@@ -371,13 +366,6 @@ def _direction(what: str, value: ArrayLike) -> Vector:
     if v.shape != (3,) or not 0 < np.linalg.norm(v) < np.inf:
         raise ArgumentError(what, v.tolist(), "give a direction (3,) that is not zero")
     return v / np.linalg.norm(v)
-
-
-def _pole(V: Vector) -> Vector:
-    """A direction perpendicular to V: -x, or, if V is along x, -y."""
-    axis = np.array([-1.0, 0.0, 0.0]) if abs(V[0]) < 0.9 else np.array([0.0, -1.0, 0.0])
-    R = axis - (axis @ V) * V
-    return R / np.linalg.norm(R)
 
 
 @made
@@ -409,6 +397,5 @@ def coupled(gain: ArrayLike, orientation: Angles = "zyz", *, rows: Sequence[int]
     def margin(_task: Task, k: Kinematics, _q: SX) -> SX:
         return angles.margin(k.rotation)
 
-    return Constraint(
-        f"coupled ({orientation})", len(chosen), expression, (True,) * len(chosen), margin, formulas=nothing_jumps
-    )
+    name, count = f"coupled ({orientation})", len(chosen)
+    return Constraint(name, count, expression, (True,) * count, margin, formulas=nothing_jumps)

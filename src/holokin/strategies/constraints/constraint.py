@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -14,7 +15,7 @@ from ...base.errors import ArgumentError, ConstraintRowsError, ShapeError
 from ...base.types import Array, ArrayLike, ByValue, Value, Vector, finite, frozen, whole
 from ...robot import Kinematics
 from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
-from ..tasks.task import Task
+from ..tasks.task import Field, Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +52,13 @@ class Constraint(Made, ByValue):
 
     name: str
     rows: int
-    expression: Callable[[Task, Kinematics, SX], SX]
+    expression: Field
     angular: tuple[bool, ...]
-    margin: Callable[[Task, Kinematics, SX], SX] | None = None
-    derivative: Callable[[Task, Kinematics, SX], SX] | None = None
+    margin: Field | None = None
+    derivative: Field | None = None
     looped: Constraint | None = None
     transport: Transport | None = None
-    places: tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...] = ()
+    places: tuple[tuple[str, Field], ...] = ()
     implicit: Implicit | None = None
     formulas: Callable[[Task, Kinematics, SX], list[Formula]] | None = None
 
@@ -148,16 +149,8 @@ def stack(*constraints: Constraint) -> Constraint:
     """Several constraints one below the other: rows add up."""
     if not constraints:
         raise ArgumentError("the constraints to stack", constraints, "give at least one")
-    return Constraint(
-        " over ".join(c.name for c in constraints),
-        sum(c.rows for c in constraints),
-        lambda task, k, q: vertcat(*(c.expand(task, k, q) for c in constraints)),
-        tuple(flag for c in constraints for flag in c.angular),
-        _least_margin(constraints),
-        places=_places(constraints),
-        implicit=joined(constraints, lambda _task, _k, values: vertcat(*values)),
-        formulas=formulas_of(constraints),
-    )
+    name, angular = " over ".join(c.name for c in constraints), tuple(flag for c in constraints for flag in c.angular)
+    return _combined(constraints, name, angular, lambda _task, _k, values: vertcat(*values))
 
 
 @made
@@ -183,15 +176,33 @@ def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> C
         terms = [w * value for value, w in zip(values, factors, strict=True)]
         return sum(terms[1:], terms[0])
 
-    def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        return sum_of(task, k, [c.expand(task, k, q) for c in constraints])
-
     angular = tuple(any(flags) for flags in zip(*(c.angular for c in constraints), strict=True))
     name = " + ".join(c.name if w == 1 else f"{w:g} {c.name}" for c, w in zip(constraints, factors, strict=True))
+    return _combined(constraints, name, angular, sum_of)
+
+
+def _combined(
+    constraints: Sequence[Constraint],
+    name: str,
+    angular: tuple[bool, ...],
+    together: Callable[[Task, Kinematics, list[SX]], SX],
+) -> Constraint:
+    """The constraint whose g `together` makes of the values of several."""
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        return together(task, k, [c.expand(task, k, q) for c in constraints])
+
+    margins = [c.margin for c in constraints if c.margin is not None]
     return Constraint(
-        name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints),
-        implicit=joined(constraints, sum_of), formulas=formulas_of(constraints),
-    )  # fmt: skip
+        name,
+        len(angular),
+        expression,
+        angular,
+        least(margins) if margins else None,
+        places=tuple(place for c in constraints for place in c.places),
+        implicit=joined(constraints, together),
+        formulas=formulas_of(constraints),
+    )
 
 
 @made
@@ -212,6 +223,7 @@ def tilted(
         ShapeError (when bound): rho has another number of rows.
     """
 
+    # The tilt as an expression, its slope, and the formula in which it may jump.
     def tilt(task: Task, k: Kinematics) -> SX:
         value = written(f"the tilt of {constraint.name}", rho, (chart or task).value_expression(k))
         if value.shape != (constraint.rows, 1):
@@ -222,9 +234,9 @@ def tilted(
         return constraint.slopes(task, k, q) - jacobian(tilt(task, k), q)
 
     def of_pose(task: Task, k: Kinematics) -> Formula:
-        at = (chart or task).value_expression(k)
-        x = symbol("x", at.shape[0])
-        return Formula(written(f"the tilt of {constraint.name}", rho, x), x, at, constraint.angular)
+        value = (chart or task).value_expression(k)
+        x = symbol("x", value.shape[0])
+        return Formula(written(f"the tilt of {constraint.name}", rho, x), x, value, constraint.angular)
 
     looped = constraint.looped and tilted(constraint.looped, rho, chart=chart, name=name)
     return Constraint(
@@ -240,15 +252,6 @@ def tilted(
         joined([constraint], lambda task, k, values: values[0] - tilt(task, k)),
         formulas_of([constraint], lambda task, k, _q: [of_pose(task, k)]),
     )
-
-
-def _least_margin(constraints: Sequence[Constraint]) -> Callable[[Task, Kinematics, SX], SX] | None:
-    margins = [c.margin for c in constraints if c.margin is not None]
-    return least(margins) if margins else None
-
-
-def _places(constraints: Sequence[Constraint]) -> tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...]:
-    return tuple(place for c in constraints for place in c.places)
 
 
 def nothing_jumps(_task: Task, _k: Kinematics, _q: SX) -> list[Formula]:
@@ -272,16 +275,9 @@ def formulas_of(
     return formulas
 
 
-def least(margins: Sequence[Callable[[Task, Kinematics, SX], SX]]) -> Callable[[Task, Kinematics, SX], SX]:
+def least(margins: Sequence[Field]) -> Field:
     """The least of several distances, as an expression."""
-
-    def margin(task: Task, k: Kinematics, q: SX) -> SX:
-        smallest = SX(np.inf)
-        for one in margins:
-            smallest = fmin(smallest, one(task, k, q))
-        return smallest
-
-    return margin
+    return lambda task, k, q: reduce(fmin, (margin(task, k, q) for margin in margins), SX(np.inf))
 
 
 def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:

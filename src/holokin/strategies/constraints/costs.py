@@ -15,7 +15,7 @@ from ...robot import Kinematics, link_jacobian, potential_expression
 from ...symbolic import SX, Formula, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat, written
 from ...symbolic.linear import every_minor, minors_expression, null_vector, null_vector_expression
 from ..tasks.frame_task import FrameTask
-from ..tasks.task import Task, TipFrame
+from ..tasks.task import Field, Task, TipFrame
 from .constraint import Constraint, Implicit
 
 
@@ -24,8 +24,8 @@ class Cost(Made, Value):
     """A scalar U of the posture, written down when a task is known: `expression(task, kinematics, q)` -> (1,)."""
 
     name: str
-    expression: Callable[[Task, Kinematics, SX], SX]
-    smooth: Callable[[Task, Kinematics, SX], SX] | None = None
+    expression: Field
+    smooth: Field | None = None
     """U(q) where `expression` has kinks, but for a constant: for proofs. [(task, kinematics, q) -> (1,)]"""
 
 
@@ -52,6 +52,7 @@ def stationary(
     U = cost if isinstance(cost, Cost) else Cost("custom cost", lambda _task, _k, q: written("the cost", cost, q))
     label = name or f"stationary {U.name}"
 
+    # The gradient of the cost, g, its margin with Chang's basis, and the formula in which it may jump.
     def gradient(task: Task, k: Kinematics, q: SX) -> SX:
         value = U.expression(task, k, q)
         if value.shape != (1, 1):
@@ -77,22 +78,22 @@ def stationary(
         slope = jacobian(U.smooth(task, k, q), q).T if U.smooth is not None else gradient(task, k, q)
         return [Formula(slope, q, q, (False,) * task.n)]
 
-    return Constraint(
-        label, rows, expression, (False,) * rows, margin if free is not None else None,
-        implicit=_null_space_implicit(U, gradient, split, rows, free is not None), formulas=formulas,
-    )  # fmt: skip
+    chang = free is not None
+    implicit = _null_space_implicit(U, gradient, split, rows, chang)
+    flags = (False,) * rows
+    return Constraint(label, rows, expression, flags, margin if chang else None, implicit=implicit, formulas=formulas)
 
 
 def _null_space_implicit(
-    cost: Cost, gradient: Callable[[Task, Kinematics, SX], SX], split: Callable[[Task], tuple[list[int], list[int]]],
-    rows: int, chang: bool,
-) -> Implicit:  # fmt: skip
+    cost: Cost, gradient: Field, split: Callable[[Task], tuple[list[int], list[int]]], rows: int, chang: bool
+) -> Implicit:
     """g = N^T grad U with unknown N: J N = 0, |N|^2 = 1, or Chang's [N_a; 1], J_a N_a + J_b = 0.
 
     Of a cost that is a function of J, and r = 1, no unknown is needed: N is along the minors n of a `_short_jacobian`.
     """
     smooth = cost.smooth
 
+    # How many unknowns there are, the equations in them, and their values at a posture.
     def by_minors(task: Task) -> bool:
         return smooth is not None and task.n - task.m == 1
 
@@ -111,7 +112,7 @@ def _null_space_implicit(
         N = N.reshape((task.m, rows))
         return slope[b] + N.T @ slope[a], (J[:, a] @ N + J[:, b]).reshape((-1, 1))
 
-    def at(task: Task, q: Vector) -> Vector:
+    def unknowns(task: Task, q: Vector) -> Vector:
         if by_minors(task):
             return np.zeros(0)
         J = task.jacobian(q)
@@ -119,7 +120,7 @@ def _null_space_implicit(
         N = np.linalg.solve(J[:, a], -J[:, b]).T.ravel() if chang else null_vector(J)
         return N.astype(np.float64, copy=False)
 
-    return Implicit(size, equations, at)
+    return Implicit(size, equations, unknowns)
 
 
 def _short_jacobian(task: Task, k: Kinematics, q: SX) -> SX:

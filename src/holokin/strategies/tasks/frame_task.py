@@ -16,9 +16,9 @@ from typing import ClassVar, Literal, final, get_args
 import numpy as np
 
 from ...base.arguments import check, typed
-from ...base.errors import ArgumentError, ShapeError, TaskTooLargeError, UnknownNameError, shown
+from ...base.errors import ArgumentError, ShapeError, UnknownNameError, shown
 from ...base.types import ArrayLike, Matrix, Value, Vector, finite, kept
-from ...robot import Kinematics, Robot
+from ...robot import Kinematics
 from ...symbolic import SX, Function, cos, fmax, fmin, if_else, jacobian, norm_2, sin, sumsqr, vec, vertcat, wrapped
 from ...symbolic.rotations import (
     exp_so3,
@@ -106,9 +106,9 @@ class Representation(Value, ABC):
 
     def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
         """The rotation with some coordinates of a wanted one and the others of `present`."""
-        w, there = self.value(present), self.value(wanted)
+        w, goal = self.value(present), self.value(wanted)
         for row in rows:
-            w[row] = there[row]
+            w[row] = goal[row]
         return self.rotation(w)
 
 
@@ -213,10 +213,10 @@ class RotationVector(Representation):
 
     def error(self, wanted: SX, R: SX) -> SX:
         """The difference to the nearer of the two rotation vectors of the wanted rotation."""
-        present, there = self.value(R), self.value(wanted)
-        angle = norm_2(there)
-        other = there * (1 - 2 * np.pi / fmax(angle, 1e-3))  # a turn below 1e-3 rad has no near double
-        return if_else(sumsqr(other - present) < sumsqr(there - present), other, there) - present
+        present, goal = self.value(R), self.value(wanted)
+        angle = norm_2(goal)
+        other = goal * (1 - 2 * np.pi / fmax(angle, 1e-3))  # a turn below 1e-3 rad has no near double
+        return if_else(sumsqr(other - present) < sumsqr(goal - present), other, goal) - present
 
     def rotation(self, w: SX) -> SX:
         """exp(w) reference."""
@@ -270,7 +270,7 @@ _KINDS: dict[str, Callable[[Matrix, Vector], Representation]] = {
 }
 
 
-def representation(kind: str, reference: Matrix | None = None, axis: Vector | None = None) -> Representation:
+def representation(kind: Orientation, reference: Matrix | None = None, axis: Vector | None = None) -> Representation:
     """The representation of a kind: "twist", "zyz", "rpy", "rotation-vector" or "axis". Raises: UnknownNameError.
 
     Args:
@@ -281,7 +281,7 @@ def representation(kind: str, reference: Matrix | None = None, axis: Vector | No
     return _KINDS[kind](np.eye(3) if reference is None else reference, np.array(UP) if axis is None else axis)
 
 
-def three_angles(kind: str) -> Representation:
+def three_angles(kind: Angles) -> Representation:
     """One of three coordinates: "zyz", "rpy" or "rotation-vector". Raises: UnknownNameError."""
     if kind not in get_args(Angles):
         raise UnknownNameError("representation of orientation by angles", kind, get_args(Angles))
@@ -299,17 +299,13 @@ class FrameTask(Task):
     perpendicular to it. `axis` (3,) is a, in the tool's frame.
     """
 
-    robot: Robot
-    orientation: str | None
-    rows: tuple[int, ...]
+    orientation: Orientation | None
     reference: Matrix
     frame: Frame = field(default_factory=TipFrame)
     axis: Vector = field(default_factory=lambda: np.array(UP))
 
-    def __post_init__(self) -> None:
-        kinds = {"robot": Robot, "orientation": str | None, "rows": tuple[int, ...], "frame": Frame}
-        for what, kind in kinds.items():
-            check(f"the {what} of a task", kind, getattr(self, what))
+    def _check(self) -> None:
+        check("the frame of a task", Frame, self.frame)
         if self.orientation not in (None, *ORIENTATIONS):
             raise UnknownNameError("orientation", shown(self.orientation), ORIENTATIONS)
         last = 2 + len(self.representation.row_names)
@@ -318,17 +314,10 @@ class FrameTask(Task):
             raise ArgumentError("the rows of a task", self.rows, cure)
         finite("the reference of a task", self.reference, (3, 3))
         finite("the axis of a task", self.axis, (3,))
-        super().__post_init__()
-        if self.m > self.n:
-            raise TaskTooLargeError(self.m, self.n, self.robot.name)
         angular = sum(self._angular)
         if self.orientation == "twist" and angular in (1, 2) and not self.robot.planar:
             cure = "one or two angular velocities give no orientation to return to: keep all three, none, or take 'rpy'"
             raise ArgumentError("the number of angular rows of a twist task", angular, cure)
-
-    def _with_rows(self, rows: tuple[int, ...]) -> FrameTask:
-        """The same task with other rows."""
-        return replace(self, rows=rows)
 
     @property
     def name(self) -> str:
@@ -336,13 +325,13 @@ class FrameTask(Task):
         kind = "position" if self.orientation is None else f"pose ({self.orientation})"
         return f"{self.frame.title or kind} of {self.robot.name}"
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """Name of each row."""
         names = (*self.frame.labels, *self.representation.row_names)
         return tuple(names[i] for i in self.rows)
 
-    @property
+    @cached_property
     def units(self) -> tuple[str, ...]:
         """Of each row: "m" or "rad", or what an expression of the user's own is in."""
         return tuple(self.frame.units[i] if i < 3 else "rad" for i in self.rows)
@@ -352,28 +341,24 @@ class FrameTask(Task):
         """The tip of the robot that shows where the frame is; None is the robot's first one."""
         return self.frame.tip
 
-    @property
+    @cached_property
     def frames(self) -> int:
         """1."""
         return 1
 
     @property
     def _point(self) -> int:
-        """3."""
         return 3
 
     @property
     def _spatial(self) -> bool:
-        """True of a frame of a tool."""
         return self.frame.spatial
 
     @property
     def _has_hessians(self) -> bool:
-        """Whether its frame has."""
         return self.frame._has_hessians
 
     def _hessians(self, q: SX) -> list[SX]:
-        """Those of its frame."""
         every = self.frame._hessians(self.robot, q)
         return [every[row] for row in self.rows]
 
@@ -384,22 +369,18 @@ class FrameTask(Task):
 
     @property
     def _geometric(self) -> bool:
-        """True when J is of the geometric rows: no representation by angles has a part in it."""
         return self.orientation in (None, "twist")
 
     @property
     def _exact(self) -> bool:
-        """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
         return self.orientation != "twist" or not any(self._angular) or self.robot.planar
 
-    @property
+    @cached_property
     def _rotations(self) -> tuple[int, ...]:
-        """The first angular row, where all three belong to the task."""
         return (self._angular.index(True),) if sum(self._angular) == 3 else ()
 
     @property
     def _geometric_twin(self) -> FrameTask:
-        """The same task with "twist" for a full orientation, which has no singular angles."""
         return replace(self, orientation="twist") if self._rotations else self
 
     def _chart(self, rotations: Matrix) -> FrameTask:
@@ -412,7 +393,6 @@ class FrameTask(Task):
         return self
 
     def _counted_from(self, rotations: Matrix) -> FrameTask:
-        """With another reference (3, 3), where there is such a one."""
         return replace(self, reference=rotations) if self.orientation in ("twist", "rotation-vector") else self
 
     def kinematics(self, q: SX) -> Kinematics:
@@ -430,15 +410,12 @@ class FrameTask(Task):
         return self._select(vertcat(k.jacobian[:3, :], jacobian(self.representation.value(k.rotation), q)))  # (2), (26)
 
     def _error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
-        """`error` as an expression (m,)."""
         return self._select(vertcat(position - k.position, self.representation.error(rotation, k.rotation)))
 
     def _rates_expression(self, R: SX, v: SX, w: SX) -> SX:
-        """x' (m,) of a tool turned by R (3, 3) that moves with v (3,), w (3,)."""
         return self._select(vertcat(v, self.representation.rates(R, w)))
 
     def _margin_expression(self, rotation: SX) -> SX:
-        """Distance of the representation from its singularity; 1 where there is none."""
         return self.representation.margin(rotation) if any(self._angular) else SX(1)
 
     def _select(self, six: SX) -> SX:
@@ -454,46 +431,35 @@ class StackedTask(Task):
     say where all frames are, when none has an orientation.
     """
 
-    robot: Robot
-    orientation: str | None
-    rows: tuple[int, ...]
     parts: tuple[FrameTask, ...]
     title: str
     size: int
 
-    def __post_init__(self) -> None:
-        kinds = {"robot": Robot, "parts": tuple[FrameTask, ...], "rows": tuple[int, ...], "title": str, "size": int}
-        for what, kind in kinds.items():
+    def _check(self) -> None:
+        for what, kind in {"parts": tuple[FrameTask, ...], "title": str, "size": int}.items():
             check(f"the {what} of a stacked task", kind, getattr(self, what))
         if len(self.parts) < 2 or any(part.robot != self.robot for part in self.parts):
             raise ArgumentError("the parts of a stacked task", self.parts, "give two tasks or more, of one robot")
         every = [6 * f + row for f, part in enumerate(self.parts) for row in part.rows]
         if not self.rows or not set(self.rows) <= set(every) or len(set(self.rows)) < len(self.rows):
             raise ArgumentError("the rows of a stacked task", self.rows, f"name each of {every} at most once")
-        super().__post_init__()
-        if self.m > self.n:
-            raise TaskTooLargeError(self.m, self.n, self.robot.name)
         for f, part in enumerate(self.parts):
             angular_rows = sum(row // 6 == f and row % 6 > 2 for row in self.rows)
             if part.orientation == "twist" and 0 < angular_rows < sum(part._angular):
                 cure = "keep all three angular rows of a twist, none, or take 'rpy'"
                 raise ArgumentError("the number of angular rows of a twist task", angular_rows, cure)
 
-    def _with_rows(self, rows: tuple[int, ...]) -> StackedTask:
-        """The same task with other rows; its targets are of all frames still."""
-        return replace(self, rows=rows)
-
     @property
     def name(self) -> str:
         """For instance "pose (twist) of left and pose (twist) of right of yumi"."""
         return f"{self.title} of {self.robot.name}"
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """Name of each row, of tips with the tip before it."""
         return self._each(lambda part: [f"{part.tip}.{name}" if part.tip else name for name in part.row_names])
 
-    @property
+    @cached_property
     def units(self) -> tuple[str, ...]:
         """Of each row."""
         return self._each(lambda part: part.units)
@@ -503,44 +469,37 @@ class StackedTask(Task):
         """That of the first part."""
         return self.parts[0].tip
 
-    @property
+    @cached_property
     def frames(self) -> int:
         """One a part."""
         return len(self.parts)
 
     @property
     def _point(self) -> int:
-        """The size that was given."""
         return self.size
 
     @property
     def _spatial(self) -> bool:
-        """True when all parts are."""
         return all(part._spatial for part in self.parts)
 
     @property
     def _has_hessians(self) -> bool:
-        """Whether all parts have."""
         return all(part._has_hessians for part in self.parts)
 
     def _hessians(self, q: SX) -> list[SX]:
-        """Those of the parts."""
         every = [H for part in self.parts for H in part._hessians(q)]
         return [every[i] for i in self._places]
 
     @property
     def _geometric(self) -> bool:
-        """True when all parts are."""
         return all(part._geometric for part in self.parts)
 
     @property
     def _exact(self) -> bool:
-        """True when all parts are."""
         return all(part._exact for part in self.parts)
 
-    @property
+    @cached_property
     def _rotations(self) -> tuple[int, ...]:
-        """The first angular row of each part that has all three of them among the rows."""
         firsts = []
         for f in range(self.frames):
             mine = [i for i, row in enumerate(self.rows) if row // 6 == f and row % 6 > 2]
@@ -550,18 +509,17 @@ class StackedTask(Task):
 
     @property
     def _geometric_twin(self) -> StackedTask:
-        """That of geometric parts."""
         return replace(self, parts=tuple(part._geometric_twin for part in self.parts))
 
     def _chart(self, rotations: Matrix) -> StackedTask:
-        """Those of the parts."""
-        each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
-        return replace(self, parts=tuple(part._chart(R) for part, R in zip(self.parts, each, strict=True)))
+        return self._by_part(rotations, FrameTask._chart)
 
     def _counted_from(self, rotations: Matrix) -> StackedTask:
-        """Those of the parts."""
+        return self._by_part(rotations, FrameTask._counted_from)
+
+    def _by_part(self, rotations: Matrix, of: Callable[[FrameTask, Matrix], FrameTask]) -> StackedTask:
         each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
-        return replace(self, parts=tuple(part._counted_from(R) for part, R in zip(self.parts, each, strict=True)))
+        return replace(self, parts=tuple(of(part, R) for part, R in zip(self.parts, each, strict=True)))
 
     def kinematics(self, q: SX) -> Kinematics:
         """Those of the parts, one below the other."""
@@ -578,17 +536,14 @@ class StackedTask(Task):
         return self._stack(lambda part, f: part.jacobian_expression(_frame(k, f), q))
 
     def _error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
-        """The errors of the parts."""
         return self._stack(
             lambda part, f: part._error_expression(_frame(k, f), _three(position, f), _three(rotation, f))
         )
 
     def _rates_expression(self, R: SX, v: SX, w: SX) -> SX:
-        """The rates of the parts."""
         return self._stack(lambda part, f: part._rates_expression(_three(R, f), _three(v, f), _three(w, f)))
 
     def _margin_expression(self, rotation: SX) -> SX:
-        """The least of the parts."""
         margin = SX(1)
         for f, part in enumerate(self.parts):
             if any(row // 6 == f and row % 6 > 2 for row in self.rows):
@@ -604,7 +559,6 @@ class StackedTask(Task):
 
     @cached_property
     def _places(self) -> list[int]:
-        """Where each row stands among those of all parts."""
         every = [6 * f + row for f, part in enumerate(self.parts) for row in part.rows]
         return [every.index(row) for row in self.rows]
 
@@ -640,8 +594,11 @@ def stacked(*tasks: Task) -> Task:
     for task in tasks:
         rows += [6 * first + row for row in task.rows]
         first += task.frames
-    title = " and ".join(f"{task.name.removesuffix(f' of {task.robot.name}')}{_tip_suffix(task)}" for task in tasks)
-    return stack(parts, tuple(rows), title, 3 * first)
+    titles = []
+    for task in tasks:
+        name_tip = task.frames == 1 and task.tip and task.tip not in task.name
+        titles.append(task.name.removesuffix(f" of {task.robot.name}") + (f" of {task.tip}" if name_tip else ""))
+    return stack(parts, tuple(rows), " and ".join(titles), 3 * first)
 
 
 def stack(parts: list[FrameTask], rows: tuple[int, ...], title: str, size: int) -> StackedTask:
@@ -656,10 +613,6 @@ def parts_of(task: Task) -> tuple[FrameTask, ...]:
     if isinstance(task, StackedTask):
         return task.parts
     return (task,) if isinstance(task, FrameTask) else ()
-
-
-def _tip_suffix(task: Task) -> str:
-    return f" of {task.tip}" if task.frames == 1 and task.tip and task.tip not in task.name else ""
 
 
 # --- What a task leaves free: motions of its frames that no row of it sees. They are no demand.
@@ -693,10 +646,10 @@ def completing(task: Task) -> Function:
     (p0, R0), (p, R) = task._target_symbols(), task._target_symbols()
     positions, rotations = [], []
     for f, (part, rows) in enumerate(_rows(task)):
-        at = slice(3 * f, 3 * f + 3)
+        of_frame = slice(3 * f, 3 * f + 3)
         positions += [p[3 * f + i] if i in rows else p0[3 * f + i] for i in range(3)]
-        turned = sorted(row - 3 for row in rows if row > 2)
-        rotations.append(part.representation.completed(R[at, :], turned, R0[at, :]))
+        angular = sorted(row - 3 for row in rows if row > 2)
+        rotations.append(part.representation.completed(R[of_frame, :], angular, R0[of_frame, :]))
     inputs = {"p0": p0, "R0": R0, "p": p, "R": R}
     return Function("completed", inputs, {"p": vertcat(*positions), "R": vertcat(*rotations)})
 

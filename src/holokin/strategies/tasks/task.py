@@ -15,7 +15,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ...base.arguments import Made, check, type_methods, typed
-from ...base.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError, shown
+from ...base.errors import (
+    ArgumentError,
+    ShapeError,
+    SingularityError,
+    SingularityKind,
+    TaskTooLargeError,
+    UnknownNameError,
+    shown,
+)
 from ...base.poses import PoseLike, pose_cure, pose_numbers
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, ByValue, Matrix, Value, Vector, finite, numbers
@@ -109,18 +117,12 @@ class RelativeFrame(Frame):
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """Those of both tips, put together."""
         t, o = robot.kinematics(q, self.name), robot.kinematics(q, self.other)
-        away = t.position - o.position
-        columns = [
-            vertcat(
-                o.rotation.T @ (t.jacobian[:3, i] - o.jacobian[:3, i] - cross(o.jacobian[3:, i], away)),
-                o.rotation.T @ (t.jacobian[3:, i] - o.jacobian[3:, i]),
-            )
-            for i in range(robot.n)
-        ]
+        gap = t.position - o.position
         J = SX.zeros(6, robot.n)
-        for i, column in enumerate(columns):
-            J[:, i] = column
-        return replace(t, position=o.rotation.T @ away, rotation=o.rotation.T @ t.rotation, jacobian=densify(J))
+        for i in range(robot.n):
+            J[:3, i] = o.rotation.T @ (t.jacobian[:3, i] - o.jacobian[:3, i] - cross(o.jacobian[3:, i], gap))
+            J[3:, i] = o.rotation.T @ (t.jacobian[3:, i] - o.jacobian[3:, i])
+        return replace(t, position=o.rotation.T @ gap, rotation=o.rotation.T @ t.rotation, jacobian=densify(J))
 
     @property
     def tip(self) -> str | None:
@@ -156,16 +158,11 @@ class ExpressionFrame(Made, Frame):
         """Frames of three rows each, and one of the rest."""
         if len(self.row_units) <= 3:
             return [self]
-
-        return [
-            ExpressionFrame(
-                self.name,
-                partial(_three, self.name, self.expression, i),
-                self.row_units[i : i + 3],
-                self.row_names[i : i + 3],
-            )
-            for i in range(0, len(self.row_units), 3)
-        ]
+        frames = []
+        for i in range(0, len(self.row_units), 3):
+            some, rows = slice(i, i + 3), partial(_three, self.name, self.expression, i)
+            frames.append(ExpressionFrame(self.name, rows, self.row_units[some], self.row_names[some]))
+        return frames
 
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """The point, and its slope by q."""
@@ -202,6 +199,7 @@ def poses_expression(k: Kinematics) -> SX:
     return vertcat(*(vertcat(horzcat(k.rotation[i : i + 3, :], k.position[i : i + 3]), last) for i in each))
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Task(ByValue, ABC):
     """x = f(q), of m rows: a `FrameTask` of one frame, or a `StackedTask` of several.
 
@@ -221,21 +219,37 @@ class Task(ByValue, ABC):
             raise ArgumentError("a subclass of Task", cls.__name__, cure)
         type_methods(cls)
 
+    def __post_init__(self) -> None:
+        check("the robot of a task", Robot, self.robot)
+        check("the rows of a task", tuple[int, ...], self.rows)
+        self._check()
+        super().__post_init__()
+        if self.m > self.n:
+            raise TaskTooLargeError(self.m, self.n, self.robot.name)
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Raises: ArgumentError, ...: its fields do not fit each other."""
+
     def __repr__(self) -> str:
         return f"Task({self.name}, m={self.m}, n={self.n})"
 
     @typed
     def __getitem__(self, index: int | slice | Sequence[int]) -> Self:
-        """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
-        return self._with_rows(chosen_rows(self.rows, index))
+        """The task of some rows only; its targets are of all frames still.
+
+        Raises: UnknownNameError for a row that does not exist, ArgumentError.
+        """
+        return replace(self, rows=chosen_rows(self.rows, index))
 
     def __iter__(self) -> Iterator[Self]:
         """The tasks of the single rows. Raises: ArgumentError at an angular row of a twist, which cannot be alone."""
         return (self[i] for i in range(self.m))
 
-    @abstractmethod
-    def _with_rows(self, rows: tuple[int, ...]) -> Self:
-        """The same task with other rows."""
+    @cached_property
+    def joint_units(self) -> tuple[str, ...]:
+        """Units of the joints: "rad" or "m", of `coordinates` their own."""
+        return tuple(c.unit for c in self.robot.coordinates)
 
     @property
     def m(self) -> int:
@@ -252,12 +266,12 @@ class Task(ByValue, ABC):
     def name(self) -> str:
         """For instance "pose (zyz) of panda"."""
 
-    @property
+    @cached_property
     @abstractmethod
     def row_names(self) -> tuple[str, ...]:
         """Name of each row."""
 
-    @property
+    @cached_property
     @abstractmethod
     def units(self) -> tuple[str, ...]:
         """Of each row: "m" or "rad", or what an expression of the user's own is in."""
@@ -267,7 +281,7 @@ class Task(ByValue, ABC):
     def tip(self) -> str | None:
         """The tip of the robot that shows where the frame is, the first one of several; None is the robot's first."""
 
-    @property
+    @cached_property
     @abstractmethod
     def frames(self) -> int:
         """How many frames F it is about."""
@@ -301,7 +315,7 @@ class Task(ByValue, ABC):
     def _exact(self) -> bool:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
 
-    @property
+    @cached_property
     @abstractmethod
     def _rotations(self) -> tuple[int, ...]:
         """Where all three angular rows of a frame belong to the task: the first of them, among its rows."""
@@ -319,7 +333,7 @@ class Task(ByValue, ABC):
     def _counted_from(self, rotations: Matrix) -> Self:
         """The same with rotation vectors, and values of twists, that count from rotations (3F, 3)."""
 
-    @property
+    @cached_property
     def _angular(self) -> tuple[bool, ...]:
         """Which rows are of an orientation."""
         return tuple(row % 6 > 2 for row in self.rows)
@@ -398,7 +412,8 @@ class Task(ByValue, ABC):
 
     def _place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
-        return self.target(self.pose(self.robot.checked(q)))
+        p, R = _targets_of(self.pose(self.robot.checked(q)).reshape(1, self.frames, 4, 4))
+        return p[0], R[0]
 
     def target(self, pose: PoseLike) -> tuple[Vector, Matrix]:
         """Positions (3F,), rotations (3F, 3) of a pose (4, 4), or of (F, 4, 4). Raises: ShapeError, ArgumentError."""
@@ -513,7 +528,7 @@ class Task(ByValue, ABC):
         return self._jacobian.checked((self.m, self.n), self.robot.checked, self._doubtful, bounds)
 
     def _doubtful(self, q: Vector, result: Array, margin: float = np.inf) -> Array:
-        """What was found at q, unless q is not finite or the representation is singular there."""
+        """The result at q, unless q is not finite or the representation is singular there."""
         check_representation(self, self.robot.checked(q), margin)
         return result
 
@@ -539,6 +554,10 @@ class Task(ByValue, ABC):
         R, v, w = self._target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
         outputs = {"dx": self._rates_expression(R, v, w), "margin": self._margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+Field = Callable[[Task, Kinematics, SX], SX]
+"""An expression of the posture: (task, kinematics, q) -> matrix."""
 
 
 def check_representation(task: Task, q: Vector, margin: float) -> None:

@@ -1,7 +1,7 @@
 /* $title
    Written by holokin $version from: $origin. Lengths in m, angles in rad, times in s.
 
-   $law
+   $strategy_words
 
    Joints: $joints.
    Task rows: $rows.

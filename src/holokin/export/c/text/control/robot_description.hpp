@@ -45,7 +45,7 @@ class RobotDescription {
     if (const std::string why = limits(); !why.empty()) return why;
     std::vector<urdf::JointConstSharedPtr> chain;
     if (const std::string why = chain_of(base, tip, chain); !why.empty()) return why;
-    return disagreement([&](const law::Joints &q) { return placed(chain, q); }, base, tip, tolerance);
+    return disagreement([&](const strategy::Joints &q) { return placed(chain, q); }, base, tip, tolerance);
   }
 
  private:
@@ -92,7 +92,7 @@ class RobotDescription {
     return "";
   }
 
-  Matrix placed(const std::vector<urdf::JointConstSharedPtr> &chain, const law::Joints &q) const {
+  Matrix placed(const std::vector<urdf::JointConstSharedPtr> &chain, const strategy::Joints &q) const {
     geometry_msgs::msg::Pose pose;
     pose.orientation.w = 1.0;
     for (auto joint = chain.rbegin(); joint != chain.rend(); ++joint) pose = carried(pose, **joint, q);
@@ -102,7 +102,7 @@ class RobotDescription {
   }
 
   /* The frame after a joint that begins at `pose`. */
-  geometry_msgs::msg::Pose carried(const geometry_msgs::msg::Pose &pose, const urdf::Joint &joint, const law::Joints &q) const {
+  geometry_msgs::msg::Pose carried(const geometry_msgs::msg::Pose &pose, const urdf::Joint &joint, const strategy::Joints &q) const {
     const auto &origin = joint.parent_to_joint_origin_transform;
     geometry_msgs::msg::Pose offset;
     offset.position.x = origin.position.x, offset.position.y = origin.position.y, offset.position.z = origin.position.z;

@@ -31,23 +31,23 @@ constexpr std::size_t PATIENCE = 10;
 /* Which numbers of the leaf are angles. */
 constexpr std::array<bool, ${NAME}_R> ANGULAR = {$angular_flags};
 
-law::Target target_of(const geometry_msgs::msg::Pose &pose) {
+strategy::Target target_of(const geometry_msgs::msg::Pose &pose) {
   Matrix T{};
   to_matrix(pose, T);
-  law::Target target{};
+  strategy::Target target{};
 $set_target
   return target;
 }
 
-law::Twist twist_of(const Motion &motion) {
-  law::Twist twist{};
+strategy::Twist twist_of(const Motion &motion) {
+  strategy::Twist twist{};
   std::copy_n(motion.begin(), twist.size(), twist.begin());
   return twist;
 }
 
 /* Of the tool: of a task of positions the turn does not count. */
 Motion counted(Motion motion) {
-  std::fill(motion.begin() + std::tuple_size<law::Twist>::value, motion.end(), 0.0);
+  std::fill(motion.begin() + std::tuple_size<strategy::Twist>::value, motion.end(), 0.0);
   return motion;
 }
 
@@ -119,8 +119,8 @@ std::string ToolController::take_interfaces() {
 
 /* Chooses the leaf, and looks whether the arm stands on it. What is wrong; "" where nothing is. */
 std::string ToolController::begin_at(const Joints &q) {
-  const auto value = law::constraint(q);
-  const auto T = law::pose(q);
+  const auto value = strategy::constraint(q);
+  const auto T = strategy::pose(q);
   if (!value || !T) return "the joints are at a singular posture of the strategy";
   if (set_.level_at_activation) std::copy(value.value.begin(), value.value.end(), set_.step.leaf);
   for (std::size_t i = 0; i < value.value.size(); i++) {
@@ -131,9 +131,9 @@ std::string ToolController::begin_at(const Joints &q) {
              std::to_string(error) + " from the level " + std::to_string(set_.step.leaf[i]) +
              ": move the arm to the start posture first, or set level or level_at_activation";
   }
-  law::Parameters still = set_.step;
+  strategy::Parameters still = set_.step;
   still.dt = set_.period;
-  if (!law::step(q, target_of(to_pose(T.value)), law::Twist{}, still)) return "the joints are at a singular posture of the strategy";
+  if (!strategy::step(q, target_of(to_pose(T.value)), strategy::Twist{}, still)) return "the joints are at a singular posture of the strategy";
   return "";
 }
 
@@ -236,16 +236,16 @@ Motion ToolController::wanted(double dt, Pose &next) const {
 
 /* One step from q; the rates are zero where it stands still. */
 Outcome ToolController::follow(const Joints &q, double dt) {
-  law::Parameters parameters = set_.step;
+  strategy::Parameters parameters = set_.step;
   parameters.dt = dt;
   Pose next;
   const Motion motion = wanted(dt, next);
-  const auto step = law::step(q, target_of(next), twist_of(times(motion, 1.0 / dt)), parameters);
+  const auto step = strategy::step(q, target_of(next), twist_of(times(motion, 1.0 / dt)), parameters);
   if (!step) return outcome_of(step.status);
   Joints ahead = q;
   for (std::size_t i = 0; i < N; i++) ahead[i] += dt * step.value.rates[i];
   /* A singular posture is not entered: there the step would refuse every target, also those back. */
-  if (law::step(ahead, target_of(next), law::Twist{}, parameters).status == law::Status::singular) return Outcome::SINGULAR;
+  if (strategy::step(ahead, target_of(next), strategy::Twist{}, parameters).status == strategy::Status::singular) return Outcome::SINGULAR;
   rates_ = step.value.rates;
   report_.scale = step.value.scale;
   if (set_.positions) commanded_ = ahead;
@@ -271,7 +271,7 @@ Outcome ToolController::advance(std::int64_t now, double seconds) {
   if (!(seconds > 0)) return Outcome::BAD_PERIOD;
   if (seconds > LONGEST * set_.period) report_.late++;
   if (!referred_) {
-    const auto T = law::pose(q);
+    const auto T = strategy::pose(q);
     if (!T) return outcome_of(T.status);
     reference_ = to_pose(T.value);
     referred_ = true;

@@ -103,7 +103,7 @@ std::string ToolController::read_settings(Settings &read) const {
   for (const char *const name : {"tool_correction", "leaf_correction", "least_rcond"})
     if (!(number(name) >= 0 && number(name) < 1)) return std::string(name) + " is not from 0 to below 1";
 
-  read.step = law::defaults();
+  read.step = strategy::defaults();
   read.step.gain = number("tool_correction") / read.period;
   read.step.constraint_gain = number("leaf_correction") / read.period;
   read.step.most_error = number("most_error");

@@ -78,7 +78,7 @@ bool KinematicsPlugin::initialize(const rclcpp::Node::SharedPtr &node, const mov
     seats_ = found.seats;
     joint_names_ = found.names;
     link_names_ = joints->getLinkModelNames();
-    const law::Parameters parameters = law::defaults();
+    const strategy::Parameters parameters = strategy::defaults();
     std::copy(std::begin(parameters.leaf), std::end(parameters.leaf), leaf_.begin());
     ready_ = read_parameters(why) && agrees(why);
   }
@@ -109,7 +109,7 @@ bool KinematicsPlugin::read_parameters(std::string &why) {
 bool KinematicsPlugin::agrees(std::string &why) const {
   moveit::core::RobotState state(robot_model_);
   state.setToDefaultValues();
-  const auto pose_of = [this, &state](const law::Joints &q) {
+  const auto pose_of = [this, &state](const strategy::Joints &q) {
     for (std::size_t i = 0; i < q.size(); i++) state.setVariablePosition(JOINTS[i], q[i]);
     return relative(state, base_frame_, tip_frames_[0]);
   };
@@ -149,14 +149,14 @@ bool KinematicsPlugin::supportsGroup(const moveit::core::JointModelGroup *group,
   return fits;
 }
 
-law::Joints KinematicsPlugin::ours(const Values &group) const {
-  law::Joints q{};
+strategy::Joints KinematicsPlugin::ours(const Values &group) const {
+  strategy::Joints q{};
   for (std::size_t i = 0; i < seats_.size(); i++)
     if (!seats_[i].follows) q[seats_[i].ours] = group[i];
   return q;
 }
 
-KinematicsPlugin::Values KinematicsPlugin::theirs(const law::Joints &q) const {
+KinematicsPlugin::Values KinematicsPlugin::theirs(const strategy::Joints &q) const {
   Values group;
   for (const Seat &seat : seats_) group.push_back(seat.factor * q[seat.ours] + seat.offset);
   return group;
@@ -170,7 +170,7 @@ bool KinematicsPlugin::within_bounds(const Values &group) const {
 
 /* What is wrong with a call; "" where nothing is, and then the target. */
 std::string KinematicsPlugin::refused(const Values &seed, const Values &consistency_limits, const Pose &pose,
-    law::Target &target) const {
+    strategy::Target &target) const {
   const std::string count = std::to_string(seats_.size());
   if (!ready_) return "the plugin is not initialized";
   if (seed.size() != seats_.size()) return "the seed has " + std::to_string(seed.size()) + " values, not " + count;
@@ -183,12 +183,12 @@ $set_target
 }
 
 /* Tries with more and more pieces, and looks at the clock between them. */
-law::Result<law::Joints> KinematicsPlugin::solved(const law::Target &target, const Values &seed, double timeout,
+strategy::Result<strategy::Joints> KinematicsPlugin::solved(const strategy::Target &target, const Values &seed, double timeout,
     bool &late) const {
   const auto began = Clock::now();
   for (int most = std::min(FIRST_PIECES, max_pieces_);; most = std::min(2 * most, max_pieces_)) {
-    const auto found = from_seed_ ? law::inverse(ours(seed), target, leaf_, most) : law::solve(target, most);
-    if (found.status != law::Status::not_converged || most == max_pieces_) return found;
+    const auto found = from_seed_ ? strategy::inverse(ours(seed), target, leaf_, most) : strategy::solve(target, most);
+    if (found.status != strategy::Status::not_converged || most == max_pieces_) return found;
     late = seconds_since(began) >= timeout;
     if (late) return found;
   }
@@ -197,7 +197,7 @@ law::Result<law::Joints> KinematicsPlugin::solved(const law::Target &target, con
 bool KinematicsPlugin::searchPositionIK(const Pose &pose, const Values &seed, double timeout,
     const Values &consistency_limits, Values &solution, const IKCallbackFn &callback, ErrorCode &error,
     const Options & /* nothing of a leaf is to be chosen */) const {
-  law::Target target{};
+  strategy::Target target{};
   const std::string why = refused(seed, consistency_limits, pose, target);
   error.val = ErrorCode::NO_IK_SOLUTION;
   if (!why.empty()) {
@@ -207,7 +207,7 @@ bool KinematicsPlugin::searchPositionIK(const Pose &pose, const Values &seed, do
   bool late = false;
   const auto found = solved(target, seed, timeout > 0 ? timeout : default_timeout_, late);
   if (late) error.val = ErrorCode::TIMED_OUT;
-  if (!found || found.status == law::Status::limit) return false;
+  if (!found || found.status == strategy::Status::limit) return false;
   const Values joints = theirs(found.value);
   if (!within_bounds(joints)) return false;
   for (std::size_t i = 0; i < consistency_limits.size(); i++)
@@ -263,8 +263,8 @@ bool KinematicsPlugin::searchPositionIK(const std::vector<Pose> &poses, const Va
 bool KinematicsPlugin::getPositionFK(const std::vector<std::string> &links, const Values &joints,
     std::vector<Pose> &poses) const {
   if (!ready_ || joints.size() != seats_.size()) return false;
-  const law::Joints q = ours(joints);
-  const auto T = law::pose(q);
+  const strategy::Joints q = ours(joints);
+  const auto T = strategy::pose(q);
   if (!T) return false;
   moveit::core::RobotState state(robot_model_);
   state.setToDefaultValues();

@@ -1,7 +1,7 @@
 /* $title
    Written by holokin $version from: $origin. The exported inverse kinematics as a kinematics plugin of MoveIt 2.
 
-   $law
+   $strategy_words
 
    The plugin begins at the start posture, on its leaf, so the same pose gives the same joints. The seed is not used,
    but with the parameter `from_seed`. The leaf decides on the redundant joints, so none of them can be chosen here. */

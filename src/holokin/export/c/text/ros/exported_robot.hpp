@@ -14,7 +14,7 @@
 
 namespace $package {
 
-namespace law = ::$name;
+namespace strategy = ::$name;
 
 constexpr std::size_t N = ${NAME}_N;
 
@@ -27,8 +27,8 @@ inline const char *const TIP = $tip_string;
 constexpr double MOVED = 0.3;
 
 /* The start posture, one joint of it moved, and at the end all of them, each by another amount. */
-inline law::Joints posture(std::size_t k) {
-  law::Joints q = law::start();
+inline strategy::Joints posture(std::size_t k) {
+  strategy::Joints q = strategy::start();
   for (std::size_t i = 0; i < N; i++) {
     if (k == i + 1) q[i] += MOVED;
     if (k == N + 1) q[i] += MOVED * static_cast<double>(i + 1) / static_cast<double>(N);
@@ -62,8 +62,8 @@ inline std::array<double, 2> difference(const Matrix &A, const Matrix &B) {
 template <class Model>
 std::string disagreement(Model &&pose_of, const std::string &base, const std::string &tip, double tolerance) {
   for (std::size_t k = 0; k < N + 2; k++) {
-    const law::Joints q = posture(k);
-    const auto T = law::pose(q);
+    const strategy::Joints q = posture(k);
+    const auto T = strategy::pose(q);
     const auto [off, turned] = difference(pose_of(q), T.value);
     if (T && off <= tolerance && turned <= tolerance) continue;
     std::ostringstream words;
