@@ -12,7 +12,8 @@ import pytest
 import holokin as hk
 from conftest import sampled
 from holokin.base.errors import ArgumentError, UnknownNameError
-from holokin.proof.certificate import Certificate, Extent, digest
+from holokin.proof.cell_search import Extent
+from holokin.proof.certificate import Certificate, digest
 from holokin.proof.kept_apart import kept_apart
 from holokin.proof.recheck import recheck
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, with_capsules

@@ -117,8 +117,8 @@ def _check_task(task: Any) -> None:
     """What is compared with a robot; None where it is not."""
     if task is None:
         return
-    kinds, told = task["stretches"], task["orientation"]
-    fits = (told is None or isinstance(told, str)) and isinstance(task["turning"], bool)
+    kinds, orientation = task["stretches"], task["orientation"]
+    fits = (orientation is None or isinstance(orientation, str)) and isinstance(task["turning"], bool)
     fits = fits and _list(task["rows"]) and len(task["rows"]) <= 6 and all(_place(i, 6) for i in task["rows"])
     fits = fits and numbers(task["reference"], 3, 3) and numbers(task["axis"], 3)
     need(fits, "its task is none")
@@ -180,5 +180,5 @@ def numbers(value: Any, *lengths: int) -> bool:
     if type(value) is not list or lengths[0] not in (-1, len(value)):
         return False
     if len(lengths) > 1:
-        return all(numbers(one, *lengths[1:]) for one in value)
+        return all(numbers(row, *lengths[1:]) for row in value)
     return all(type(x) in (float, int) and -LARGEST <= x <= LARGEST for x in value)

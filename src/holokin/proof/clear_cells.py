@@ -234,7 +234,7 @@ class ClearCells(Value):
         k, n = Q.shape
         return Cells(Q, np.zeros((k, n, 1)), np.zeros((k, n, 1)), np.zeros((k, 0)), np.zeros(k))
 
-    def told(self, apart: Matrix) -> str:
+    def words(self, apart: Matrix) -> str:
         """The least distance that is proven over cells, in words."""
         least, names = self.judged(apart), dict.fromkeys(pair.names for pair in self.pairs)
         touch = len({pair.names for pair in self.pairs if pair.wanted < self.looked_at.wanted})

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import ArgumentError
-from ..base.types import Array, Flags, Matrix, Value, Vector
+from ..base.types import Array, Flags, Matrix, Value, Vector, kept
 from ..strategies import HolonomicStrategy
 from ..strategies.tasks.frame_task import AxisDirection, FrameTask, free_directions, parts_of
 from ..strategies.tasks.task import Task
@@ -406,7 +406,8 @@ class Equation(Value):
     def _target(self, y: SX, numbers: SX) -> SX:
         return target_of(self.strategy.task, *self.family.pose(y, numbers))
 
-    def periodic(self, turns: Vector) -> bool:
+    @kept
+    def periodic(self, turns: tuple[float, ...]) -> bool:
         """Whether E stays as it is, but for whole turns of its angles, when the joints go on by whole turns (n,).
 
         By the list of operations: each value is followed by what it goes on by, in turns, where that is known.
@@ -448,7 +449,7 @@ class Equation(Value):
         """What D_q E is, in words of the theorem: with auxiliary unknowns among q it is not [J; J_g]."""
         return "D_q E" if self.n > self.joints else "[J; J_g]"
 
-    @property
+    @cached_property
     def revolute(self) -> Flags:
         """(n,) which unknowns are angles of joints."""
         units = [c.unit for c in self.strategy.task.robot.coordinates]

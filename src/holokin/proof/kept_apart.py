@@ -98,17 +98,15 @@ EVEN = 1e-11
 """By how much a rotation may be none, and the square of an axis not 1; those of the catalogue are off by 4e-16."""
 
 
-def kept_apart(strategy: HolonomicStrategy, q0: Vector, scene: Scene | None) -> ClearCells | None:
-    """What tells of the distances; None where nothing is asked about them.
+def kept_apart(strategy: HolonomicStrategy, q0: Vector, scene: Scene) -> ClearCells:
+    """What tells of the distances of the things in a scene.
 
     Raises:
         ArgumentError: an obstacle that moves, that is a mesh and not convex, in millimetres, or of a link's name; a
             frame that is no rotation; shapes that are nearer at q0 than is asked; a robot without links; nothing to
             look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
     """
-    asked = clearances_of(strategy.task.robot, scene)
-    if asked is None or scene is None:
-        return None
+    asked = _clearances(strategy.task.robot, scene)
     _check_convex(scene.obstacles)
     names = [shape.link for shape in scene.obstacles]
     _named_apart(asked.robot, names if scene.floor is None else [*names, FLOOR])
@@ -124,8 +122,10 @@ def clearances_of(robot: Robot, scene: Scene | None) -> Clearances | None:
     Raises:
         ArgumentError, UnknownNameError, RobotFileError: as `kept_apart`, but for what is said of q0.
     """
-    if scene is None:
-        return None
+    return None if scene is None else _clearances(robot, scene)
+
+
+def _clearances(robot: Robot, scene: Scene) -> Clearances:
     robot._check_links()
     _checked(robot, scene)
     found = Clearances.of(robot, scene)

@@ -27,15 +27,15 @@ from ..motion.checks import Scene
 from ..motion.ik import InverseKinematics, InverseStatus, ik
 from ..motion.ik.inverse_function import leads_to
 from ..path.workspaces import PoseRange, workspace
-from ..robot import reach
+from ..robot import reach, start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..strategies.tasks.task import of_one_tool
 from .box_proof import PoseRegion
-from .cell_search import KeptCells
-from .certificate import Certificate, Demands, Extent, clear_cuts, left_open, partition
-from .certify_leaf import certificate, demands, provable, question, start_of
+from .cell_search import Demands, Extent, KeptCells
+from .certificate import Certificate, clear_cuts, left_open, partition
+from .certify_leaf import certificate, demands, provable, question
 from .clear_cells import ClearCells
-from .kept_apart import TooNear, gap_distances, kept_apart, short_of
+from .kept_apart import TooNear, gap_distances, short_of
 
 # --- A large box of tool poses about a start: grown where samples are regular, made smaller until it is proven.
 
@@ -591,9 +591,10 @@ def unique_region(
         ExpressionError: an operation without a rule for intervals. JointLimitError: with limits, q0 is beyond them.
     """
     of_one_tool(strategy.task, "a region of poses")
-    strategy, start, budget = provable(strategy), start_of(strategy, q0, limits), whole("budget", budget)
+    strategy, budget = provable(strategy), whole("budget", budget)
+    start = start_posture(strategy.task.robot, q0, limits)
     strategy(start)
-    asked = demands(strategy, limits, kept_apart(strategy, start, scene))
+    asked = demands(strategy, start, limits, scene)
     if workspace is None:
         if keep_in is not None:
             cure = "it is of one box: give the workspace, too"

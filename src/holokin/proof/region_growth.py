@@ -14,9 +14,24 @@ from itertools import product
 import numpy as np
 
 from ..base.types import Flags, Indices, Matrix, joined, some
-from .box_proof import PORTION, PoseRegion, one_root
-from .cell_search import BATCH, FEW, GRID, Batch, KeptCells, halves, looked_up, reasons_of, smaller, too_small
-from .certificate import Boxes, Covered, Demands, Extent
+from .box_proof import PORTION, PoseRegion
+from .cell_search import (
+    BATCH,
+    FEW,
+    GRID,
+    Batch,
+    Boxes,
+    Covered,
+    Demands,
+    Extent,
+    KeptCells,
+    halves,
+    looked_up,
+    one_root,
+    reasons_of,
+    smaller,
+    too_small,
+)
 from .tube import Cells, Findings
 
 WAITING, PROVEN, JOINED, ENDED, REPLACED = range(5)

@@ -12,8 +12,8 @@ import numpy as np
 from ...base.errors import ArgumentError, StartError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Indices, Matrix, Vector
-from ...path import Samples, locate
-from ...path.editing import AnyPath, paths_of
+from ...path import Path, Samples, locate
+from ...path.editing import AnyPath
 from ...path.path import rotation_vector
 from ...robot import doubtful_unit
 from ...strategies.tasks.frame_task import free_directions, leaves_free
@@ -256,7 +256,7 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
     Raises:
         ArgumentError.
     """
-    paths = paths_of(path)
+    paths = (path,) if isinstance(path, Path) else path.paths
     if len(paths) != task.frames:
         several = f"give {task.frames} of them, one a frame of the task, by hk.path.synchronized"
         raise ArgumentError("the number of paths", len(paths), several if task.frames > 1 else "give one")
