@@ -30,12 +30,6 @@ from .equation import Equation, Family, PoseBox, Stretch, Stretches, rows_of
 # checker refuses what lies across a kink. A row that counts up to whole turns, a sum of angles, becomes the angle of
 # the product of the complex numbers e^(i angle).
 
-POWERS = 64
-"""Whole exponents up to this are products."""
-
-MULTIPLES = 16
-"""Whole multiples up to this are sums, so that a multiple of an angle goes on by whole turns."""
-
 
 class Place(NamedTuple):
     """Where a value is: number `at` of the inputs, of the constants, or of the operations."""
@@ -73,10 +67,10 @@ class Lowered:
         return Place("operation", self.rows.setdefault((name, *of), len(self.rows)))
 
     def times(self, a: Place, b: Place) -> Place:
-        """A product; of a small whole number a sum."""
+        """A product; of a small whole number a sum, so that a multiple of an angle goes on by whole turns."""
         for factor, other in ((a, b), (b, a)):
             value = self.value(factor)
-            if (value % 1 == 0 and 1 < abs(value) <= MULTIPLES) or value == -1:
+            if (value % 1 == 0 and 1 < abs(value) <= 16) or value == -1:
                 total = other
                 for _ in range(int(abs(value)) - 1):
                     total = self.do("add", total, other)
@@ -86,7 +80,7 @@ class Lowered:
     def power(self, a: Place, b: Place) -> Place:
         """a^b: products for a small whole b, else exp(b log a)."""
         value = self.value(b)
-        if value % 1 or abs(value) > POWERS:
+        if value % 1 or abs(value) > 64:
             return self.do("exp", self.do("mul", b, self.do("log", a)))
         result, base, left = self.number(1), a, int(abs(value))
         while left:

@@ -10,14 +10,14 @@ import numpy as np
 
 from ..base.errors import ArgumentError, HolokinError
 from ..base.poses import pose_from
-from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, some
 from ..motion.ik import ik
 from ..motion.ik.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..strategies.tasks.frame_task import completed, completing, free_directions, leaves_free
 from .cell_search import TUBE, Boxes, Covered, Domain, Extent, joinable, on_grid, one_root, overlapping
-from .equation import Equation, PoseBox, deepest, spins_freely
+from .equation import Equation, PoseBox, deepest, equation_of, spins_freely
 from .tube import centred, examined
 
 PIECES = 100
@@ -83,26 +83,8 @@ def _column(x: Vector, y: Vector) -> Vector:
 NEAR = 1e-9
 """A pose is in a box without extent if it is as near [m, 1]."""
 
-HALF_TURN = 1e-9
-"""The cosine of half a turn's half, below which it has no Cayley parameters."""
-
-WIDER = 1 + 1e-12
-"""Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
-
-FINENESS = np.geomspace(0.5, 500, 48)
-"""Cells per joint motion of a side [1 / joint unit] that are tried."""
-
-MOST = 200_000
-"""Cells of a grid, at most."""
-
 PORTION = 10_000
 """Pairs of cells that are compared at a time."""
-
-
-@kept
-def _equation_over(strategy: HolonomicStrategy, turning: bool) -> Equation:
-    """The equation of a strategy over boxes of poses, made once."""
-    return Equation(strategy, PoseBox(turning))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +122,12 @@ class PoseRegion(Value, Domain):
         tilt, spin = (space.tilt, space.spin) if any(strategy.task._angular) else (0.0, 0.0)
         if spins_freely(strategy.task, R):
             spin = 0.0
-        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
+        # The half sides, a little larger for the rounding of the tangents.
+        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * (1 + 1e-12)
         turning = bool(turn.any())
         sides = np.where(np.isin((0, 1, 2), strategy.task.rows), space.solid.half, 0.0)
         half = np.concatenate([sides, turn]) if turning else sides
-        equation = _equation_over(strategy, turning)
+        equation = equation_of(strategy, PoseBox(turning))
         c, middle = equation.level(q0), np.zeros(equation.d)
         region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
         if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
@@ -191,10 +174,10 @@ class PoseRegion(Value, Domain):
         cells = centred(self.equation, middle, self.numbers(tiny), self.c, tiny.rho)
         rho = TUBE / float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
-        # Grids, from coarse to fine; where the posture is nearly singular all have too many cells: then one cell, which
-        # is halved as far as the budget goes.
-        counts = np.maximum(1.0, np.ceil(np.multiply.outer(FINENESS, np.minimum(sides, 1e3))))
-        few = counts.prod(axis=1) <= MOST
+        # Grids, from coarse to fine by cells per joint motion; where the posture is nearly singular all have too many
+        # cells: then one cell, which is halved as far as the budget goes.
+        counts = np.maximum(1.0, np.ceil(np.multiply.outer(np.geomspace(0.5, 500, 48), np.minimum(sides, 1e3))))
+        few = counts.prod(axis=1) <= 200_000
         counts = np.minimum(counts[few], 64) if few.any() else np.ones((1, d))
         # The coarsest one of which a cell at u passes the test.
         boxes = self._boxes(u - 1 / counts, u + 1 / counts, np.full(len(counts), rho))
@@ -238,7 +221,7 @@ class PoseRegion(Value, Domain):
         half[: self.equation.d] = self.half
         if leaves_free(task):
             p, R = completing(task).batch(self.p0, self.R0, p, R)
-        # The Cayley parameters of the turn.
+        # The Cayley parameters of the turn; half a turn has none.
         if any(task._angular):
             turn = Rotation.from_matrix(self.R0.T @ R).as_quat(canonical=True)
             direction = free_directions(task)[0]
@@ -246,7 +229,7 @@ class PoseRegion(Value, Domain):
                 axis, of_base = direction
                 turn = deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
             with np.errstate(divide="ignore", invalid="ignore"):
-                w = np.where(turn[:, 3:] > HALF_TURN, 2 * turn[:, :3] / turn[:, 3:], np.inf)
+                w = np.where(turn[:, 3:] > 1e-9, 2 * turn[:, :3] / turn[:, 3:], np.inf)
         # Shares of the half sides; where the box is flat the pose must lie in it.
         sides, wide = np.hstack([p - self.p0, w]), half > 0
         u = np.where(wide, sides / np.where(wide, half, 1.0), np.where(np.abs(sides) < NEAR, 0.0, np.inf))
@@ -327,18 +310,6 @@ class PoseRegion(Value, Domain):
     @cached_property
     def _known(self) -> list[tuple[Vector, Vector]]:
         return [(self.u0, self.q)]
-
-    def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
-        """All: one place where the proof fails ends it."""
-        return np.ones(len(boxes), dtype=bool)
-
-    def goes_on(self, extent: Extent) -> bool:
-        """Only where the proof has not ended."""
-        return extent is Extent.WHOLE
-
-    def arranged(self, proven: Covered) -> Covered:
-        """All of them."""
-        return proven
 
     def unglued(self, proven: Covered) -> Flags:
         """Those that share a part of a face with a neighbour whose root in its middle is not shown to be theirs."""

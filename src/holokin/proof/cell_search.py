@@ -301,9 +301,6 @@ def _cut(low: Matrix, high: Matrix, ones: Indices, others: Indices) -> list[tupl
     return parts
 
 
-FINEST = 1e-3
-"""Motion [m] of a cell below which it is not halved for a distance: where this decides, nobody should drive."""
-
 ROUNDING = 1e-12
 """Motion [joint units] that is round-off, and distance from a limit: no bound of a root comes below it."""
 
@@ -328,28 +325,23 @@ class Demands(Value):
             final |= good & (held | (findings.low > high) | (findings.high < low)).any(axis=1)
         if self.clear is None:
             return findings, kept, final, near
-        # Shapes: nearer than asked in the middle already, or over a cell that hardly moves.
+        # Shapes: nearer than asked in the middle already, or over a cell that moves less than 1 mm: where this decides,
+        # nobody should drive.
         rows, count = np.flatnonzero(kept), len(self.clear.pairs)
         bounds = self.clear.over(some(cells, rows), findings.r[rows])
         apart, planes = np.full((len(good), count), -np.inf), np.zeros((len(good), count, 3))
         apart[rows], planes[rows] = bounds.least, bounds.planes
         short = ~(bounds.least >= self.clear.wanted)
         near[rows] = short.any(axis=1)
-        final[rows] |= (short & ((bounds.motion < FINEST) | (bounds.middle < self.clear.wanted))).any(axis=1)
+        final[rows] |= (short & ((bounds.motion < 1e-3) | (bounds.middle < self.clear.wanted))).any(axis=1)
         return replace(findings, apart=apart, planes=planes), kept & ~near, final, near
 
 
 # --- The search.
 
-SHORTEST = 1e-7
-"""Joint motion [joint units] of a cell below which it is not halved: the leaf is singular there."""
-
 LONE = 3.3
 """A root is looked for where it is the only one within this many times the bound of its distance from the predictor, so
 that cells can be glued: the predictors of neighbours are apart by the sum of their bounds at most."""
-
-SPREAD = 10.0
-"""The radius of a tube, over eta, that a root alone in it needs: about `LONE` times 2 eta, and room."""
 
 TUBE = 0.25
 """The radius of a tube at first, times omega."""
@@ -401,17 +393,17 @@ class Domain(ABC):
         """Places and postures of the leaf that were found, of which the next ones are continued; here none."""
         return []
 
-    @abstractmethod
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
-        """(k,) True for boxes that are of no use once the proof has failed at some places (piece, low)."""
+        """(k,) True for boxes that are of no use once the proof has failed at some places (piece, low); here all."""
+        return np.ones(len(boxes), dtype=bool)
 
-    @abstractmethod
     def goes_on(self, extent: Extent) -> bool:
-        """Whether cells are of use where the proof of others ended so."""
+        """Whether cells are of use where the proof of others ended so; here where it has not ended."""
+        return extent is Extent.WHOLE
 
-    @abstractmethod
     def arranged(self, proven: Covered) -> Covered:
-        """The proven cells in order, those that count where the proof failed."""
+        """The proven cells in order, those that count where the proof failed; here all as they are."""
+        return proven
 
     @abstractmethod
     def unglued(self, proven: Covered) -> Flags:
@@ -481,9 +473,9 @@ def covered(
 
 
 def too_small(boxes: Boxes, cells: Cells) -> Flags:
-    """(k,) which boxes are not halved any more: the joints hardly move over them."""
+    """(k,) which boxes are not halved any more: the joints hardly move over them, the leaf is singular there."""
     finest = np.min(boxes.high - boxes.low, axis=1) < 8 * GRID
-    return ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | finest
+    return ~(np.linalg.norm(cells.reach, axis=1) > 1e-7) | finest
 
 
 def smaller(
@@ -491,9 +483,9 @@ def smaller(
 ) -> tuple[Indices, Boxes, Indices, Boxes]:
     """Of failed boxes: (those that are tried again, with narrower tubes; those that are halved, the lower and then the
     upper halves). sides: as of `halves`."""
-    # The radius that eta asks for, and that of a first cell.
+    # The radius that a root alone in a tube needs, about `LONE` times 2 eta, and room; and that of a first cell.
     d = boxes.low.shape[1]
-    need = np.where(batch.rooted, SPREAD * batch.eta, 0.0)
+    need = np.where(batch.rooted, 10 * batch.eta, 0.0)
     usual = np.where(np.isfinite(batch.omega), TUBE / np.clip(batch.omega, 1e-3, 1e9), boxes.rho / 4)
     # Once more with a narrower tube, where there is a root and the radius becomes much less; else halves.
     narrow = np.maximum(np.minimum(boxes.rho / 4, usual), need)

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.errors import BranchError, NoProofError, SingularityError, TrackingError
-from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, joined, kept, some, whole
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, joined, some, whole
 from ..motion.checks import Scene
 from ..motion.ik.leaf import leaf_step, leaf_stepper, leaf_value, newton_on_leaf
 from ..motion.ik.plan import Plan, check_start, make_plan, turned
@@ -50,7 +50,7 @@ from .cell_search import (
     overlapping,
 )
 from .certificate import Anchors, Certificate, Revisit
-from .equation import Equation, Stretch, Stretches
+from .equation import Equation, Stretches, equation_of
 from .kept_apart import kept_apart
 from .region_growth import grown
 from .tube import UP, Cells, centred, examined, least_determinant, norm
@@ -62,12 +62,6 @@ SEAM = 1e-12
 
 PARTS = 256
 """Parts of a piece for which the motion of the joints is computed."""
-
-SPUN = 0.05
-"""Free turn [rad] of a first cell: its equation turns with it, though no joint may move."""
-
-MOST_FIRST = 4096
-"""First cells of a piece at most: near a singular posture omega asks for millions."""
 
 
 def walked(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> tuple[Matrix, Extent, str]:
@@ -97,12 +91,6 @@ def walked(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> tuple[Matrix,
             why = Extent.SINGULAR if isinstance(problem, SingularityError) else Extent.END
             return np.array(postures), why, plan.where(step).removeprefix("in cycle 1, ")
     return np.array(postures), Extent.WHOLE, ""
-
-
-@kept
-def _equation_along(strategy: HolonomicStrategy, *kinds: tuple[bool, bool]) -> Equation:
-    """The equation of a strategy along paths, one of each frame, (turning, curved): made once."""
-    return Equation(strategy, Stretches(any(turning for turning, _ in kinds), tuple(Stretch(*kind) for kind in kinds)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +125,7 @@ class Pathway(Value, Domain):
             first += count
         rows = plan.path.table(plan.start_rotation).reshape(plan.task.frames, len(plan.counts), -1)
         family = Stretches.along(rows)
-        equation = _equation_along(strategy, *((m.turning, m.curved) for m in family.members))
+        equation = equation_of(strategy, family)
         numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
         spins = _free_turns(plan, ends)
         return Pathway(equation, equation.level(postures[0]), tuple(splines), numbers, np.array(ends), spins)
@@ -154,14 +142,15 @@ class Pathway(Value, Domain):
         omega = np.minimum(examined(self.equation, cells, self.c).omega, 1e6)
         pieces = []
         for i, end in enumerate(self.ends.tolist()):
-            # How much e grows along the piece: by omega times the motion of the joints, or by the free turn.
+            # How much e grows along the piece: by omega times the motion of the joints; or the free turn, since the
+            # equation turns with it, though no joint may move: a cell has at most 0.05 rad of it.
             places = np.linspace(0, end, PARTS + 1)
             motion = np.linalg.norm(np.diff(self._at(np.full(len(places), i), places), axis=0), axis=1)
             omega_there = np.interp(places, u[piece == i], omega[piece == i])
-            growth = np.maximum(motion * (omega_there[1:] + omega_there[:-1]) / 2, 2 * AIM / SPUN * self.spins[i])
+            growth = np.maximum(motion * (omega_there[1:] + omega_there[:-1]) / 2, 2 * AIM / 0.05 * self.spins[i])
             total = np.concatenate([[0.0], np.cumsum(growth)])
-            # Cuts at even shares of that.
-            count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, MOST_FIRST))
+            # Cuts at even shares of that, not the millions that omega asks for near a singular posture.
+            count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, 4096))
             edges = np.unique(on_grid(np.interp(np.linspace(0, total[-1], count + 1), total, places)))
             count = len(edges) - 1
             rho = TUBE / np.interp((edges[1:] + edges[:-1]) / 2, places, omega_there)
@@ -253,12 +242,6 @@ def _free_turns(plan: Plan, ends: list[float]) -> Matrix:
 NEAR = 1e-6
 """Of the places of a box where its start may be, the first one is taken whose posture is as near to the root."""
 
-ROOM = 4.0
-"""Of a distance that is not round-off: for the checker, whose bounds are those of a whole cell."""
-
-NEWTONS = 3
-"""Steps to a root from its predictor."""
-
 
 def _anchored(domain: Domain, proven: Covered, q0: Vector, closed: bool) -> Anchors:
     """Of some cells, joined to each other, in the order of a path. `closed`: its end is to be its beginning."""
@@ -327,7 +310,7 @@ def _root_at(domain: Domain, proven: Covered, i: int | None, u: Vector) -> Vecto
     if i is None:
         return np.full(domain.equation.n, np.nan)
     guess = _cell_of_one_pose(domain, proven, i, u, _predicted_at(proven, i, u))
-    return centred(domain.equation, guess.q0, guess.numbers, domain.c, guess.rho, newtons=NEWTONS).q0[0]
+    return centred(domain.equation, guess.q0, guess.numbers, domain.c, guess.rho, newtons=3).q0[0]
 
 
 def _distance_at(domain: Domain, proven: Covered, i: int | None, u: Vector, q: Vector) -> float:
@@ -341,7 +324,8 @@ def _distance_at(domain: Domain, proven: Covered, i: int | None, u: Vector, q: V
     off = float(np.linalg.norm(q - _predicted_at(proven, i, u)) + r + proven.cells.slip[i])
     if not off < 0.5 * proven.findings.alone[i]:
         return np.inf
-    return float(r + ROOM * np.linalg.norm(q - _root_at(domain, proven, i, u)))
+    # What is not round-off four times: for the checker, whose bounds are those of a whole cell.
+    return float(r + 4 * np.linalg.norm(q - _root_at(domain, proven, i, u)))
 
 
 # --- Where a path passes a tool pose twice: the joints are shown to be the same there, or to be others.
@@ -359,9 +343,6 @@ FINE = 2.0**-46
 
 MOST_PAIRS = 30_000
 """Pairs that are compared at a time, at most."""
-
-MANY = 16
-"""Pairs for each cell: where more are left, a path may run along itself with other joints, so that all stay."""
 
 FEW = 24
 """Of too many pairs so many are looked at to the end."""
@@ -413,7 +394,7 @@ class Revisits(Value):
 
         The parts are cells halved `level` times.
         """
-        lost, many, tries = False, MANY * len(self.proven), FEW
+        lost, many, tries = False, 16 * len(self.proven), FEW
         while True:
             # Leave out pairs that have one root: this is cheaper than the tool poses, and most pairs are neighbours.
             left = ~self._one_root(a, b)
@@ -426,16 +407,18 @@ class Revisits(Value):
             left = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
             widths = np.maximum(high_a - low_b, high_b - low_a)[left]
             a, b = some(a, left), some(b, left)
-            # Where the tool poses are the same, the joints may be shown to differ.
+            # Where the tool poses are the same, the joints may be shown to differ: if the predictors are farther apart
+            # than the roots are from them.
             same = np.flatnonzero((widths <= SAME).all(axis=1))  # most often none
             if len(same):
-                same = same[self._may_differ(some(a, same), some(b, same))]
+                r, gaps = self.proven.findings.r, self._apart(some(a, same), some(b, same))[0]
+                same = same[np.linalg.norm(gaps, axis=1) > r[a.cell[same]] + r[b.cell[same]]]
             for i in same[:tries].tolist():
                 tries -= 1
                 moved = self._moved(some(a, slice(i, i + 1)), some(b, slice(i, i + 1)))
                 if moved is not None:
                     return Extent.ELSEWHERE, moved
-            # Of very many pairs a few are looked into first.
+            # Of very many pairs a few are looked into first: the path may run along itself with other joints.
             if len(a) > many and most_pairs > FEW:
                 extent, moved = self._compared(a, b, FEW, level)
                 if moved is not None:
@@ -525,11 +508,6 @@ class Revisits(Value):
         r, alone = self.proven.findings.r * UP, self.proven.findings.alone
         return one_root(off, r[a.cell], alone[a.cell], r[b.cell], alone[b.cell])
 
-    def _may_differ(self, a: Parts, b: Parts) -> Flags:
-        """(k,) True where the predictors are farther apart than the roots are from them."""
-        r = self.proven.findings.r
-        return np.linalg.norm(self._apart(a, b)[0], axis=1) > r[a.cell] + r[b.cell]
-
     def _moved(self, a: Parts, b: Parts) -> Revisit | None:
         """How the joints differ in the middles of two parts; None where they are not shown to."""
         places, roots, error, n = [], [], 0.0, self.domain.equation.joints
@@ -549,12 +527,6 @@ class Revisits(Value):
 
 
 # --- The proof.
-
-SAMPLES = 256
-"""Samples of the path that the predictors start from."""
-
-ROUNDS = 12
-"""Times that cells which could not be glued are halved."""
 
 
 @typed
@@ -610,7 +582,7 @@ def certify(
         domain: Domain = PoseRegion.of(strategy, where, start)
     else:
         rotations = strategy.task.pose(start).reshape(-1, 4, 4)[:, :3, :3]
-        plan = make_plan(strategy.task, where, SAMPLES, rotations.reshape(-1, 3))
+        plan = make_plan(strategy.task, where, 256, rotations.reshape(-1, 3))
         postures, extent, stop = walked(strategy, plan, start)
         domain = Pathway.of(strategy, plan, postures)
     asked = demands(strategy, start, limits, scene)
@@ -718,7 +690,7 @@ def _glued(
     if isinstance(domain, PoseRegion) and domain.partial:
         return grown(domain, asked, budget, report, kept_cells)
     proven = domain.arranged(covered(domain, domain.first(), asked, budget, report, kept_cells))
-    for i in range(ROUNDS):
+    for i in range(12):
         # Find the cells that are not glued to their neighbours.
         progress(f"{len(proven):,} cells proven, joining them")
         apart = domain.unglued(proven)

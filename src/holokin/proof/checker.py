@@ -236,14 +236,22 @@ class Checker:
         """The cells of a box of u: one; or null, none; or [axis, at, below, above], those of the two parts of a cut."""
         if not isinstance(tree, list):
             need(bool(tree) or not self.whole, "the cells leave a gap")
-            return [self.prove(Cell(tree, sides))] if tree else []
+            return [self.leaf(tree, sides)] if tree else []
         axis, cut, *halves = tree
         need(sides[axis][0] < cut < sides[axis][1], "a cut is outside of its box")
         parts = [[*sides[:axis], end, *sides[axis + 1 :]] for end in ((sides[axis][0], cut), (cut, sides[axis][1]))]
         lower, upper = (self.cover(half, part) for half, part in zip(halves, parts, strict=True))
+        self.meet(lower, upper, axis, cut)
+        return lower + upper
+
+    def leaf(self, data: Any, sides: Any) -> Cell:
+        """A proven cell."""
+        return self.prove(Cell(data, sides))
+
+    def meet(self, lower: list[Cell], upper: list[Cell], axis: int, cut: float) -> None:
+        """Join the cells on both sides of a cut."""
         for a, b in product(*([cell for cell in cells if cut in cell.sides[axis]] for cells in (lower, upper))):
             self.join(a, b, axis)
-        return lower + upper
 
     def join(self, a: Cell, b: Cell, axis: int) -> None:
         """Where two cells meet across an axis, they have one root. Raises: RejectedError."""

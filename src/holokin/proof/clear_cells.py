@@ -126,17 +126,6 @@ def _fewer(corners: Matrix) -> tuple[Matrix, float]:
 SLACK = 1e-10
 """What is taken off a bound, over the size of what it was computed from: 10^5 roundings are less."""
 
-OFF = 50.0
-"""By how much a bound is off where numbers of frames are, over that size: 3 for a point, 12 for a slope by a joint."""
-
-HEAVY = 1e3
-"""Weight of the condition that shares of points add up to 1, over their size, where the nearest points are sought."""
-
-NEARLY, AT_ONCE = 0.05, 256
-"""Pairs that are farther apart than the nearest by this [m] are not looked at closely; cells of a pair done at once."""
-
-UPWARD = np.array([0.0, 0.0, 1.0])
-
 
 @dataclass(frozen=True, eq=False)
 class ShapePair(Value):
@@ -161,8 +150,8 @@ def shape_pairs(gaps: Sequence[Gap], wanted: Sequence[float]) -> tuple[ShapePair
 
     for gap, distance in zip(gaps, wanted, strict=True):
         if isinstance(gap, FloorGap):
-            point = np.array([[0.0, 0.0, gap.height]])
-            ground = grounds.setdefault(gap.height, Convex(gap.names[1], -1, point, 0.0, normal=UPWARD))
+            point, up = np.array([[0.0, 0.0, gap.height]]), np.array([0.0, 0.0, 1.0])
+            ground = grounds.setdefault(gap.height, Convex(gap.names[1], -1, point, 0.0, normal=up))
             pairs += [ShapePair(gap.names, ground, of(shape), distance) for shape in gap.link.shapes]
         elif isinstance(gap, LinkGap):
             sides = [[of(s) for s in link.shapes] for link in (gap.one, gap.other)]
@@ -263,9 +252,9 @@ class ClearCells(Value):
         moved = cells.reach[:, :n] + r[:, None]
         farthest = (np.abs(cells.q0[:, :n]) + moved).max(axis=0, initial=0.0)
         travel = np.array([abs(j.multiplier) * farthest[j.coordinate] + abs(j.offset) for j in joints])
-        # What the enclosed numbers of the frames are off.
+        # What a bound is off where numbers of the frames are, over its size: 3 times for a point, 12 for a slope.
         gear = max(1.0, *(abs(joint.multiplier) for joint in joints))
-        off = OFF * width * gear * (1 + moved.sum(axis=1))
+        off = 50 * width * gear * (1 + moved.sum(axis=1))
         # Pair by pair.
         least, planes = np.full((k, P), -np.inf), np.zeros((k, P, 3))
         motion, middle = np.zeros((k, P)), np.full((k, P), np.inf)
@@ -284,13 +273,13 @@ class ClearCells(Value):
         if not apart.size:
             return findings
         while True:
-            # Bounds that are lower than the sharp ones of their pair, and near the least of all.
+            # Bounds that are lower than the sharp ones of their pair, and within 5 cm of the least of all.
             best = np.where(sharp, apart, np.inf).min(axis=0)
-            low = ~sharp & (apart < np.minimum(best, best.min() + NEARLY))
+            low = ~sharp & (apart < np.minimum(best, best.min() + 0.05))
             if not low.any():
                 return replace(findings, apart=apart, planes=planes)
-            # The lowest of each pair are looked at closely.
-            ranked = np.argsort(np.where(low, apart, np.inf), axis=0)[:AT_ONCE]
+            # The lowest 256 of each pair are looked at closely.
+            ranked = np.argsort(np.where(low, apart, np.inf), axis=0)[:256]
             chosen = np.unique(ranked[np.take_along_axis(low, ranked, axis=0)])
             close = np.where(low[chosen].any(axis=0), np.inf, -np.inf)
             new = self.over(some(cells, chosen), findings.r[chosen], close)
@@ -435,7 +424,8 @@ def _nearest_steps(a: Array, b: Array) -> Matrix:
     count = a.shape[1]
     steps = np.empty((len(a), 3))
     for i in range(len(a)):
-        size = HEAVY * max(np.abs(a[i]).max(), np.abs(b[i]).max(), 1e-3)
+        # The shares of the points add up to 1: a condition of weight 1000, over their size.
+        size = 1e3 * max(np.abs(a[i]).max(), np.abs(b[i]).max(), 1e-3)
         A = np.zeros((5, count + b.shape[1]))
         A[:3, :count], A[:3, count:] = -a[i].T, b[i].T
         A[3, :count] = A[4, count:] = size
@@ -446,4 +436,4 @@ def _nearest_steps(a: Array, b: Array) -> Matrix:
 
 def _unit(v: Matrix) -> Matrix:
     size = np.linalg.norm(v, axis=1, keepdims=True)
-    return np.where(size > 1e-12, v / np.where(size > 1e-12, size, 1.0), UPWARD)
+    return np.where(size > 1e-12, v / np.where(size > 1e-12, size, 1.0), [0.0, 0.0, 1.0])

@@ -25,9 +25,6 @@ from .clear_cells import ClearCells, shape_pairs
 SURE = 1e-9
 """Distances [m] are less than asked by more than this, where something is said to be too near: they are rounded."""
 
-ALONG = 1000
-"""Samples of a path at which a posture is sought that is too near."""
-
 
 @dataclass(frozen=True, eq=False)
 class TooNear(Value):
@@ -83,15 +80,11 @@ def too_near_along(certificate: Certificate) -> TooNear | None:
         return None
     strategy = certificate.equation.strategy
     q0 = certificate.anchors.q[0][: strategy.task.n]
-    walk = follow(strategy, path, q0, samples=ALONG, limits=certificate.limits is not None)
+    walk = follow(strategy, path, q0, samples=1000, limits=certificate.limits is not None)
     Q = walk.q[np.isfinite(walk.q).all(axis=1)]
     worst = Q[int(np.argmax(short_of(clear, gap_distances(clear, Q)).max(axis=1)))]
     return _too_near_at(clear, strategy.task.pose(worst), worst)
 
-
-LARGE, DOUBTFUL = 50.0, 5.0
-"""Lengths of the arm's chain: a thing larger or farther than the first is not in metres, one larger than the second and
-too near at q0, may not be."""
 
 EVEN = 1e-11
 """By how much a rotation may be none, and the square of an axis not 1; those of the catalogue are off by 4e-16."""
@@ -160,10 +153,10 @@ def _check_start(clear: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> 
     """Raises: ArgumentError: things are nearer at q0 than is asked, or the shapes that stand for them are."""
     problem = _too_near_at(clear, strategy.task.pose(q0), q0)
     if problem is not None:
-        # A word about units, where what is too near is larger than the robot by far.
+        # A word about units, where what is too near is five times as large as the arm is long.
         shapes = [s for pair in clear.pairs if pair.names == problem.names for s in (pair.one, pair.other)]
         size = max((float(np.ptp(s.points, axis=0).max()) + 2 * s.radius for s in shapes), default=0.0)
-        large = size > DOUBTFUL * max(chain_length(clear.robot), 0.1)
+        large = size > 5 * max(chain_length(clear.robot), 0.1)
         doubt = f"; one of them is {size:.3g} m large: is it given in mm?" if large else ""
         fact = f"{_apart_words(problem.names, problem.distance)} there"
         fact += f", {problem.wanted:.3g} m asked" if problem.wanted else ""
@@ -180,7 +173,7 @@ def _check_start(clear: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> 
 def _check_metres(robot: Robot, scene: Scene) -> None:
     """Raises: ArgumentError: lengths that are not in metres; an obstacle that moves, or that cannot be read."""
     size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot._find_tip().joint)
-    most = LARGE * size
+    most = 50 * size
     # The clearance, the floor, the shapes of the robot.
     lengths = {"clearance": scene.clearance} | ({} if scene.floor is None else {"floor": scene.floor - foot[2]})
     for name, length in lengths.items():

@@ -52,18 +52,9 @@ LIMIT_ROOM = 0.02
 """How far [joint units] samples must be from joint limits: in between the joints go farther. But of a joint that is
 nearer to its limit at the start, half as far as there."""
 
-TRIES = 16
-"""Boxes that are tried, each smaller than the one before."""
-
-FAR, LOOKED = 4.0, 60
-"""How far [m] a side is looked for, at most, and at how many places."""
-
 NEARER, LEAST = 0.9, 0.3
 """Of its distance from the start, where a box ends before a place at which the proof failed; and of the box, what must
 be left then: else all of it is made smaller."""
-
-FILLED = 0.4
-"""Of the budget, what the first cells may take: some are halved."""
 
 
 def _largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: float, asked: Demands) -> PoseRange:
@@ -108,15 +99,16 @@ def _proven_box(
     budget: int,
     progress: Callable[[str], None],
 ) -> tuple[Certificate, PoseRegion, PoseRange]:
-    """The certificate of a box, or of a smaller one about the start, the first that is proven whole; or the last."""
-    tool, began = strategy.task.pose(q0)[:3, 3], time.perf_counter()
-    left = TRIES
+    """The certificate of a box, or of a smaller one about the start, the first of 16 that is proven whole; or the
+    last."""
+    tool, began, left = strategy.task.pose(q0)[:3, 3], time.perf_counter(), 16
     while True:
+        # The first cells may take 0.4 of the budget, since some are halved.
         left -= 1
         cells = PoseRegion.of(strategy, box, q0)
         count = int(np.prod([len(cuts) - 1 for cuts in cells.grid]))
-        if count > FILLED * budget and left:
-            box = _about(box, tool, max(0.5, (FILLED * budget / count) ** (1 / 3)))
+        if count > 0.4 * budget and left:
+            box = _about(box, tool, max(0.5, (0.4 * budget / count) ** (1 / 3)))
             continue
         proof = certificate(box, cells, q0, asked, budget, progress, began)
         if proof.whole or not left:
@@ -127,8 +119,8 @@ def _proven_box(
 
 def _spans(strategy: HolonomicStrategy, q0: Vector, asked: Demands) -> Matrix:
     """How far [m] the tool goes along each axis of the base, (3, 2): to either side, while all looks regular."""
-    T, far = strategy.task.pose(q0), min(2 * reach(strategy.task.robot), FAR)
-    t = np.linspace(0.0, far, LOOKED)[1:]
+    T, far = strategy.task.pose(q0), min(2 * reach(strategy.task.robot), 4.0)
+    t = np.linspace(0.0, far, 60)[1:]
     spans = np.zeros((3, 2))
     for axis, side in product(range(3), range(2)):
         points = np.tile(T[:3, 3], (len(t), 1))
@@ -145,13 +137,13 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands
         return np.zeros(0, dtype=bool)
     solutions, robot = ik(strategy, q0, limits=False).batch(poses), strategy.task.robot
     good = solutions.reached.copy()
-    Q = solutions.q[good]
-    sound = np.array([strategy.gain(q)[1] for q in Q]) >= REGULAR * strategy.gain(q0)[1]
+    q = solutions.q[good]
+    sound = np.array([strategy.gain(posture)[1] for posture in q]) >= REGULAR * strategy.gain(q0)[1]
     if asked.limits is not None:
         room = np.minimum(LIMIT_ROOM, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
-        sound &= ((Q >= robot.lower + room) & (Q <= robot.upper - room)).all(axis=1)
-    if asked.clear is not None and len(Q):
-        sound &= (asked.clear.distances(Q) >= asked.clear.wanted + AWAY).all(axis=1)
+        sound &= ((q >= robot.lower + room) & (q <= robot.upper - room)).all(axis=1)
+    if asked.clear is not None and len(q):
+        sound &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
     good[good] = sound
     return good
 
@@ -193,9 +185,6 @@ UNPROVEN, ANOTHER, LIMIT, END, NEAR = range(len(CAUSES))
 MOST_PARTS, MOST_ASKED, ASKED = 8_000, 24_000, 9
 """Parts that a box is cut into, poses of all of them that are asked about, and of each: about, and at most."""
 
-Elsewhere = Callable[[Matrix, Vector], bool]
-"""Whether a posture (n,) at a tool pose (4, 4) is not the one that continues what is proven."""
-
 
 @dataclass(frozen=True, eq=False)
 class Asked(Value):
@@ -208,11 +197,6 @@ class Asked(Value):
     gap: Indices
     distance: Vector
     short: Vector
-
-    def too_near(self, clear: ClearCells, i: int) -> TooNear:
-        """What is too near at one of them."""
-        gaps, g = clear.looked_at, int(self.gap[i])
-        return TooNear(self.poses[i], self.q[i], gaps.gaps[g].names, float(self.distance[i]), gaps.limits[g])
 
 
 def _asked_about(clear: ClearCells | None, poses: Array, ik: InverseKinematics) -> Asked:
@@ -271,8 +255,13 @@ class OpenParts(Value):
         return max(postures, key=lambda posture: posture.wanted - posture.distance, default=None)
 
 
-def _open_parts(certificate: Certificate, region: PoseRegion, ik: InverseKinematics, elsewhere: Elsewhere) -> OpenParts:
-    """Cut the rest of a box into parts that are no larger than the first cells, and ask what is in each."""
+def _open_parts(
+    certificate: Certificate, region: PoseRegion, ik: InverseKinematics, elsewhere: Callable[[Matrix, Vector], bool]
+) -> OpenParts:
+    """Cut the rest of a box into parts that are no larger than the first cells, and ask what is in each.
+
+    elsewhere: whether a posture (n,) at a tool pose (4, 4) is not the one that continues what is proven.
+    """
     boxes, d, clear = certificate.proven.boxes, certificate.equation.d, certificate.demands.clear
     tree = partition(boxes.low, boxes.high, [(-1.0, 1.0)] * d, lambda i: i + 1)
     low, high = _cut_up(*left_open(tree, [(-1.0, 1.0)] * d), region.grid)
@@ -292,7 +281,9 @@ def _open_parts(certificate: Certificate, region: PoseRegion, ik: InverseKinemat
         near = rows[asked.cause[rows] == NEAR]
         for j in near[np.argsort(-asked.short[near])].tolist():
             if clear is not None and not elsewhere(asked.poses[j], asked.q[j]):
-                cause[i], too_near[i] = NEAR, asked.too_near(clear, j)
+                gap, limit = (of[int(asked.gap[j])] for of in (clear.looked_at.gaps, clear.looked_at.limits))
+                too_near[i] = TooNear(asked.poses[j], asked.q[j], gap.names, float(asked.distance[j]), limit)
+                cause[i] = NEAR
                 break
         if cause[i] == UNPROVEN and elsewhere(asked.poses[rows[0]], asked.q[rows[0]]):
             cause[i] = ANOTHER
@@ -312,9 +303,6 @@ def _cut_up(low: Matrix, high: Matrix, grid: list[Vector]) -> tuple[Matrix, Matr
             low, high = np.vstack([low[~across], low[across], above]), np.vstack([high[~across], below, high[across]])
     return low, high
 
-
-ROOM = 1e-3
-"""Distance from the joint limits [joint units] that is worth saying: a part may end where a joint is at its limit."""
 
 SAMPLED = 1000
 """Poses of the rest of a workspace that are asked what they are."""
@@ -429,8 +417,8 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         proof, function, limits = self.certificate, "the joints are one function of the tool pose", ""
         leaf, cells = f"on the leaf of {self.strategy.name!r} through q0", f"proven by {len(proof):,} cells"
         if proof.limits is not None and np.isfinite(proof.to_limit).any():
-            room = float(proof.to_limit.min())
-            limits = f", at least {at_least(room, 2)}" if room >= ROOM else ","
+            room = float(proof.to_limit.min())  # a part may end where a joint is at its limit
+            limits = f", at least {at_least(room, 2)}" if room >= 1e-3 else ","
             limits += " within the joint limits"
         if self.whole:
             return (

@@ -128,17 +128,13 @@ class _Search:
     def guesses(self, chosen: Indices) -> Matrix:
         """Joints (k, n) near the roots in the middles of boxes, continued from the joined cells beside them, or else
         from the nearest ones."""
-        return self.domain.led(*self._begins(chosen), some(self.boxes, chosen))
-
-    def _begins(self, chosen: Indices) -> tuple[Matrix, Matrix]:
-        """(places (k, d), postures (k, n)) from which boxes are reached."""
-        k, place = len(chosen), np.full(len(self.state), -1)
+        k, place, boxes = len(chosen), np.full(len(self.state), -1), some(self.boxes, chosen)
         place[chosen] = np.arange(k)
         u, q = np.tile(self.domain.u0, (k, 1)), np.tile(self.posture, (k, 1))
         known = np.flatnonzero(self.state == JOINED)
         known = known if len(known) else np.flatnonzero(self.state == PROVEN)
         if not len(known):
-            return u, q
+            return self.domain.led(u, q, boxes)
         # From the face of a joined box.
         beside = np.full(k, -1)
         for box, neighbour in self._both_ways():
@@ -154,7 +150,7 @@ class _Search:
             middles = (self.boxes.low + self.boxes.high) / 2
             nearest = known[KDTree(middles[known]).query(middles[chosen[away]])[1]]
             u[away], q[away] = middles[nearest], self.cells.q0[self.row[nearest]]
-        return u, q
+        return self.domain.led(u, q, boxes)
 
     def take(self, chosen: Indices, batch: Batch) -> None:
         """What the test of some boxes says: proven, ended, to be tried again, or halved."""

@@ -26,16 +26,12 @@ class SampleChecker(Checker):
         self.sample, self.seed, self.drawn = sample, seed, random.Random(seed)
         self.cells, self.draws, self.faces = 0, 0, 0
 
-    def cover(self, tree: Any, sides: Any) -> list[Any]:
-        """The (data, sides) of the cells of a box of u, which leave no gap; none is proven yet."""
-        if not isinstance(tree, list):
-            need(bool(tree) or not self.whole, "the cells leave a gap")
-            return [(tree, sides)] if tree else []
-        axis, cut, *halves = tree
-        need(sides[axis][0] < cut < sides[axis][1], "a cut is outside of its box")
-        parts = [[*sides[:axis], end, *sides[axis + 1 :]] for end in ((sides[axis][0], cut), (cut, sides[axis][1]))]
-        lower, upper = (self.cover(half, part) for half, part in zip(halves, parts, strict=True))
-        return lower + upper
+    def leaf(self, data: Any, sides: Any) -> Any:
+        """A cell that is not proven yet."""
+        return data, sides
+
+    def meet(self, *_cut: Any) -> None:
+        """Of cells that are not proven nothing is asked."""
 
     def verify(self) -> Verified:
         """Of each piece the cell of its posture, and cells with a neighbour each, until there are enough."""

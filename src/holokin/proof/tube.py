@@ -95,9 +95,6 @@ def _ball(a: Interval) -> tuple[Array, Array]:
     return mid, np.maximum(a.high - mid, mid - a.low) * UP
 
 
-HULL = 3.0
-"""Of r in the hull of the joints: room for the checker's own r."""
-
 MARGIN = 1.25
 """Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
 
@@ -260,8 +257,8 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
         alone = np.where(good, most / MARGIN, 0.0)
     r = np.where(good, r, np.inf)
 
-    # The joints at the roots, and their derivatives.
-    size = (np.where(good, HULL * r, 0.0)[:, None] + reach) * (1 + 1e-6)
+    # The joints at the roots, with room for the checker's own r, and their derivatives.
+    size = (np.where(good, 3 * r, 0.0)[:, None] + reach) * (1 + 1e-6)
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
     varied = (off.magnitude + sum(part.magnitude for part in along_y)) * UP
     curved = np.linalg.norm(H.magnitude, axis=2)
@@ -353,17 +350,16 @@ def _symmetric(bends: Array, n: int) -> Array:
     return np.swapaxes(columns[:, place.ravel()], 1, 2)
 
 
-DETERMINANT = 0.5
-"""Of the bound of the determinant: room for the checker's own, which is another one."""
-
-
 def least_determinant(findings: Findings) -> float:
-    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r; over |det Y| that of A."""
+    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r; over |det Y| that of A.
+
+    Half of it: room for the checker's own, which is another one.
+    """
     if not len(findings.r):
         return 0.0
     shrink = np.maximum(1 - (findings.e + findings.omega * findings.r), 0.0)
     with np.errstate(divide="ignore"):
-        bounds = DETERMINANT * shrink ** findings.Y.shape[1] / _determinants(findings.Y).high
+        bounds = 0.5 * shrink ** findings.Y.shape[1] / _determinants(findings.Y).high
     return float(bounds.min())
 
 
