@@ -230,7 +230,7 @@ def test_bounds_in_the_theorem_are_rounded_to_the_side_on_which_they_are_true(
     """Over many clearances of walls no distance in words is larger than the one that is proven."""
     clear = proof.demands.clear
     for far in np.linspace(0.1, 0.2, 37):
-        told = clear.told(np.full((1, len(clear.pairs)), far))
+        told = clear.words(np.full((1, len(clear.pairs)), far))
         assert far - 1e-3 < float(told.split(" m or more")[0].split()[-1]) <= far
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from holokin.proof import certificate
-from holokin.proof.certificate import overlapping
+from holokin.proof import cell_search
+from holokin.proof.cell_search import overlapping
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 120), st.integers(0, 4), st.booleans())
@@ -18,11 +18,11 @@ def test_cuts_find_the_pairs_that_comparing_all_with_all_finds(seed: int, k: int
     low = np.floor(rng.uniform(0, 1, (k, d)) * parts) / parts if halved else rng.uniform(0, 1, (k, d))
     high = low + 1 / parts
     ones, others = np.flatnonzero(rng.random(k) < 0.5), np.flatnonzero(rng.random(k) < 0.5)
-    at_once, certificate.COMPARED = certificate.COMPARED, 4
+    at_once, cell_search.COMPARED = cell_search.COMPARED, 4
     try:
         i, j = overlapping(low, high, ones, others)
     finally:
-        certificate.COMPARED = at_once
+        cell_search.COMPARED = at_once
     expected = [
         (a, b) for a in ones for b in others if (np.maximum(low[a], low[b]) < np.minimum(high[a], high[b])).all()
     ]

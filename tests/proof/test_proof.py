@@ -11,11 +11,12 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin.base.errors import ArgumentError
+from holokin.motion.ik.plan import make_plan
 from holokin.proof import certify, equation
-from holokin.proof.box_proof import PoseRegion, walked
-from holokin.proof.cell_search import covered
-from holokin.proof.certificate import Certificate, Covered, Demands, Extent
-from holokin.proof.path_proof import Pathway
+from holokin.proof.box_proof import PoseRegion
+from holokin.proof.cell_search import Covered, Demands, Extent, covered
+from holokin.proof.certificate import Certificate
+from holokin.proof.certify_leaf import Pathway, walked
 from holokin.proof.tube import matrix_norm, norm, product
 from holokin.robot import link_jacobian
 from holokin.strategies import constraints as C
@@ -200,7 +201,7 @@ def test_a_closed_loop_comes_home_and_one_round_the_base_ends_a_turn_further(pan
     law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
     round_base = certify(law, hk.circle(start(robot, q), center=(0.0, 0.0, 0.0)), q, limits=False)
     assert round_base.whole and np.abs(round_base.turns).tolist() == [1, 0, 0] and round_base.gap < 1e-12
-    assert not round_base.equation.periodic(np.array([0.0, 1.0, 0.0]))
+    assert not round_base.equation.periodic((0.0, 1.0, 0.0))
 
 
 def refused(proof: Certificate, *reasons: Extent) -> None:
@@ -268,12 +269,18 @@ def strangers(found: Covered, chosen: np.ndarray) -> Covered:
     return replace(found, findings=replace(f, r=r, alone=alone))
 
 
+def pathway(G: hk.strategies.HolonomicStrategy, path: hk.Path) -> Pathway:
+    """A path's domain by 64 samples of it."""
+    plan = make_plan(G.task, path, 64, G.task.pose(PANDA_START)[:3, :3])
+    return Pathway.of(G, plan, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q)
+
+
 def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> None:
     """Roots of some cells made strangers: the path is proven up to there, of a box the rest."""
     G = hk.holonomic(hk.pose(panda), hk.lock(2))
     x = start(panda, PANDA_START)
     path = hk.line(x, x - [0.2, 0.0, 0.0])
-    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q, 64)
+    domain = pathway(G, path)
     found = domain.arranged(covered(domain, domain.first(), Demands(None), 200, lambda *_progress: None))
     assert domain.connected(found) is found and len(found) > 5
     part = domain.connected(strangers(found, np.arange(len(found)) == 4))
@@ -302,7 +309,7 @@ def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
     upper = panda.upper.copy()
     moved = int(np.argmax(free.high - PANDA_START))
     upper[moved] = (free.high[moved] + PANDA_START[moved]) / 2
-    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q, 64)
+    domain = pathway(G, path)
     found = covered(domain, domain.first(), Demands(Interval(panda.lower, upper)), 2000, lambda *_progress: None)
     assert found.extent is Extent.LIMIT and (domain.arranged(found).findings.high <= upper).all()
 
@@ -428,7 +435,8 @@ def test_a_walk_towards_a_singular_posture_ends_after_few_steps() -> None:
     x = robot.pose(q)[:3, 3]
     reach = float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3]))
     path = hk.line(x, x / np.linalg.norm(x) * (reach + 0.05))
-    postures, _, where = walked(hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]])), path, q, 256)
+    G = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
+    postures, _, where = walked(G, make_plan(G.task, path, 256, robot.pose(q)[:3, :3]), q)
     end = float(np.linalg.norm(robot.pose(postures[-1])[:3, 3]))
     assert where and len(postures) < 257 and end <= reach and reach - end < path.length / 128
 

@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 import holokin as hk
 from holokin.app.cli.main import app
 from holokin.proof import Certificate, Extent
-from holokin.proof.certify_leaf import ONCE, Parts, Revisits
-from holokin.proof.path_proof import FINE, Pathway
+from holokin.proof.certify_leaf import ONCE, PARTS, Parts, Pathway, Revisits
 
 PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
 
@@ -122,7 +121,7 @@ def test_near_by_is_not_the_same_and_what_is_not_decided_is_not_proven() -> None
     assert hk.certify(law, path, q).extent is Extent.WHOLE
     there_and_back = hk.polyline([x, x + [0.3, 0, 0], x])
     proof = hk.certify(law, there_and_back, q)
-    domain = Pathway(proof.equation, proof.c, (), proof.pieces, np.ones(2), np.zeros((2, FINE)))
+    domain = Pathway(proof.equation, proof.c, (), proof.pieces, np.ones(2), np.zeros((2, PARTS)))
     small = replace(proof.proven, findings=replace(proof.findings, alone=0.0 * proof.findings.alone))
     assert Revisits(domain, proof.proven).anywhere() == (Extent.WHOLE, None)
     assert Revisits(domain, small).anywhere() == (Extent.RETURN, None)
@@ -172,7 +171,7 @@ def test_the_tool_poses_that_are_compared_hold_those_of_the_path(monkeypatch: py
     q = np.array([0.3, 0.9, 0.9])
     law, x = hk.holonomic(hk.position(PLANAR), hk.linear([[0, 1, -1]])), tool(PLANAR, q)
     hk.certify(law, hk.circle(x, center=x - [0.1, 0, 0]), q, limits=False)
-    rng, found = np.random.default_rng(0), made[0].found
+    rng, found = np.random.default_rng(0), made[0].proven
     low, high = found.boxes.low.copy(), found.boxes.high.copy()
     high[-1], low[-2] = low[-1] + 2.0**-50, high[-2] - 2.0**-50
     tiny = Revisits(made[0].domain, replace(found, boxes=replace(found.boxes, low=low, high=high)))

@@ -3,9 +3,9 @@
 Uses `motion` and intervals of `symbolic`. Read first: `certify_leaf.py`, `tube.py`.
 """
 
-from .certificate import Certificate, Extent
+from .cell_search import Extent
+from .certificate import Certificate, JointRates, joint_rates
 from .certify_leaf import certify
-from .path_proof import JointRates, joint_rates
 from .proven_region import UniqueRegion, region_of, unique_region
 
 __all__ = [

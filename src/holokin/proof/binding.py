@@ -30,12 +30,6 @@ from .equation import Equation, Family, PoseBox, Stretch, Stretches, rows_of
 # checker refuses what lies across a kink. A row that counts up to whole turns, a sum of angles, becomes the angle of
 # the product of the complex numbers e^(i angle).
 
-POWERS = 64
-"""Whole exponents up to this are products."""
-
-MULTIPLES = 16
-"""Whole multiples up to this are sums, so that a multiple of an angle goes on by whole turns."""
-
 
 class Place(NamedTuple):
     """Where a value is: number `at` of the inputs, of the constants, or of the operations."""
@@ -57,6 +51,10 @@ class Lowered:
         """A constant."""
         return Place("constant", self.constants.setdefault(float(value), len(self.constants)))
 
+    def value(self, place: Place) -> float:
+        """That of a constant; of all else 1/2, which is no whole number."""
+        return list(self.constants)[place.at] if place.kind == "constant" else 0.5
+
     def do(self, name: str, *of: Place) -> Place:
         """An operation of the checker."""
         zero, one = self.number(0), self.number(1)
@@ -69,34 +67,32 @@ class Lowered:
         return Place("operation", self.rows.setdefault((name, *of), len(self.rows)))
 
     def times(self, a: Place, b: Place) -> Place:
-        """A product; of a small whole number a sum."""
-        values = {place: value for value, place in self.constants.items()}
+        """A product; of a small whole number a sum, so that a multiple of an angle goes on by whole turns."""
         for factor, other in ((a, b), (b, a)):
-            value = values.get(factor.at, 0.5) if factor.kind == "constant" else 0.5
-            if (value % 1 == 0 and 1 < abs(value) <= MULTIPLES) or value == -1:
-                found = other
+            value = self.value(factor)
+            if (value % 1 == 0 and 1 < abs(value) <= 16) or value == -1:
+                total = other
                 for _ in range(int(abs(value)) - 1):
-                    found = self.do("add", found, other)
-                return found if value > 0 else self.do("sub", self.number(0), found)
+                    total = self.do("add", total, other)
+                return total if value > 0 else self.do("sub", self.number(0), total)
         return self.do("mul", a, b)
 
     def power(self, a: Place, b: Place) -> Place:
         """a^b: products for a small whole b, else exp(b log a)."""
-        values = {place: value for value, place in self.constants.items()}
-        value = values.get(b.at, 0.5) if b.kind == "constant" else 0.5
-        if value % 1 or abs(value) > POWERS:
+        value = self.value(b)
+        if value % 1 or abs(value) > 64:
             return self.do("exp", self.do("mul", b, self.do("log", a)))
-        found, base, left = self.number(1), a, int(abs(value))
+        result, base, left = self.number(1), a, int(abs(value))
         while left:
-            found = self.do("mul", found, base) if left % 2 else found
+            result = self.do("mul", result, base) if left % 2 else result
             base, left = (self.do("sq", base) if left > 1 else base), left // 2
-        return self.do("inv", found) if value < 0 else found
+        return self.do("inv", result) if value < 0 else result
 
     def angle(self, y: Place, x: Place) -> Place:
         """atan2(y, x)."""
-        found = self.do("atan2", y, x)
-        self.angles[found] = y, x
-        return found
+        angle = self.do("atan2", y, x)
+        self.angles[angle] = y, x
+        return angle
 
     def turned(self, a: Place) -> tuple[Place, Place]:
         """(y, x), whose angle is a but for whole turns."""
@@ -177,7 +173,7 @@ class Lowered:
         return rules[name](*a) if name in rules else do(name, *a)
 
 
-def lowered(
+def _lowered(
     operations: Sequence[Sequence[Any]], inputs: Sequence[int | float], angular: Sequence[bool]
 ) -> dict[str, Any]:
     """A list of `interval_function.operation_list` in words of the checker, as far as its first outputs need it.
@@ -186,6 +182,7 @@ def lowered(
         inputs: of each of its inputs the place among those of the checker, a whole number, or what it is, a float.
         angular: of each of these outputs whether it counts up to whole turns.
     """
+    # All operations in words of the checker.
     made = Lowered()
     places: list[Place] = []
     results: list[Place] = []
@@ -199,24 +196,34 @@ def lowered(
             places.append(Place("input", given) if isinstance(given, int) else made.number(given))
         else:
             places.append(made.of(name, *(places[i] for i in of)))
-    results = [
-        made.angle(*made.turned(place)) if angle else place for place, angle in zip(results, angular, strict=False)
-    ]
-    rows, needed = list(made.rows), set[Place](results)
-    for at in reversed(range(len(rows))):
-        if Place("operation", at) in needed:
-            needed.update(rows[at][1:])
-    first = 1 + max(i for i in inputs if isinstance(i, int))
-    kept: dict[Place, int] = {Place("input", i): i for i in range(first)}
-    constants = [value for value, at in made.constants.items() if Place("constant", at) in needed]
+    pairs = zip(results, angular, strict=False)
+    results = [made.angle(*made.turned(place)) if angle else place for place, angle in pairs]
+    # Those that the results need.
+    rows, needed = list(made.rows), set(results)
+    for i in reversed(range(len(rows))):
+        if Place("operation", i) in needed:
+            needed.update(rows[i][1:])
+    # Their places: the inputs, the constants, the operations.
+    count = 1 + max(i for i in inputs if isinstance(i, int))
+    numbers: dict[Place, int] = {Place("input", i): i for i in range(count)}
+    constants = [value for value, i in made.constants.items() if Place("constant", i) in needed]
     for value in constants:
-        kept[made.number(value)] = len(kept)
-    found: list[list[Any]] = []
-    for at, (name, *of) in enumerate(rows):
-        if Place("operation", at) in needed:
-            found.append([name, *(kept[place] for place in of)])
-            kept[Place("operation", at)] = len(kept)
-    return {"constants": constants, "operations": found, "outputs": [kept[place] for place in results]}
+        numbers[made.number(value)] = len(numbers)
+    listed: list[list[Any]] = []
+    for i, (name, *of) in enumerate(rows):
+        if Place("operation", i) in needed:
+            listed.append([name, *(numbers[place] for place in of)])
+            numbers[Place("operation", i)] = len(numbers)
+    return {"constants": constants, "operations": listed, "outputs": [numbers[place] for place in results]}
+
+
+def lowered_equation(equation: Equation) -> dict[str, Any]:
+    """E and `facing` of an equation in words of the checker, of q, u, the numbers of a piece and the level."""
+    n, d = equation.n, equation.d
+    level = n + equation.family.numbers - d
+    # u = u0 + h y with u0 = 0 and h = 1
+    inputs = [*range(level), *[0.0] * d, *[1.0] * d, *range(level, level + equation.strategy.constraint.rows)]
+    return _lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive])
 
 
 # --- Whether the shapes of a certificate are those of a robot, and of which pairs of them it says nothing.
@@ -224,7 +231,7 @@ def lowered(
 Body = tuple[str, int, bool]
 """A link or an obstacle: its name, the joint that moves it (-1: none), whether it is a half space."""
 
-MOST_TOLD = 400
+MOST_LETTERS = 400
 """Letters of a list of pairs or links, at most."""
 
 
@@ -234,20 +241,22 @@ def _other_shapes(clear: dict[str, Any], robot: Robot) -> str:
     Pairs may be left out, see `unsaid`, but not shapes of a link in a pair. Shapes of other names, which stand around
     the robot or which it carries, are the certificate's own.
     """
-    clad, own = _clad(robot), _own(robot)
-    if clear["joints"] != joints_of(clad):
+    own = _own(robot)
+    if clear["joints"] != joints_of(robot):
         return f"its shapes hang on other joints than those of {robot.name}"
+    # Every shape of a link is one of the robot's.
     links, texts = {name for name, _, _ in own}, [json.dumps(shape) for shape in clear["shapes"]]
-    there: dict[Body, set[str]] = {body: set(of) for body, of in own.items()}
+    shapes: dict[Body, set[str]] = {body: set(of) for body, of in own.items()}
     for shape, text in zip(clear["shapes"], texts, strict=True):
         body, floor = _body(shape), bool(shape["normal"]) and shape["link"] == FLOOR
         if shape["link"] in links and not floor and text not in own.get(body, ()):
             return f"the shape of {shape['link']} is not that of {robot.name}"
-        there.setdefault(body, set()).add(text)
+        shapes.setdefault(body, set()).add(text)
+    # Of two bodies all pairs of their shapes are held against each other.
     for bodies, tested in _tested(clear, texts).items():
-        one, other = sorted(bodies) if len(bodies) == 2 else list(bodies) * 2
-        if not {frozenset(of) for of in product(there[one], there[other])} <= tested:
-            return f"of {one[0]} and {other[0]} some shapes are left out"
+        a, b = sorted(bodies) if len(bodies) == 2 else list(bodies) * 2
+        if not {frozenset(pair) for pair in product(shapes[a], shapes[b])} <= tested:
+            return f"of {a[0]} and {b[0]} some shapes are left out"
     return ""
 
 
@@ -257,41 +266,40 @@ def unsaid(data: dict[str, Any], robot: Robot) -> str:
         return ""
     from .clear_checker import digest_of  # which needs python-flint
 
+    # Links and what they carry, which move, and things that stand around.
     own, clear = _own(robot), data["clear"]
-    tested = set(_tested(clear, [""] * len(clear["shapes"])))
-    links = {name for name, _, _ in own}
+    tested, links = set(_tested(clear, [""] * len(clear["shapes"]))), {name for name, _, _ in own}
     carried = {body for body in map(_body, clear["shapes"]) if body[1] >= 0 and body[0] not in links}
     around = {body for body in map(_body, clear["shapes"]) if body[1] < 0 and (body[0] not in links or body[2])}
     things = {(s.link, s.joint, False) for s in robot.shapes if s.obstacle and not s.shape.fault} | around
     parts = sorted((set(own) - things) | carried)
+    # Pairs of them that are not held against each other.
     moving = (of for of in combinations(parts, 2) if of[0][1] != of[1][1])
     pairs = chain(moving, (of for of in product(parts, sorted(things)) if of[0][1] >= 0))
-    left, untold = [], 0  # a stranger's file may have millions
+    left, more = [], 0  # a stranger's file may have millions
     for pair in (of for of in map(frozenset, pairs) if of not in tested):
-        if len(left) < MOST_TOLD:
+        if len(left) < MOST_LETTERS:
             left.append(" and ".join(sorted(name for name, _, _ in pair)))
         else:
-            untold += 1
-    bare = sorted({s.link for s in robot.shapes if s.shape.fault})
-    said = [f"\n  the shapes of its links are those of {robot.name}"]
-    mine = sorted(f"{s['link']} ({digest_of(s)})" for s in clear["shapes"] if _body(s) in carried)
-    said += [f"; its own is {brief(', '.join(mine), MOST_TOLD)}"] if mine else []
-    said += [f"\n  it says nothing of {len(left) + untold} pairs: {brief('; '.join(left), MOST_TOLD)}"] if left else []
-    said += [f"\n  it says nothing of {brief(', '.join(bare), MOST_TOLD)}, which cannot be read"] if bare else []
-    return "".join(said)
-
-
-def _clad(robot: Robot) -> Robot:
-    return with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
+            more += 1
+    words = [f"\n  the shapes of its links are those of {robot.name}"]
+    if mine := sorted(f"{s['link']} ({digest_of(s)})" for s in clear["shapes"] if _body(s) in carried):
+        words.append(f"; its own is {brief(', '.join(mine), MOST_LETTERS)}")
+    if left:
+        words.append(f"\n  it says nothing of {len(left) + more} pairs: {brief('; '.join(left), MOST_LETTERS)}")
+    if bare := sorted({s.link for s in robot.shapes if s.shape.fault}):
+        words.append(f"\n  it says nothing of {brief(', '.join(bare), MOST_LETTERS)}, which cannot be read")
+    return "".join(words)
 
 
 def _own(robot: Robot) -> dict[Body, set[str]]:
-    """The shapes of a robot as a certificate has them."""
-    found: dict[Body, set[str]] = {}
-    for shape in _clad(robot).shapes:
+    """The shapes of a robot as a certificate has them; of one without shapes those of `with_capsules`."""
+    shapes: dict[Body, set[str]] = {}
+    bare = all(shape.obstacle for shape in robot.shapes)
+    for shape in (with_capsules(robot) if bare else robot).shapes:
         if not shape.shape.fault:
-            found.setdefault((shape.link, shape.joint, False), set()).add(json.dumps(shape_of(convex(shape))))
-    return found
+            shapes.setdefault((shape.link, shape.joint, False), set()).add(json.dumps(shape_of(convex(shape))))
+    return shapes
 
 
 def _body(shape: dict[str, Any]) -> Body:
@@ -300,12 +308,11 @@ def _body(shape: dict[str, Any]) -> Body:
 
 def _tested(clear: dict[str, Any], texts: list[str]) -> dict[frozenset[Body], set[frozenset[str]]]:
     """Of each pair of bodies the pairs of their shapes that are held against each other."""
-    found: dict[frozenset[Body], set[frozenset[str]]] = {}
-    for pair in clear["pairs"]:
-        i, j = pair["shapes"]
+    tested: dict[frozenset[Body], set[frozenset[str]]] = {}
+    for i, j in (pair["shapes"] for pair in clear["pairs"]):
         bodies = frozenset((_body(clear["shapes"][i]), _body(clear["shapes"][j])))
-        found.setdefault(bodies, set()).add(frozenset((texts[i], texts[j])))
-    return found
+        tested.setdefault(bodies, set()).add(frozenset((texts[i], texts[j])))
+    return tested
 
 
 def described(equation: Equation) -> dict[str, Any] | None:
@@ -313,61 +320,60 @@ def described(equation: Equation) -> dict[str, Any] | None:
     task, family = equation.strategy.task, equation.family
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and task.frame.name is None):
         return None
-    kinds = [[m.turning, m.curved] for m in family.members] if isinstance(family, Stretches) else None
     return {
-        "orientation": task.orientation, "rows": list(task.rows), "reference": np.array(task.reference).tolist(),
-        "axis": np.array(task.axis).tolist(), "turning": family.turning, "stretches": kinds,
-    }  # fmt: skip
+        "orientation": task.orientation,
+        "rows": list(task.rows),
+        "reference": np.array(task.reference).tolist(),
+        "axis": np.array(task.axis).tolist(),
+        "turning": family.turning,
+        "stretches": [[m.turning, m.curved] for m in family.members] if isinstance(family, Stretches) else None,
+    }
 
 
 def unlike(data: dict[str, Any], robot: Robot) -> str:
     """In what a certificate's data are not those of a robot; "" where its rows f(q) - x and limits are the robot's."""
+    # The robot's task, over the family of the certificate.
     given = data.get("task")
     if given is None:
         return "it is about several tools, or a tool seen from another frame, of which no robot alone tells the rows"
-    coordinates = robot.coordinates
-    if [c.unit for c in coordinates] != data["units"]:
+    if [joint.unit for joint in robot.coordinates] != data["units"]:
         return f"{robot.name} has {robot.n} joints, and the certificate {len(data['units'])}, or of other kinds"
+    reference, axis = np.array(given["reference"]), np.array(given["axis"])
     try:
-        task = FrameTask(
-            robot,
-            given["orientation"],
-            tuple(given["rows"]),
-            np.array(given["reference"]),
-            axis=np.array(given["axis"]),
-        )
+        task = FrameTask(robot, given["orientation"], tuple(given["rows"]), reference, axis=axis)
     except HolokinError as problem:
         return f"{robot.name} has no such task: {problem}"
-    kinds = given["stretches"]
-    family: Family = PoseBox(given["turning"]) if kinds is None else _stretches(given["turning"], kinds)
-    q, y, numbers = symbol("q", robot.n), symbol("y", family.dimension), symbol("numbers", family.numbers)
-    k, d = task.kinematics(q), family.dimension
+    family: Family = PoseBox(given["turning"])
+    if given["stretches"] is not None:
+        family = Stretches(given["turning"], tuple(Stretch(*kind) for kind in given["stretches"]))
+    # Its rows in words of the checker, and those of the file.
+    n, d, left = robot.n, family.dimension, family.numbers - 2 * family.dimension
+    q, y, numbers = symbol("q", n), symbol("y", d), symbol("numbers", family.numbers)
+    k = task.kinematics(q)
     rows, facing = rows_of(task, k.position, k.rotation, *family.pose(y, numbers))
-    left = family.numbers - 2 * d
-    inputs = [*range(robot.n + d + left), *[0.0] * d, *[1.0] * d]
     listed = operation_list({"q": q, "y": y, "numbers": numbers}, vertcat(rows, facing))
-    built = lowered(listed, inputs, [False] * (task.m + facing.shape[0]))
-    n, table = len(data["pieces"][0]["q"]), {}
-    of_file = _numbered(data, (n, d, left, len(data["level"])), table)
-    if _numbered(built, (robot.n, d, left, 0), table) != [*of_file[: task.m], *of_file[n:]]:
+    inputs = [*range(n + d + left), *[0.0] * d, *[1.0] * d]
+    built = _lowered(listed, inputs, [False] * (task.m + facing.shape[0]))
+    unknowns, expressions = len(data["pieces"][0]["q"]), {}
+    of_file = _numbered(data, (unknowns, d, left, len(data["level"])), expressions)
+    if _numbered(built, (n, d, left, 0), expressions) != [*of_file[: task.m], *of_file[unknowns:]]:
         return f"its operations are not those of {robot.name}: other lengths, axes, tip, base or tool"
-    least, _, _, most = data["claims"]["joints"]
-    for name, low, high, a, b in zip(robot.joint_names, robot.lower, robot.upper, least, most, strict=False):
+    # The limits, and the shapes.
+    lower, _, _, upper = data["claims"]["joints"]
+    for name, low, high, a, b in zip(robot.joint_names, robot.lower, robot.upper, lower, upper, strict=False):
         if (a is not None and a < low) or (b is not None and b > high):
             return f"its limits of {name} are wider than those of {robot.name}"
     return _other_shapes(data["clear"], robot) if "clear" in data else ""
 
 
-def _numbered(data: dict[str, Any], sizes: tuple[int, ...], table: dict[Any, int]) -> list[int]:
+def _numbered(data: dict[str, Any], sizes: tuple[int, ...], expressions: dict[Any, int]) -> list[int]:
     """Numbers of the outputs of a list of operations: the same number in a table is the same expression."""
-    found = [
-        table.setdefault((kind, i), len(table)) for kind, size in zip("qunc", sizes, strict=True) for i in range(size)
-    ]
-    found += [table.setdefault(("constant", float(value)), len(table)) for value in data["constants"]]
+
+    def number(expression: tuple[Any, ...]) -> int:
+        return expressions.setdefault(expression, len(expressions))
+
+    numbers = [number((kind, i)) for kind, size in zip("qunc", sizes, strict=True) for i in range(size)]
+    numbers += [number(("constant", float(value))) for value in data["constants"]]
     for name, *of in data["operations"]:
-        found.append(table.setdefault((name, *(found[i] for i in of)), len(table)))
-    return [found[i] for i in data["outputs"]]
-
-
-def _stretches(turning: bool, kinds: Sequence[Sequence[bool]]) -> Stretches:
-    return Stretches(turning, tuple(Stretch(*kind) for kind in kinds))
+        numbers.append(number((name, *(numbers[i] for i in of))))
+    return [numbers[i] for i in data["outputs"]]

@@ -2,62 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ..base.errors import ArgumentError, BranchError, HolokinError, SingularityError, TrackingError
+from ..base.errors import ArgumentError, HolokinError
 from ..base.poses import pose_from
-from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, some
 from ..motion.ik import ik
-from ..motion.ik.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton_on_leaf, straight_path
-from ..motion.ik.plan import Plan, check_start, make_plan
-from ..path.editing import AnyPath
+from ..motion.ik.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..strategies.tasks.frame_task import completed, completing, free_directions, leaves_free
-from ..strategies.tasks.task import Task
-from .cell_search import TUBE, Domain, on_grid, proven
-from .certificate import Boxes, Covered, Extent, overlapping
-from .equation import Equation, PoseBox, deepest, spins_freely
-from .tube import UP, centred, examined
+from .cell_search import TUBE, Boxes, Covered, Domain, Extent, joinable, on_grid, one_root, overlapping
+from .equation import Equation, PoseBox, deepest, equation_of, spins_freely
+from .tube import centred, examined
 
 PIECES = 100
 """Pieces of a sample's step that are tried at most. `follow` may take 20,000 of them beside a singularity, to go as
 near to it as it can; a proof ends long before, where its cells would be too small."""
-
-
-def walked(strategy: HolonomicStrategy, path: AnyPath, q0: Vector, samples: int) -> tuple[Matrix, Extent, str]:
-    """(postures (k, n) at the start and the samples, why they end, where) along a path, limits ignored.
-
-    Raises:
-        StartError: the tool at the start is not where the path begins. ArgumentError: paths that do not fit the task.
-        SingularityError, BranchError, TrackingError: not even a first step is possible.
-    """
-    task = strategy.task
-    strategy(q0)
-    plan = make_plan(task, path, samples, task._place(q0)[1])
-    check_start(task, q0, *plan.first)
-    go, c = leaf_follower(strategy, q0, PIECES), leaf_value(strategy, q0)
-    correct = leaf_step(strategy)
-    side = float(correct(q0, *plan.first, c)[3])
-    found = [q0]
-    for step in range(plan.steps):
-        try:  # a posture on another branch would leave cells that do not join
-            near = newton_on_leaf(correct, found[-1], *plan.target(step, 1.0), c, side)
-            found.append(go(found[-1], _way(plan, step, c)) if near is None else near[0])
-        except (SingularityError, BranchError, TrackingError) as problem:
-            if not step:
-                raise
-            why = Extent.SINGULAR if isinstance(problem, SingularityError) else Extent.END
-            return np.array(found), why, plan.where(step).removeprefix("in cycle 1, ")
-    return np.array(found), Extent.WHOLE, ""
-
-
-def _way(plan: Plan, step: int, c: Vector) -> LeafPath:
-    return LeafPath(lambda share: (*plan.target(step, share), c), *plan.bends(step))
 
 
 # --- How much of the turns of a workspace boxes of Cayley parameters are, by the Haar measure: all orientations alike.
@@ -118,26 +83,8 @@ def _column(x: Vector, y: Vector) -> Vector:
 NEAR = 1e-9
 """A pose is in a box without extent if it is as near [m, 1]."""
 
-HALF_TURN = 1e-9
-"""The cosine of half a turn's half, below which it has no Cayley parameters."""
-
-WIDER = 1 + 1e-12
-"""Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
-
-FINENESS = np.geomspace(0.5, 500, 48)
-"""Cells per joint motion of a side [1 / joint unit] that are tried."""
-
-MOST = 200_000
-"""Cells of a grid, at most."""
-
 PORTION = 10_000
 """Pairs of cells that are compared at a time."""
-
-
-@kept
-def _equation_over(strategy: HolonomicStrategy, turning: bool) -> Equation:
-    """The equation of a strategy over boxes of poses, made once."""
-    return Equation(strategy, PoseBox(turning))
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,14 +119,15 @@ class PoseRegion(Value, Domain):
             cure = "certify it along paths of its frames, hk.path.synchronized(...): a box of poses is of one tool"
             raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
         p0, R = completed(strategy.task, (space.solid.center, space.rotation), strategy.task._place(q0))
-        tilt, spin = (space.tilt, space.spin) if _turns(strategy.task) else (0.0, 0.0)
+        tilt, spin = (space.tilt, space.spin) if any(strategy.task._angular) else (0.0, 0.0)
         if spins_freely(strategy.task, R):
             spin = 0.0
-        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
+        # The half sides, a little larger for the rounding of the tangents.
+        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * (1 + 1e-12)
         turning = bool(turn.any())
         sides = np.where(np.isin((0, 1, 2), strategy.task.rows), space.solid.half, 0.0)
         half = np.concatenate([sides, turn]) if turning else sides
-        equation = _equation_over(strategy, turning)
+        equation = equation_of(strategy, PoseBox(turning))
         c, middle = equation.level(q0), np.zeros(equation.d)
         region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
         if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
@@ -194,79 +142,68 @@ class PoseRegion(Value, Domain):
 
     def first(self) -> Boxes:
         """A grid of the largest cells that pass the test at `u0`, each side by how much it moves the joints."""
-        grid, rho = self.grid, self._rho
-        low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, len(grid))
-        high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, len(grid))
-        k = len(low)
-        unknown = np.full((k, self.equation.n), np.nan)
-        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, rho), np.zeros(k, dtype=bool), unknown)
+        sides = [cuts[:-1] for cuts in self.grid], [cuts[1:] for cuts in self.grid]
+        low, high = (np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(ends)) for ends in sides)
+        return self._boxes(low, high, np.full(len(low), self._first_cells[1]))
 
     @cached_property
     def grid(self) -> list[Vector]:
         """Its cuts along each axis, from -1 to 1."""
-        return [on_grid(np.linspace(-1, 1, count + 1)) for count in self._counts[0]]
-
-    @property
-    def _rho(self) -> float:
-        return self._counts[1]
+        return [on_grid(np.linspace(-1, 1, count + 1)) for count in self._first_cells[0]]
 
     @cached_property
-    def _counts(self) -> tuple[list[int], float]:
+    def _first_cells(self) -> tuple[list[int], float]:
         """(cells along each axis, radius of their tubes): by the test in the middle, as of the whole box; at `u0` where
         the leaf does not lead to the middle, or is nearly singular there."""
-        here = self._counted(self.u0, self.q)
+        counts, rho, _ = self._counted(self.u0, self.q)
         if not self.u0.any():
-            return here[:2]
+            return counts, rho
         try:
             q = ik(self.equation.strategy, self.q, limits=False)(pose_from(self.p0, self.R0))
         except HolokinError:
-            return here[:2]
-        middle = self._counted(np.zeros(self.equation.d), q)
-        return middle[:2] if middle[2] else here[:2]
+            return counts, rho
+        *middle, passed = self._counted(np.zeros(self.equation.d), q)
+        return (middle[0], middle[1]) if passed else (counts, rho)
 
     def _counted(self, u: Vector, q: Vector) -> tuple[list[int], float, bool]:
         """(cells along each axis, radius of their tubes, whether one of them passes the test) by the posture q at u."""
+        # The radius by omega, and how much each side moves the joints, from a tiny cell.
         d = self.equation.d
         middle = self.equation.completed(q[None])
-        tiny = self._about(u, np.full((1, d), 1e-9), np.full(1, 1e-9))
+        tiny = self._boxes(u - np.full((1, d), 1e-9), u + np.full((1, d), 1e-9), np.full(1, 1e-9))
         cells = centred(self.equation, middle, self.numbers(tiny), self.c, tiny.rho)
         rho = TUBE / float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
-        tried = np.maximum(1.0, np.ceil(np.multiply.outer(FINENESS, np.minimum(sides, 1e3))))
-        few = tried.prod(axis=1) <= MOST
-        # where the middle is nearly singular any grid is too fine: then one cell, halved as far as the budget goes
-        tried = np.minimum(tried[few], 64) if few.any() else np.ones((1, d))
-        boxes = self._about(u, 1 / tried, np.full(len(tried), rho))
-        found = examined(
-            self.equation,
-            centred(self.equation, np.tile(middle, (len(tried), 1)), self.numbers(boxes), self.c, boxes.rho),
-            self.c,
-        )
-        good = proven(found)
-        return tried[int(np.argmax(good)) if good.any() else 0].astype(int).tolist(), rho, bool(good.any())
+        # Grids, from coarse to fine by cells per joint motion; where the posture is nearly singular all have too many
+        # cells: then one cell, which is halved as far as the budget goes.
+        counts = np.maximum(1.0, np.ceil(np.multiply.outer(np.geomspace(0.5, 500, 48), np.minimum(sides, 1e3))))
+        few = counts.prod(axis=1) <= 200_000
+        counts = np.minimum(counts[few], 64) if few.any() else np.ones((1, d))
+        # The coarsest one of which a cell at u passes the test.
+        boxes = self._boxes(u - 1 / counts, u + 1 / counts, np.full(len(counts), rho))
+        postures = np.tile(middle, (len(counts), 1))
+        cells = centred(self.equation, postures, self.numbers(boxes), self.c, boxes.rho)
+        good = joinable(examined(self.equation, cells, self.c))
+        return counts[int(np.argmax(good)) if good.any() else 0].astype(int).tolist(), rho, bool(good.any())
 
-    def _about(self, u: Vector, half: Matrix, rho: Vector) -> Boxes:
-        """Boxes (k, d) about a place."""
-        k = len(half)
-        none = np.full((k, self.equation.n), np.nan)
-        return Boxes(np.zeros(k, dtype=int), u - half, u + half, rho, np.zeros(k, dtype=bool), none)
+    def _boxes(self, low: Matrix, high: Matrix, rho: Vector) -> Boxes:
+        """Boxes (k, d) that were not tried yet."""
+        k = len(low)
+        unknown = np.full((k, self.equation.n), np.nan)
+        return Boxes(np.zeros(k, dtype=int), low, high, rho, np.zeros(k, dtype=bool), unknown)
 
     def given(self, piece: Indices) -> Matrix:
         """Of the family `PoseBox`."""
         return np.tile(np.concatenate([self.p0, self.R0.ravel(), self.half]), (len(piece), 1))
 
-    def poses(self, boxes: Boxes) -> Array:
-        """(k, 4, 4) at the middles."""
-        return self.poses_at((boxes.low + boxes.high) / 2)
-
     def poses_at(self, u: Matrix) -> Array:
         """(k, 4, 4) at parameters (k, d)."""
         from scipy.spatial.transform import Rotation
 
-        at = u * self.half
-        w = at[:, 3:] if self.equation.family.turning else np.zeros((len(u), 3))
+        sides = u * self.half
+        w = sides[:, 3:] if self.equation.family.turning else np.zeros((len(u), 3))
         turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
-        return pose_from(self.p0 + at[:, :3], self.R0 @ turn.as_matrix())
+        return pose_from(self.p0 + sides[:, :3], self.R0 @ turn.as_matrix())
 
     def place_of(self, q: Vector) -> Vector:
         """The parameters (d,) of the tool's pose at q; outside of [-1, 1] where the box does not hold it."""
@@ -284,75 +221,87 @@ class PoseRegion(Value, Domain):
         half[: self.equation.d] = self.half
         if leaves_free(task):
             p, R = completing(task).batch(self.p0, self.R0, p, R)
-        if _turns(task):
+        # The Cayley parameters of the turn; half a turn has none.
+        if any(task._angular):
             turn = Rotation.from_matrix(self.R0.T @ R).as_quat(canonical=True)
             direction = free_directions(task)[0]
             if direction is not None:
                 axis, of_base = direction
                 turn = deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
             with np.errstate(divide="ignore", invalid="ignore"):
-                w = np.where(turn[:, 3:] > HALF_TURN, 2 * turn[:, :3] / turn[:, 3:], np.inf)
-        at = np.hstack([p - self.p0, w])
-        wide = half > 0
-        u = np.where(wide, at / np.where(wide, half, 1.0), np.where(np.abs(at) < NEAR, 0.0, np.inf))
+                w = np.where(turn[:, 3:] > 1e-9, 2 * turn[:, :3] / turn[:, 3:], np.inf)
+        # Shares of the half sides; where the box is flat the pose must lie in it.
+        sides, wide = np.hstack([p - self.p0, w]), half > 0
+        u = np.where(wide, sides / np.where(wide, half, 1.0), np.where(np.abs(sides) < NEAR, 0.0, np.inf))
         u[np.isinf(u).any(axis=1)] = np.inf
         return u[:, : self.equation.d]
 
     def shares(self, low: Matrix, high: Matrix) -> Vector:
         """(k,) how much of the workspace boxes are: of its positions by volume, of its turns by the Haar measure."""
-        found = np.prod((high[:, :3] - low[:, :3]) / 2, axis=1)
+        volumes = np.prod((high[:, :3] - low[:, :3]) / 2, axis=1)
         if not self.equation.family.turning:
-            return found
+            return volumes
         half = self.half[3:] / 2
         spin = float(half[2])
         tilt = float(half[0]) / np.hypot(1.0, spin)
-        return found * shares_of_turns(low[:, 3:] * half, high[:, 3:] * half, tilt, spin)
+        return volumes * shares_of_turns(low[:, 3:] * half, high[:, 3:] * half, tilt, spin)
 
     def joints(self, boxes: Boxes) -> Matrix:
         """As the cells that were halved predict them; else continued on the leaf from the nearest that is known."""
         from scipy.spatial import KDTree
 
-        found = boxes.near.copy()
-        missing = np.flatnonzero(~np.isfinite(found).all(axis=1))
+        q = boxes.near.copy()
+        missing = np.flatnonzero(~np.isfinite(q).all(axis=1))
         if not len(missing):
-            return found
-        strategy = self.equation.strategy
-        task, leaf = strategy.task, self.c
-        correct, go = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES)
-        middles, T = (boxes.low + boxes.high) / 2, self.poses(boxes)
-        side = float(correct(self.q, *task._place(self.q), leaf)[3])
-        before = KDTree(np.array([u for u, _ in self._known])).query(middles[missing])[1]
-        known, postures = (list(column) for column in zip(*(self._known[i] for i in np.unique(before)), strict=True))
-        for i in missing[np.argsort(np.linalg.norm(middles[missing] - self.u0, axis=1), kind="stable")].tolist():
-            nearest = int(np.argmin(np.linalg.norm(np.array(known) - middles[i], axis=1)))
-            q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
-            near = newton_on_leaf(correct, q, *pose, leaf, side)
-            try:
-                q = go(q, straight_path(task, task._place(q), pose, (leaf, leaf))) if near is None else near[0]
-                known.append(middles[i])
-                postures.append(q)
-                self._known.append((middles[i], q))
-            except HolokinError:
-                q = self.q
-            found[i] = self.equation.completed(q[None])[0]
-        return found
+            return q
+        # The places that are known and near, and the boxes in order from `u0`.
+        middles = (boxes.low + boxes.high) / 2
+        nearest = KDTree(np.array([u for u, _ in self._known])).query(middles[missing])[1]
+        places, postures = (list(column) for column in zip(*(self._known[i] for i in np.unique(nearest)), strict=True))
+        order = missing[np.argsort(np.linalg.norm(middles[missing] - self.u0, axis=1), kind="stable")]
+        go, T = self._continued(), self.poses_at(middles)
+        for i in order.tolist():
+            start = postures[int(np.argmin(np.linalg.norm(np.array(places) - middles[i], axis=1)))]
+            posture = go(start, None, T[i])
+            if posture is None:
+                posture = self.q
+            else:
+                places.append(middles[i])
+                postures.append(posture)
+                self._known.append((middles[i], posture))
+            q[i] = self.equation.completed(posture[None])[0]
+        return q
 
     def led(self, places: Matrix, postures: Matrix, boxes: Boxes) -> Matrix:
         """Joints (k, n) at the middles of boxes, continued on the leaf from postures (k, n) at places (k, d); NaN where
         the leaf ends on the way."""
+        q, go = np.full(postures.shape, np.nan), self._continued()
+        begun, ends = self.poses_at(places), self.poses_at((boxes.low + boxes.high) / 2)
+        for i, start in enumerate(postures[:, : self.equation.joints]):
+            posture = go(start, begun[i], ends[i])
+            if posture is not None:
+                q[i] = self.equation.completed(posture[None])[0]
+        return q
+
+    def _continued(self) -> Callable[[Vector, Matrix | None, Matrix], Vector | None]:
+        """(q, its tool pose (4, 4), or None to compute it, another one) -> the posture there, on the leaf from q; None
+        where the leaf ends on the way."""
         strategy, leaf = self.equation.strategy, self.c
         correct, go, task = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES), strategy.task
-        side, out = float(correct(self.q, *task._place(self.q), leaf)[3]), np.full(postures.shape, np.nan)
-        begun, sought = self.poses_at(places), self.poses(boxes)
-        for i, q in enumerate(postures[:, : task.n]):
-            (start, end) = ((T[i, :3, 3], T[i, :3, :3]) for T in (begun, sought))
-            near = newton_on_leaf(correct, q, *end, leaf, side)
+        side = float(correct(self.q, *task._place(self.q), leaf)[3])
+
+        def continued(q: Vector, begin: Matrix | None, end: Matrix) -> Vector | None:
+            goal = end[:3, 3], end[:3, :3]
+            solution = newton_on_leaf(correct, q, *goal, leaf, side)
+            if solution is not None:
+                return solution[0]
+            start = task._place(q) if begin is None else (begin[:3, 3], begin[:3, :3])
             try:
-                found = go(q, straight_path(task, start, end, (leaf, leaf))) if near is None else near[0]
+                return go(q, straight_path(task, start, goal, (leaf, leaf)))
             except HolokinError:
-                continue
-            out[i] = self.equation.completed(found[None])[0]
-        return out
+                return None
+
+        return continued
 
     def learned(self) -> list[tuple[Vector, Vector]]:
         """Places and postures that were found, of which the next ones are continued."""
@@ -360,110 +309,66 @@ class PoseRegion(Value, Domain):
 
     @cached_property
     def _known(self) -> list[tuple[Vector, Vector]]:
-        """Places and postures that were found, of which the next ones are continued."""
         return [(self.u0, self.q)]
 
-    def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
-        """All: one place where the proof fails ends it."""
-        return np.ones(len(boxes), dtype=bool)
-
-    def goes_on(self, extent: Extent) -> bool:
-        """Only where the proof has not ended."""
-        return extent is Extent.WHOLE
-
-    def arranged(self, found: Covered) -> Covered:
-        """All of them."""
-        return found
-
-    def unglued(self, found: Covered) -> Flags:
+    def unglued(self, proven: Covered) -> Flags:
         """Those that share a part of a face with a neighbour whose root in its middle is not shown to be theirs."""
-        out = np.zeros(len(found), dtype=bool)
-        for i, j, bad in self.faces(found):
-            out[i[bad]] = out[j[bad]] = True
-        return out
+        unglued = np.zeros(len(proven), dtype=bool)
+        for i, j, apart in self._faces(proven):
+            unglued[i[apart]] = unglued[j[apart]] = True
+        return unglued
 
-    def connected(self, found: Covered) -> Covered:
+    def connected(self, proven: Covered) -> Covered:
         """Those that can be reached across glued faces from the cell at `u0`, or, where none is, the most."""
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
-        faces = list(self.faces(found))
-        glued = not any(bad.any() for _, _, bad in faces)
-        if not len(found) or (found.extent is Extent.WHOLE and glued):
-            return found
-        none, k = np.zeros(0, dtype=int), len(found)
+        faces, boxes, k = list(self._faces(proven)), proven.boxes, len(proven)
+        glued = not any(apart.any() for _, _, apart in faces)
+        if not k or (proven.extent is Extent.WHOLE and glued):
+            return proven
+        # The component of the cell at `u0`.
+        none = np.zeros(0, dtype=int)
         ones, others = (np.concatenate([none, *(face[side][~face[2]] for face in faces)]) for side in (0, 1))
         part = connected_components(coo_matrix((np.ones(len(ones)), (ones, others)), (k, k)), directed=False)[1]
-        here = np.flatnonzero((found.boxes.low <= self.u0).all(axis=1) & (found.boxes.high >= self.u0).all(axis=1))
-        chosen = part == (part[here[0]] if len(here) else np.argmax(np.bincount(part)))
-        torn = [
-            i[bad & chosen[i] & chosen[j]] for i, j, bad in faces
-        ]  # joined by another way round only: not one function
-        if any(len(i) for i in torn):
+        start = np.flatnonzero((boxes.low <= self.u0).all(axis=1) & (boxes.high >= self.u0).all(axis=1))
+        chosen = part == (part[start[0]] if len(start) else np.argmax(np.bincount(part)))
+        # Two of its cells that differ where they meet are joined by another way round only: not one function.
+        torn = np.concatenate([none, *(i[apart & chosen[i] & chosen[j]] for i, j, apart in faces)])
+        if len(torn):
             left = np.ones(k, dtype=bool)
-            left[np.concatenate(torn)] = False
-            return self.connected(replace(found.only(left), extent=_not_whole(found), stopped=_torn_at(found, torn)))
-        kept = found.only(chosen)
-        if found.extent is not Extent.WHOLE:
-            return kept
-        i = int(np.argmin(chosen)) if not chosen.all() else int(np.argmax(self.unglued(found)))
-        stopped = int(found.boxes.piece[i]), tuple(found.boxes.low[i].tolist())
-        return Covered(kept.boxes, kept.cells, kept.findings, Extent.APART, stopped)
+            left[torn] = False
+            extent = Extent.APART if proven.extent is Extent.WHOLE else proven.extent
+            stopped = proven.stopped or boxes.places()[int(torn[0])]
+            return self.connected(replace(proven.only(left), extent=extent, stopped=stopped))
+        connected = proven.only(chosen)
+        if proven.extent is not Extent.WHOLE:
+            return connected
+        i = int(np.argmin(chosen)) if not chosen.all() else int(np.argmax(self.unglued(proven)))
+        return replace(connected, extent=Extent.APART, stopped=boxes.places()[i])
 
-    def faces(self, found: Covered) -> Iterator[tuple[Indices, Indices, Flags]]:
+    def _faces(self, proven: Covered) -> Iterator[tuple[Indices, Indices, Flags]]:
         """(cells, their neighbours above along an axis, where they are not shown to share a root), in portions."""
-        b, findings, slip = found.boxes, found.findings, found.cells.slip
+        boxes, cells, findings = proven.boxes, proven.cells, proven.findings
         for axis in range(self.equation.d):
             across = [a for a in range(self.equation.d) if a != axis]
-            for at in np.unique(b.high[:, axis]):
-                below, above = np.flatnonzero(b.high[:, axis] == at), np.flatnonzero(b.low[:, axis] == at)
-                ones, others = overlapping(b.low[:, across], b.high[:, across], below, above)
+            for cut in np.unique(boxes.high[:, axis]):
+                below, above = np.flatnonzero(boxes.high[:, axis] == cut), np.flatnonzero(boxes.low[:, axis] == cut)
+                ones, others = overlapping(boxes.low[:, across], boxes.high[:, across], below, above)
                 for first in range(0, len(ones), PORTION):
+                    # The predictors in the middles of the faces.
                     i, j = ones[first : first + PORTION], others[first : first + PORTION]
-                    y = (np.maximum(b.low[i], b.low[j]) + np.minimum(b.high[i], b.high[j])) / 2
-                    y[:, axis] = at
-                    off = np.linalg.norm(_within(found, i, y) - _within(found, j, y), axis=1)
-                    off += slip[i] + slip[j]
+                    u = (np.maximum(boxes.low[i], boxes.low[j]) + np.minimum(boxes.high[i], boxes.high[j])) / 2
+                    u[:, axis] = cut
+                    q, q_other = (some(boxes, rows).predicted(some(cells, rows), u) for rows in (i, j))
+                    off = np.linalg.norm(q - q_other, axis=1) + cells.slip[i] + cells.slip[j]
                     yield i, j, ~one_root(off, *(x for k in (i, j) for x in (findings.r[k], findings.alone[k])))
 
-    def place(self, found: Covered) -> str:
+    def place(self, proven: Covered) -> str:
         """The pose."""
-        at = self.stop(found)
-        return "" if at is None else f"the pose at {np.round(at, 6).tolist()}"
+        p = self.stop(proven)
+        return "" if p is None else f"the pose at {np.round(p, 6).tolist()}"
 
-    def stop(self, found: Covered) -> Vector | None:
+    def stop(self, proven: Covered) -> Vector | None:
         """The position (3,) at which the proof failed first."""
-        return None if found.stopped is None else self.p0 + np.array(found.stopped[1])[:3] * self.half[:3]
-
-
-def one_root(off: Vector, r: Vector, alone: Vector, other_r: Vector, other_alone: Vector) -> Flags:
-    """(k,) where two cells surely have one root at a place, their predictors being `off` apart there: the root of the
-    one is where that of the other is alone.
-
-    Where they have one, off <= r + r'. For r' <= r then off + r' <= 3 r, which is less than `alone`, `LONE` times r: so
-    it is shown of all that have one.
-    """
-    return (off + r <= other_alone / UP) | (off + other_r <= alone / UP)
-
-
-def _turns(task: Task) -> bool:
-    """Whether a task looks at the tool's orientation."""
-    return any(task._angular)
-
-
-def _not_whole(found: Covered) -> Extent:
-    return Extent.APART if found.extent is Extent.WHOLE else found.extent
-
-
-def _torn_at(found: Covered, torn: list[Indices]) -> tuple[int, tuple[float, ...]]:
-    if found.stopped is not None:
-        return found.stopped
-    i = int(np.concatenate(torn)[0])
-    return int(found.boxes.piece[i]), tuple(found.boxes.low[i].tolist())
-
-
-def _within(found: Covered, chosen: Indices, y: Matrix) -> Matrix:
-    """The predicted joints (k, n) of some cells at parameters u (k, d) of the box of poses: y = (u - u0) / h."""
-    low, high = found.boxes.low[chosen], found.boxes.high[chosen]
-    half = (high - low) / 2
-    return some(found.cells, chosen).predicted((y - (low + high) / 2) / np.where(half > 0, half, 1.0))
+        return None if proven.stopped is None else self.p0 + np.array(proven.stopped[1])[:3] * self.half[:3]

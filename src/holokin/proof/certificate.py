@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -15,21 +14,19 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import write_text
-from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, number_or_none, some
-from ..base.units import at_least
+from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, number_or_none
+from ..base.units import at_least, share_text
 from ..path.editing import AnyPath
 from ..path.workspaces import Workspace
-from ..symbolic import intervals as iv
+from ..symbolic import jacobian, symbol
+from ..symbolic.interval_function import IntervalFunction
 from ..symbolic.intervals import Interval
-from .binding import described, lowered
-from .clear_cells import ClearCells
-from .equation import Equation
-from .tube import Cells, Findings
+from .binding import described, lowered_equation
+from .cell_search import COVERED, Covered, Demands, Extent
+from .equation import Equation, PoseBox
+from .tube import UP, Cells, Findings
 
 # --- Boxes that fill a part of a box, as the tree of cuts that the checker reads.
-
-COMPARED = 4096
-"""Pairs of boxes that are compared without a further cut."""
 
 
 def partition(low: Matrix, high: Matrix, sides: Sequence[tuple[float, float]], leaf: Callable[[int], Any]) -> Any:
@@ -37,208 +34,61 @@ def partition(low: Matrix, high: Matrix, sides: Sequence[tuple[float, float]], l
 
     The boxes are what is left of a box that was cut across, and its parts again: so a cut that meets none is found.
     """
-    return _tree(low, high, np.arange(len(low)), list(sides), leaf)
+
+    def tree(rows: Indices, sides: list[tuple[float, float]]) -> Any:
+        if not len(rows):
+            return None
+        a, b = np.array(sides).T
+        if len(rows) == 1 and (low[rows[0]] == a).all() and (high[rows[0]] == b).all():
+            return leaf(int(rows[0]))
+        # Of the cuts that meet no box, the one with the most equal numbers of boxes on both sides.
+        cuts = []
+        for axis in range(len(sides)):
+            ends = np.sort(high[rows, axis])
+            places = clear_cuts(low[rows, axis], ends)
+            places = places[(a[axis] < places) & (places < b[axis])]
+            counts = np.searchsorted(ends, places, side="right")
+            uneven = np.abs(2 * counts - len(rows)).tolist()
+            cuts += [(u, axis, place) for u, place in zip(uneven, places.tolist(), strict=True)]
+        _, axis, cut = min(cuts)
+        is_below, (below, above) = high[rows, axis] <= cut, _cut_sides(sides, axis, cut)
+        return [axis, cut, tree(rows[is_below], below), tree(rows[~is_below], above)]
+
+    return tree(np.arange(len(low)), list(sides))
 
 
-def _tree(low: Matrix, high: Matrix, those: Indices, sides: list[Any], leaf: Callable[[int], Any]) -> Any:
-    if not len(those):
-        return None
-    a, b = np.array(sides).T
-    if len(those) == 1 and (low[those[0]] == a).all() and (high[those[0]] == b).all():
-        return leaf(int(those[0]))
-    cuts = []
-    for axis in range(len(sides)):
-        ends = np.sort(high[those, axis])
-        at = clear_cuts(low[those, axis], ends)
-        at = at[(a[axis] < at) & (at < b[axis])]
-        under = np.searchsorted(ends, at, side="right")
-        cuts += [(abs(2 * int(i) - len(those)), axis, float(c)) for i, c in zip(under, at, strict=True)]
-    _, axis, at = min(cuts)
-    is_below = high[those, axis] <= at
-    lower, upper = sides.copy(), sides.copy()
-    lower[axis], upper[axis] = (sides[axis][0], at), (at, sides[axis][1])
-    below = _tree(low, high, those[is_below], lower, leaf)
-    return [axis, at, below, _tree(low, high, those[~is_below], upper, leaf)]
+def _cut_sides(sides: list[tuple[float, float]], axis: int, cut: float) -> list[list[tuple[float, float]]]:
+    """The sides of the two parts of a box."""
+    ends = (sides[axis][0], cut), (cut, sides[axis][1])
+    return [[*sides[:axis], end, *sides[axis + 1 :]] for end in ends]
 
 
 def clear_cuts(low: Vector, high: Vector) -> Vector:
     """Where stretches low <= u <= high (k,) begin or end, and none is cut."""
-    at = np.unique(np.concatenate([low, high]))
-    under, over = np.searchsorted(np.sort(high), at, side="right"), np.searchsorted(np.sort(low), at, side="left")
-    return at[under >= over]
+    places = np.unique(np.concatenate([low, high]))
+    ended = np.searchsorted(np.sort(high), places, side="right")
+    begun = np.searchsorted(np.sort(low), places, side="left")
+    return places[ended >= begun]
 
 
 def left_open(tree: Any, sides: Sequence[tuple[float, float]]) -> tuple[Matrix, Matrix]:
     """(low, high) (k, d) of the parts of a tree of `partition` in which no box is."""
-    found, waiting = [], [(tree, list(sides))]
+    empty, waiting = [], [(tree, list(sides))]
     while waiting:
         part, box = waiting.pop()
         if isinstance(part, list):
-            axis, at, below, above = part
-            lower, upper = box.copy(), box.copy()
-            lower[axis], upper[axis] = (box[axis][0], at), (at, box[axis][1])
+            axis, cut, below, above = part
+            lower, upper = _cut_sides(box, axis, cut)
             waiting += [(above, upper), (below, lower)]
         elif part is None:
-            found.append(box)
-    ends = np.array(found).reshape(-1, len(sides), 2)
+            empty.append(box)
+    ends = np.array(empty).reshape(-1, len(sides), 2)
     return ends[:, :, 0], ends[:, :, 1]
 
 
-def overlapping(low: Matrix, high: Matrix, ones: Indices, others: Indices) -> tuple[Indices, Indices]:
-    """All pairs (one, other) whose boxes low <= u <= high (k, d) have an inside in common, cut until few are left."""
-    found, waiting = [np.zeros((0, 2), dtype=int)], [(ones, others)]
-    while waiting:
-        ones, others = waiting.pop()
-        parts = _cut(low, high, ones, others) if len(ones) * len(others) > COMPARED else None
-        if parts is not None:
-            waiting += parts
-        elif len(ones) and len(others):
-            for some in np.array_split(ones, -(-len(ones) * len(others) // (16 * COMPARED))):
-                start, end = np.maximum(low[some][:, None], low[others]), np.minimum(high[some][:, None], high[others])
-                i, j = np.nonzero((start < end).all(axis=2))
-                found.append(np.column_stack([some[i], others[j]]))
-    pairs = np.unique(np.concatenate(found), axis=0)  # a pair that a cut goes through was found on both sides
-    return pairs[:, 0], pairs[:, 1]
-
-
-def _cut(low: Matrix, high: Matrix, ones: Indices, others: Indices) -> list[tuple[Indices, Indices]] | None:
-    """The boxes below and above the cut that leaves the fewest pairs; None where none leaves much fewer."""
-    best, parts = 0.75 * len(ones) * len(others), None
-    for axis in range(low.shape[1]):
-        for cut in (np.median(low[ones, axis]), np.median(high[ones, axis])):
-            below = ones[low[ones, axis] < cut], others[low[others, axis] < cut]
-            above = ones[high[ones, axis] > cut], others[high[others, axis] > cut]
-            pairs = len(below[0]) * len(below[1]) + len(above[0]) * len(above[1])
-            if pairs < best:
-                best, parts = pairs, [below, above]
-    return parts
-
-
-# --- What is asked of a cell besides its one root: joints within their limits, shapes apart.
-
-FINEST = 1e-3
-"""Motion [m] of a cell below which it is not halved for a distance: where this decides, nobody should drive."""
-
-
-AT = 1e-12
-"""Motion [joint units] that is round-off, and distance from a limit: no bound of a root comes below it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Judged(Value):
-    """Of k cells: the findings with distances; which are as asked; which cannot be if halved; why not, by row."""
-
-    findings: Findings
-    good: Flags
-    final: Flags
-    near: Flags
-
-
-@dataclass(frozen=True, eq=False)
-class Demands(Value):
-    """The limits of the joints, and shapes that are to keep apart; None where they are not asked about."""
-
-    limits: Interval | None
-    clear: ClearCells | None = None
-
-    def judged(self, cells: Cells, found: Findings, good: Flags) -> Judged:
-        """Cells with a root of their own (`good`), held against what is asked."""
-        inside, none = good.copy(), np.zeros(len(good), dtype=bool)
-        beyond = none
-        if self.limits is not None:
-            inside &= ((found.low >= self.limits.low) & (found.high <= self.limits.high)).all(axis=1)
-            beyond = good & _beyond(self.limits, cells, found)
-        if self.clear is None:
-            return Judged(found, inside, beyond, none)
-        here: Indices = np.flatnonzero(inside)
-        apart = self.clear.over(some(cells, here), found.r[here])
-        k, P = len(good), len(self.clear.pairs)
-        least, planes = np.full((k, P), -np.inf), np.zeros((k, P, 3))
-        least[here], planes[here] = apart.least, apart.planes
-        short = ~(apart.least >= self.clear.wanted)
-        near, final = none.copy(), beyond.copy()
-        near[here] = short.any(axis=1)
-        final[here] |= (short & ((apart.motion < FINEST) | (apart.middle < self.clear.wanted))).any(axis=1)
-        return Judged(replace(found, apart=least, planes=planes), inside & ~near, final, near)
-
-
-def _beyond(limits: Interval, cells: Cells, found: Findings) -> Flags:
-    """Cells (k,) over all of which a joint is beyond its limit; or is held at it, so that no part of them keeps off."""
-    q, moves = (part[:, : found.low.shape[1]] for part in (cells.q0, cells.reach))
-    held = (moves <= AT) & ((q >= limits.high - AT) | (q <= limits.low + AT))
-    return np.asarray((held | (found.low > limits.high) | (found.high < limits.low)).any(axis=1))
-
+# --- The certificate.
 
 FORMAT = "holokin certificate 3"
-
-DETERMINANT = 0.5
-"""Of the bound of the determinant: room for the checker's own, which is another one."""
-
-
-class Extent(NoTruthValue, Enum, ask="`is Extent.WHOLE`"):
-    """How far a proof came, and why no farther; the text names cause and cure."""
-
-    WHOLE = "all that was asked is proven"
-    SINGULAR = "[J; J_g] is singular, or so nearly that no cell passes the test; choose another constraint or leaf"
-    LIMIT = "a joint is at its limit or beyond it; choose another leaf, or ask with limits=False"
-    NEAR = "shapes are not shown to be as far apart as was asked; choose a leaf that keeps away, or ask for less"
-    BUDGET = "the cells that were allowed are spent; allow more with budget="
-    END = "the leaf could not be followed any farther; choose another leaf, path or constraint"
-    APART = "neighbouring cells could not be shown to share a root; allow smaller ones with a larger budget="
-    ELSEWHERE = "the path comes back to a tool pose with other joints; choose another constraint, leaf or path"
-    RETURN = "the path comes back to a tool pose, and the joints are not shown to; choose another constraint or leaf"
-
-    @property
-    def cause(self) -> str:
-        """The text without its cure."""
-        return self.value.rpartition("; ")[0]
-
-    @property
-    def cure(self) -> str:
-        """The other part."""
-        return self.value.rpartition("; ")[2]
-
-
-COVERED = (Extent.WHOLE, Extent.ELSEWHERE, Extent.RETURN)
-"""Of these cells cover all that was asked; what may be missing is that the joints return with the tool."""
-
-
-@dataclass(frozen=True, eq=False)
-class Boxes(Value):
-    """k boxes of parameters: piece (k,), low, high (k, d); rho (k,) of their tubes; again (k,): tried before.
-
-    near (k, n) are unknowns near the root in the middle, by the cell that was halved; NaN where there is none.
-    Of a path's piece the parameter is the share of it; of a box of poses they count from -1 to 1 across it.
-    """
-
-    piece: Indices
-    low: Matrix
-    high: Matrix
-    rho: Vector
-    again: Flags
-    near: Matrix
-
-    def __len__(self) -> int:
-        return len(self.piece)
-
-
-@dataclass(frozen=True, eq=False)
-class Covered(Value):
-    """Boxes that were proven, with their cells and findings; why no more were, and at which box (piece, low)."""
-
-    boxes: Boxes
-    cells: Cells
-    findings: Findings
-    extent: Extent = Extent.WHOLE
-    stopped: tuple[int, tuple[float, ...]] | None = None
-
-    def __len__(self) -> int:
-        return len(self.boxes)
-
-    def only(self, chosen: Any) -> Covered:
-        """Some of them."""
-        boxes, cells, findings = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
-        return Covered(boxes, cells, findings, self.extent, self.stopped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +97,7 @@ class Anchors(Value):
 
     The first one is the start; its root is at most `within` [joint unit] away. Where a piece of a path begins, its root
     and that at the end of the piece before are at most `gap` apart. Of a path that is shown to close, its end and its
-    beginning are, but for the whole `turns` (n,) of the joints.
+    beginning are, but for the whole `turns` (n,) of the joints. `begun`: the start is shown to be on the proven leaf.
     """
 
     u: Matrix
@@ -255,6 +105,7 @@ class Anchors(Value):
     within: float
     gap: float
     turns: Vector | None
+    begun: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,10 +121,13 @@ class Revisit(Value):
     low: Vector
     high: Vector
 
-    def told(self, equation: Equation) -> str:
+    def words(self, equation: Equation) -> str:
         """The places, and the joints that are shown to differ."""
-        joints = zip(equation.strategy.task.robot.coordinates, self.low, self.high, strict=True)
-        moved = [f"{c.name} by {_between(low, high)} {c.unit}" for c, low, high in joints if low > 0 or high < 0]
+        moved = []
+        for joint, low, high in zip(equation.strategy.task.robot.coordinates, self.low, self.high, strict=True):
+            if low > 0 or high < 0:
+                half = max((high - low) / 2, 0.0) * 1.01 + 1e-8 * max(abs(low), abs(high))
+                moved.append(f"{joint.name} by {(low + high) / 2:.9g} +- {half:.1e} {joint.unit}")
         (i, u), (k, v) = self.first, self.second
         first = "at its start" if i == u == 0 else f"at {100 * u:.4g} % of piece {i + 1}"
         second = "at the end" if v == 1 else f"at {100 * v:.4g} % of piece {k + 1}"
@@ -285,20 +139,20 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     """What was proven of a holonomic strategy on the leaf g(q) = c through a posture, over a path or a box of poses.
 
     `theorem` is it in one sentence; `extent` says how far the proof came, `where` at which place it ended. `proven` are
-    the cells, in the order of a path. low, high (n,) are a hull of the joints over them [joint unit], `determinant` a
-    lower bound of |det [J; J_g]|, or of |det D_q E| where the constraint has auxiliary unknowns, which q then holds,
-    too; `to_limit` (n,) the least distance to each joint's limits. Of a closed path `turns` (n,) are the whole turns of
-    the joints round it, and `gap` [joint unit] bounds how far else they end from where they began: not 0, since the
-    path itself is given in doubles; else it is infinite. Of a path that comes back to a tool pose with other joints
-    `revisit` holds two such places and the difference of the joints, which is proven, too; a closed path drifts by it.
-    `asked` is the path or the box that the proof was to be about.
+    the cells, in the order of a path; they fill the `share` of the box, of positions by volume and of turns by the Haar
+    measure, or of the pieces of the path. low, high (n,) are a hull of the joints over them [joint unit],
+    `determinant` a lower bound of |det [J; J_g]|, or of |det D_q E| where the constraint has auxiliary unknowns, which
+    q then holds, too; `to_limit` (n,) the least distance to each joint's limits. Of a closed path `turns` (n,) are the
+    whole turns of the joints round it, and `gap` [joint unit] bounds how far else they end from where they began: not
+    0, since the path itself is given in doubles; else it is infinite. Of a path that comes back to a tool pose with
+    other joints `revisit` holds two such places and the difference of the joints, which is proven, too; a closed path
+    drifts by it. `asked` is the path or the box that the proof was to be about.
     """
 
-    title: str
-    theorem: str
     extent: Extent
     where: str
     proven: Covered
+    share: float
     low: Vector
     high: Vector
     determinant: float
@@ -323,12 +177,68 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     def __str__(self) -> str:
         return self.theorem
 
+    @property
+    def title(self) -> str:
+        """The names of the strategy and the task."""
+        return f"{self.equation.strategy.name}, {self.equation.strategy.task.name}"
+
+    @cached_property
+    def theorem(self) -> str:
+        """What is proven, in one sentence."""
+        found, equation, box = len(self), self.equation, isinstance(self.asked, Workspace)
+        if not found:
+            return f"Nothing is proven: at {self.where or 'the start'} {self.extent.cause}."
+        # One posture for each place.
+        strategy, with_others, q = equation.strategy, "", ""
+        if equation.n > equation.joints:
+            with_others = ", taken with the auxiliary unknowns of the constraint,"
+            q = ", q the joints and these unknowns"
+        if box:
+            part = f"the cells that are joined, {share_text(self.share)} of {self.asked},"
+            function, about = "smooth function of the pose", f"every pose of {self.asked if self.covered else part}"
+        else:
+            function = "continuous function of the place, smooth between corners of the path"
+            about = f"every place {'on the path' if self.covered else 'of the path up to there'}"
+        parts = [
+            f"on the leaf of {strategy.name!r} for the task {strategy.task.name!r} through the start, {about} has "
+            f"exactly one posture{with_others} in the tube of its cell ({found} cells); this posture is a {function}, "
+            f"with |det {equation.derivative}| >= {at_least(self.determinant, 2)}{q}"
+        ]
+        # Limits and distances.
+        if self.limits is not None and np.isfinite(self.to_limit).any():
+            room = at_least(float(self.to_limit.min()), 2)
+            parts.append(f"every joint stays {room} or more (rad or m) from its limits")
+        if self.demands.clear is not None:
+            parts.append(self.demands.clear.words(self.findings.apart))
+        # Whether the joints return with the tool.
+        turned = f" but for the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
+        if np.isfinite(self.gap):
+            parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
+        if self.whole and not box:
+            one = strategy.task.frames == 1
+            pose, poses = ("a tool pose", "the tool pose") if one else ("the tools' poses", "the tools' poses")
+            same = "whole turns apart at most" if turned else "the same"
+            parts.append(f"wherever the path comes back to {pose}, the joints are {same}: a function of {poses} on it")
+        sentence = "; ".join(parts)
+        if self.whole:
+            return f"{sentence[0].upper()}{sentence[1:]}."
+        if self.revisit is not None:
+            return f"The joints are no function of the tool pose here: {self.revisit.words(equation)}; but {sentence}."
+        sentence += "" if self.anchors.begun else "; the pose of the start is not proven"
+        place = f"at {self.where} " if self.where else ""
+        return f"Not all is proven, since {place}{self.extent.cause}; but {sentence}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
+        return {"title": self.title, "theorem": self.theorem, **super().to_dict()}
+
     def table(self) -> str:
         """The numbers of the theorem, as lines of text."""
         lines = [f"proven: {self.extent.value}"] + ([f"up to: {self.where}"] if self.where else [])
         lines.append(f"cells: {len(self)}, after {self.seconds:.2g} s")
         if not len(self):
             return "\n".join(lines)
+        # The test of the cells.
         f, robot = self.findings, self.equation.strategy.task.robot
         for name, values in (("omega", f.omega), ("eta", f.eta), ("radius", f.r), ("alone within", f.alone)):
             lines.append(f"{name:12} {values.min():9.2e} to {values.max():9.2e}")
@@ -336,6 +246,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         if np.isfinite(self.gap):
             turns = f", after the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
             lines.append(f"closed: the joints end within {self.gap:.1e} of where they began{turns}")
+        # How the joints differ where the tool comes back, and their hull.
         width = max(len("joint"), *map(len, robot.joint_names))
         if self.revisit is not None:
             lines.append(f"{'joint':{width}}  {'moved from':>12} {'to':>12}")
@@ -366,7 +277,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         """Why the joints are not said to return with the tool; "" where they are."""
         if self.whole:
             return ""
-        return self.revisit.told(self.equation) if self.revisit is not None else self.extent.cause
+        return self.revisit.words(self.equation) if self.revisit is not None else self.extent.cause
 
     @property
     def cells(self) -> Cells:
@@ -385,64 +296,56 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         The places of the equation are q, u, a piece's numbers, the level, the constants, the operations.
         """
         equation, boxes, cells, anchors = self.equation, self.proven.boxes, self.proven.cells, self.anchors
-        n, d, least = equation.n, equation.d, 0.0 if equation.d == 1 else -1.0
-        given = self.pieces.shape[1]
-        level = range(n + d + given, n + d + given + len(self.c))
-        inputs = [*range(n + d + given), *[0.0] * d, *[1.0] * d, *level]  # u = 0 + 1 y
-        place = np.zeros((d, d), dtype=int)
-        place[np.triu_indices(d)] = np.arange(cells.Q.shape[2])
-        named = {"q0": cells.q0, "V": cells.V, "Q": cells.Q[:, :, np.maximum(place, place.T)], "Y": self.findings.Y}
+        # The arrays of the cells; Q as symmetric matrices.
+        n, d, robot = equation.n, equation.d, equation.strategy.task.robot
+        pair = np.zeros((d, d), dtype=int)
+        pair[np.triu_indices(d)] = np.arange(cells.Q.shape[2])
+        arrays = {"q0": cells.q0, "V": cells.V, "Q": cells.Q[:, :, np.maximum(pair, pair.T)], "Y": self.findings.Y}
         clear = {}
         if self.demands.clear is not None:
-            named["planes"], clear = self.findings.planes, {"clear": self.demands.clear.described()}
+            arrays["planes"], clear = self.findings.planes, {"clear": self.demands.clear.described()}
+        # The pieces, each with a tree of its cells.
+        pieces, sides = [], [(0.0 if d == 1 else -1.0, 1.0)] * d
+        for k, (numbers, u, q) in enumerate(zip(self.pieces, anchors.u, anchors.q, strict=True)):
+            rows = np.flatnonzero(boxes.piece == k)
 
-        def tree(piece: int) -> Any:
-            here = np.flatnonzero(boxes.piece == piece)
+            def leaf(i: int, rows: Indices = rows) -> dict[str, Any]:
+                return {key: values[rows[i]].tolist() for key, values in arrays.items()}
 
-            def leaf(i: int) -> dict[str, Any]:
-                return {key: values[here[i]].tolist() for key, values in named.items()}
-
-            return partition(boxes.low[here], boxes.high[here], [(least, 1.0)] * d, leaf)
-
-        robot, finite = equation.strategy.task.robot, np.nan_to_num
-        bounds = self.limits or Interval(np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
-        joints = (bounds.low, self.low, self.high, bounds.high)
+            tree = partition(boxes.low[rows], boxes.high[rows], sides, leaf)
+            pieces.append({"numbers": numbers.tolist(), "u": u.tolist(), "q": q.tolist(), "cells": tree})
+        # Limits and hull of the joints; None where there is none, and for the other unknowns.
+        limits = self.limits or Interval(np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
+        bounds = (limits.low, self.low, self.high, limits.high)
+        claims = {
+            "whole": self.covered,
+            "joints": [[*(number_or_none(float(x)) for x in side), *[None] * (n - len(side))] for side in bounds],
+            "determinant": self.determinant,
+            "gap": float(np.nan_to_num(anchors.within + anchors.gap)),
+            "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
+        }
         return {
-            "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
+            "format": FORMAT,
+            "title": self.title,
+            "theorem": self.theorem,
+            "where": self.where,
             "task": described(equation),
-            "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
-            **lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
-            **clear, "level": self.c.tolist(),
-            "claims": {
-                "whole": self.covered,
-                "joints": [_bounded(x, n) for x in joints],
-                "determinant": self.determinant, "gap": float(finite(anchors.within + anchors.gap)),
-                "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
-            },
-            "pieces": [
-                {"numbers": row.tolist(), "u": u.tolist(), "q": q.tolist(), "cells": tree(k)}
-                for k, (row, u, q) in enumerate(zip(self.pieces, anchors.u, anchors.q, strict=True))
-            ],
-        }  # fmt: skip
+            "robot": robot.name,
+            "names": list(robot.joint_names),
+            "units": [joint.unit for joint in robot.coordinates],
+            **lowered_equation(equation),
+            **clear,
+            "level": self.c.tolist(),
+            "claims": claims,
+            "pieces": pieces,
+        }
 
     @typed
     def save(self, file: str | FilePath) -> FilePath:
         """Write it as JSON, for `holokin check-certificate`. Raises: WriteError."""
-        data = self.data
-        data = data | {"sha256": digest(data)}
+        data = self.data | {"sha256": digest(self.data)}
         write_text(file, json.dumps(data, allow_nan=False) + "\n")
         return FilePath(file)
-
-
-def _bounded(values: Vector, n: int) -> list[float | None]:
-    """Bounds of the joints, and of n unknowns in all; None where there is none."""
-    return [number_or_none(float(x)) for x in values] + [None] * (n - len(values))
-
-
-def _between(low: float, high: float) -> str:
-    """An interval as text: its middle, and by how much more or less."""
-    middle, most = (low + high) / 2, max(abs(low), abs(high))
-    return f"{middle:.9g} +- {max((high - low) / 2, 0.0) * 1.01 + 1e-8 * most:.1e}"
 
 
 def digest(data: dict[str, Any]) -> str:
@@ -451,29 +354,69 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def least_determinant(found: Findings) -> float:
-    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r; over |det Y| that of A."""
-    if not len(found.r):
-        return 0.0
-    shrink = np.maximum(1 - (found.e + found.omega * found.r), 0.0)
-    with np.errstate(divide="ignore"):
-        each = DETERMINANT * shrink ** found.Y.shape[1] / determinants(found.Y).high
-    return float(each.min())
+# --- `joint_rates`: how fast each joint is at most, over the speed of the tool, wherever the tool goes in what is
+# proven.
+#
+# Along the predictor p(y) of a cell E(p(y), y) changes by F', and at the roots q(y) the derivative is q' = p' - A^-1
+# (F' + ...), so that |q' - p'| is at most (|Y F'| + (|Y D_q D_y E| + omega |p'|) r) / (1 - e - omega r). The sizes of
+# q' by y are `Findings.slopes`; here they are taken over the tool's motion per y.
 
 
-def determinants(A: Array) -> Interval:
-    """Enclosures (k,) of |det A| of matrices (k, n, n), by elimination, the rows in the order of rounded numbers."""
-    from scipy.linalg import lu
+@dataclass(frozen=True, eq=False)
+class JointRates(Value):
+    """Upper bounds of joint speeds, in joint units a second: `per_speed` (n,) where the tool moves by 1 m/s, `per_turn`
+    (n,) where it turns by 1 rad/s. Joint i is no faster than per_speed[i] |v| + per_turn[i] |w|.
 
-    k, n, _ = A.shape
-    order = np.array([lu(matrix, p_indices=True)[0] for matrix in A], dtype=int).reshape(k, n).argsort(axis=1)
-    M = np.take_along_axis(A, order[:, :, None], axis=1)
-    rows = [iv.point(M[:, i, :].T.copy()) for i in range(n)]  # (n, k) each
-    total = iv.point(np.ones(k))
-    for j in range(n):
-        pivot = Interval(rows[j].low[j], rows[j].high[j])
-        total = iv.multiply(total, iv.absolute(pivot))
-        for i in range(j + 1, n):
-            factor = iv.divide(Interval(rows[i].low[j], rows[i].high[j]), pivot)
-            rows[i] = iv.subtract(rows[i], iv.multiply(factor, rows[j]))
-    return total
+    Of a path the two stand for each other: the tool turns as the path says, and `per_turn` is 0. Of several tools
+    |v| is the speed of the fastest.
+    """
+
+    per_speed: Vector
+    per_turn: Vector
+    limits: Vector
+    """The speed limits (n,) of the joints."""
+
+    @property
+    def tool_speed(self) -> float:
+        """The speed of the tool [m/s] at which no joint is faster than its limit, where it does not turn besides.
+
+        NaN where a joint has no limit.
+        """
+        if not np.isfinite(self.limits).all():
+            return np.nan
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(np.nan_to_num(self.limits / self.per_speed, nan=np.inf, posinf=np.inf).min(initial=np.inf))
+
+
+@typed
+def joint_rates(certificate: Certificate) -> JointRates:
+    """How fast each joint is at most over what a certificate proves, for any motion of the tool in it.
+
+    Infinite for a path on which the tool stands still while it turns.
+    """
+    slopes, boxes, equation = certificate.findings.slopes, certificate.proven.boxes, certificate.equation
+    limits, n = equation.strategy.task.robot.max_velocity, equation.joints
+    if not len(certificate):
+        return JointRates(np.zeros(n), np.zeros(n), limits)
+    if not isinstance(equation.family, PoseBox):
+        steps = _steps(certificate)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rates = np.where(slopes[:, :, 0] > 0, slopes[:, :, 0] / steps[:, None], 0.0)
+        return JointRates(rates.max(axis=0) * UP, np.zeros(n), limits)
+    sides = certificate.pieces[0, 12 : 12 + equation.d]
+    h = (boxes.high - boxes.low) / 2 * sides
+    slopes = slopes / np.where(h > 0, h, np.inf)[:, None, :]
+    linear, angular = (np.linalg.norm(part, axis=2).max(axis=0, initial=0.0) for part in np.split(slopes, [3], axis=2))
+    bend = 1 + float(np.sum(np.square(sides[3:]))) / 4  # |dw| <= (1 + |w|^2 / 4) |turn| of the Cayley parameters
+    return JointRates(linear * UP, angular * UP * bend * UP, limits)
+
+
+def _steps(certificate: Certificate) -> Vector:
+    """(k,) what the tool, of several the fastest, moves by, at least, per y over each cell of a path [m]."""
+    family, numbers = certificate.equation.family, certificate.cells.numbers
+    y, given = symbol("y", 1), symbol("numbers", family.numbers)
+    moved = IntervalFunction("the tool's motion", {"y": y, "numbers": given}, jacobian(family.pose(y, given)[0], y))
+    ones = np.ones((1, len(numbers)))
+    low, high = moved(np.vstack([-ones, numbers.T]), np.vstack([ones, numbers.T]))
+    least = np.maximum(np.maximum(low, -high), 0.0)
+    return np.linalg.norm(least.reshape(-1, 3, len(numbers)), axis=1).max(axis=0) / UP

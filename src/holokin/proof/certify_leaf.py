@@ -1,4 +1,10 @@
-"""`certify`: the proof that the joints on a leaf are one function over a path, or over a box of tool poses."""
+"""`certify`: the proof that the joints on a leaf are one function over a path, or over a box of tool poses.
+
+Along a path the cells of its pieces follow each other and are glued at their ends: the root at the end of a cell must
+lie where the next cell's is the only root; so the roots make one smooth curve of joints. Where pieces of a path meet,
+and where a closed path ends, its poses agree but for round-off, which is enclosed and may be `SEAM` at most: there the
+joints jump by as little as `Anchors` says.
+"""
 
 from __future__ import annotations
 
@@ -13,134 +19,313 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.errors import NoProofError
-from ..base.types import ArrayLike, Flags, Indices, Matrix, Value, Vector, joined, some, whole
-from ..base.units import at_least, share_text
+from ..base.errors import BranchError, NoProofError, SingularityError, TrackingError
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, joined, some, whole
 from ..motion.checks import Scene
+from ..motion.ik.leaf import leaf_step, leaf_stepper, leaf_value, newton_on_leaf
+from ..motion.ik.plan import Plan, check_start, make_plan, turned
 from ..path.editing import AnyPath
+from ..path.path import rotation_vector
 from ..path.workspaces import Workspace
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
+from ..strategies.tasks.frame_task import completing, leaves_free
 from ..symbolic.intervals import Interval
-from .binding import lowered
-from .box_proof import PoseRegion, walked
-from .cell_search import NOWHERE, Domain, KeptCells, covered, halves
-from .certificate import (
-    COVERED,
-    Anchors,
-    Certificate,
+from .binding import lowered_equation
+from .box_proof import PIECES, PoseRegion
+from .cell_search import (
+    AIM,
+    NOWHERE,
+    TUBE,
+    Boxes,
     Covered,
     Demands,
+    Domain,
     Extent,
-    Revisit,
-    least_determinant,
+    KeptCells,
+    covered,
+    halves,
+    on_grid,
+    one_root,
     overlapping,
 )
-from .clear_cells import ClearCells
-from .equation import Equation
+from .certificate import Anchors, Certificate, Revisit
+from .equation import Equation, Stretches, equation_of
 from .kept_apart import kept_apart
-from .path_proof import Pathway
 from .region_growth import grown
-from .tube import UP, Cells, centred, examined
+from .tube import UP, Cells, centred, examined, least_determinant, norm
+
+# --- The cells along a path.
+
+SEAM = 1e-12
+"""What E may change by [m, 1] where pieces of a path meet: a path of some metres in doubles is off by 1e-15."""
+
+PARTS = 256
+"""Parts of a piece for which the motion of the joints is computed."""
+
+
+def walked(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> tuple[Matrix, Extent, str]:
+    """(postures (k, n) at the start and the samples, why they end, where) along a path, limits ignored.
+
+    Raises:
+        StartError: the tool at the start is not where the path begins.
+        SingularityError, BranchError, TrackingError: not even a first step is possible.
+    """
+    strategy(q0)
+    check_start(plan.task, q0, *plan.first)
+    c, correct = leaf_value(strategy, q0), leaf_step(strategy)
+    step_by_pieces: Callable[[Vector, int], Vector] | None = None
+    side = float(correct(q0, *plan.first, c)[3])
+    postures = [q0]
+    for step in range(plan.steps):
+        try:  # a posture on another branch would leave cells that do not join
+            solution = newton_on_leaf(correct, postures[-1], *plan.target(step, 1.0), c, side)
+            if solution is not None:
+                postures.append(solution[0])
+                continue
+            step_by_pieces = step_by_pieces or leaf_stepper(strategy, plan, q0, PIECES)
+            postures.append(step_by_pieces(postures[-1], step))
+        except (SingularityError, BranchError, TrackingError) as problem:
+            if not step:
+                raise
+            why = Extent.SINGULAR if isinstance(problem, SingularityError) else Extent.END
+            return np.array(postures), why, plan.where(step).removeprefix("in cycle 1, ")
+    return np.array(postures), Extent.WHOLE, ""
+
+
+@dataclass(frozen=True, eq=False)
+class Pathway(Value, Domain):
+    """Joints near the leaf c (r,) as a function of a path: splines through a trajectory, one a piece.
+
+    `begun` (pieces, .) are the numbers of the family but for u0 and h; `ends` the share of each piece up to which it
+    was followed; `spins` (pieces, 256) their free turns [rad], which move no joint, in parts.
+    """
+
+    equation: Equation
+    c: Vector
+    splines: tuple[Callable[[Array], Matrix], ...]
+    begun: Matrix
+    ends: Vector
+    spins: Matrix
+    slack: float = SEAM
+
+    @staticmethod
+    def of(strategy: HolonomicStrategy, plan: Plan, postures: Matrix) -> Pathway:
+        """From postures (k, joints) at the samples of a plan, which may end early."""
+        from scipy.interpolate import make_interp_spline
+
+        splines, ends, first = [], [], 0
+        for count in plan.counts.tolist():
+            steps = min(count, len(postures) - 1 - first)
+            if steps < 1:
+                break
+            shares = np.arange(steps + 1) / count
+            splines.append(make_interp_spline(shares, postures[first : first + steps + 1], min(3, steps)))
+            ends.append(float(on_grid(steps / count)))
+            first += count
+        rows = plan.path.table(plan.start_rotation).reshape(plan.task.frames, len(plan.counts), -1)
+        family = Stretches.along(rows)
+        equation = equation_of(strategy, family)
+        numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
+        spins = _free_turns(plan, ends)
+        return Pathway(equation, equation.level(postures[0]), tuple(splines), numbers, np.array(ends), spins)
+
+    def first(self) -> Boxes:
+        """Cells in which e is about `AIM`, from omega at sampled postures."""
+        # omega at nine places of each piece.
+        piece = np.repeat(np.arange(len(self.splines)), 9)
+        u = np.tile(np.linspace(0, 1, 9), len(self.splines)) * np.repeat(self.ends, 9)
+        q, n = self._at(piece, u), self.equation.n
+        still = np.zeros((len(q), n, 1))
+        numbers = np.hstack([self.given(piece), u[:, None], np.zeros((len(u), 1))])
+        cells = Cells(q, still, still, numbers, np.full(len(q), 1e-9))
+        omega = np.minimum(examined(self.equation, cells, self.c).omega, 1e6)
+        pieces = []
+        for i, end in enumerate(self.ends.tolist()):
+            # How much e grows along the piece: by omega times the motion of the joints; or the free turn, since the
+            # equation turns with it, though no joint may move: a cell has at most 0.05 rad of it.
+            places = np.linspace(0, end, PARTS + 1)
+            motion = np.linalg.norm(np.diff(self._at(np.full(len(places), i), places), axis=0), axis=1)
+            omega_there = np.interp(places, u[piece == i], omega[piece == i])
+            growth = np.maximum(motion * (omega_there[1:] + omega_there[:-1]) / 2, 2 * AIM / 0.05 * self.spins[i])
+            total = np.concatenate([[0.0], np.cumsum(growth)])
+            # Cuts at even shares of that, not the millions that omega asks for near a singular posture.
+            count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, 4096))
+            edges = np.unique(on_grid(np.interp(np.linspace(0, total[-1], count + 1), total, places)))
+            count = len(edges) - 1
+            rho = TUBE / np.interp((edges[1:] + edges[:-1]) / 2, places, omega_there)
+            unknown, new = np.full((count, n), np.nan), np.zeros(count, dtype=bool)
+            pieces.append(Boxes(np.full(count, i), edges[:-1, None], edges[1:, None], rho, new, unknown))
+        return joined(*pieces)
+
+    def given(self, piece: Indices) -> Matrix:
+        """Of the family `Stretches`."""
+        return self.begun[piece]
+
+    def joints(self, boxes: Boxes) -> Matrix:
+        """By the splines, and the other unknowns there."""
+        return self._at(boxes.piece, (boxes.low + boxes.high)[:, 0] / 2)
+
+    def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
+        """Those behind the first place where the proof failed."""
+        piece, (low, *_) = min(stopped)
+        return (boxes.piece > piece) | ((boxes.piece == piece) & (boxes.low[:, 0] >= low))
+
+    def goes_on(self, extent: Extent) -> bool:
+        """Whatever ended the others, but the budget."""
+        return extent is not Extent.BUDGET
+
+    def arranged(self, proven: Covered) -> Covered:
+        """In the order of the path, up to where the proof failed."""
+        boxes = proven.boxes
+        order = np.lexsort((boxes.low[:, 0], boxes.piece))
+        if proven.stopped is not None:
+            order = order[~self.beyond(boxes, [proven.stopped])[order]]
+        return proven.only(order)
+
+    def unglued(self, proven: Covered) -> Flags:
+        """Those whose root at the end is not shown to be the next one's only root at its beginning, and the next."""
+        k, cells = len(proven), proven.cells
+        unglued = np.zeros(k, dtype=bool)
+        if k > 1:
+            # The root at the end of each cell lies where the next one's is alone.
+            one = np.ones((k, 1))
+            gap = np.linalg.norm(cells.predicted(one)[:-1] - cells.predicted(-one)[1:], axis=1)
+            off = (gap + proven.findings.r[:-1] + cells.slip[:-1] + cells.slip[1:]) * UP
+            unglued[:-1] = ~(off <= proven.findings.alone[1:] / UP)
+            # Where pieces meet, E changes by no more than the cells allow for.
+            for i in np.flatnonzero(np.diff(proven.boxes.piece)):
+                numbers = np.concatenate(cells.numbers[i : i + 2])[:, None]
+                jump = Interval(*(side[None] for side in self.equation.seam(numbers, numbers)))
+                unglued[i] |= not norm(jump)[0] <= self.slack
+            unglued[1:] |= unglued[:-1]
+        return unglued
+
+    def connected(self, proven: Covered) -> Covered:
+        """Up to the first place where the next cell is not glued."""
+        apart = self.unglued(proven)
+        if not apart.any():
+            return proven
+        k = int(np.argmax(apart)) + 1
+        return replace(proven.only(slice(0, k)), extent=Extent.APART, stopped=proven.boxes.places()[k])
+
+    def place(self, proven: Covered) -> str:
+        """Piece and share."""
+        if proven.stopped is None:
+            return ""
+        piece, (low, *_) = proven.stopped
+        return f"{100 * low:.4g} % of piece {piece + 1} of the path"
+
+    def _at(self, piece: Indices, u: Vector) -> Matrix:
+        n = self.equation.joints
+        q = np.array([self.splines[i](share) for i, share in zip(piece, u, strict=True)]).reshape(len(piece), n)
+        return self.equation.completed(q)
+
+
+def _free_turns(plan: Plan, ends: list[float]) -> Matrix:
+    """How far the frames turn freely in the parts of each piece up to its end (pieces, `PARTS`) [rad]."""
+    spins, task = np.zeros((len(ends), PARTS)), plan.task
+    turning = sorted({row // 6 for row, angular in zip(task.rows, task._angular, strict=True) if angular})
+    if not leaves_free(task) or not turning:
+        return spins
+    for i, end in enumerate(ends):
+        samples = plan.path.on(np.full(PARTS + 1, i), np.linspace(0, end, PARTS + 1))
+        p, R = samples.position, turned(samples.rotation, plan.start_rotation)
+        seen = completing(task).batch(p[:-1], R[:-1], p[1:], R[1:])[1].reshape(-1, 3, 3)
+        free = rotation_vector(R[1:].reshape(-1, 3, 3) @ np.swapaxes(seen, 1, 2)).reshape(PARTS, -1, 3)
+        spins[i] = np.linalg.norm(free[:, turning], axis=(1, 2))
+    return spins
+
 
 # --- Postures that the roots of a proof are shown to be near to: the start, and where pieces of a path meet.
 
 NEAR = 1e-6
 """Of the places of a box where its start may be, the first one is taken whose posture is as near to the root."""
 
-ROOM = 4.0
-"""Of a distance that is not round-off: for the checker, whose bounds are those of a whole cell."""
 
-NEWTONS = 3
-"""Steps to a root from its predictor."""
-
-
-def _anchored(domain: Domain, found: Covered, q0: Vector, closed: bool) -> Anchors:
+def _anchored(domain: Domain, proven: Covered, q0: Vector, closed: bool) -> Anchors:
     """Of some cells, joined to each other, in the order of a path. `closed`: its end is to be its beginning."""
-    d, posture = domain.equation.d, q0
-    q0 = domain.equation.completed(posture[None])[0]
-    if not len(found):
-        return Anchors(np.zeros((1, d)), q0[None], np.inf, np.inf, None)
-    places = [(np.zeros(1), q0)] if d == 1 else []
+    d, start, on_path = domain.equation.d, domain.equation.completed(q0[None])[0], isinstance(domain, Pathway)
+    if not len(proven):
+        return Anchors(np.zeros((1, d)), start[None], np.inf, np.inf, None, on_path)
+    # The start. Over a box it is at its pose, where the leaf was continued to, or in the first cell.
+    places, first = [(np.zeros(1), start)] if d == 1 else [], q0
     if isinstance(domain, PoseRegion):
-        middle = domain.equation.completed(domain.q[None])[0]
-        places = [(domain.place_of(posture), q0), (domain.u0, middle)]
-        places.append(((found.boxes.low[0] + found.boxes.high[0]) / 2, found.cells.q0[0]))
-    u, q, within = np.zeros(d), q0, np.inf
+        u0 = domain.place_of(q0)
+        first = q0 if (np.abs(u0) <= 1).all() else domain.q
+        places = [(u0, start), (domain.u0, domain.equation.completed(domain.q[None])[0])]
+        places.append(((proven.boxes.low[0] + proven.boxes.high[0]) / 2, proven.cells.q0[0]))
+    u, q, within = np.zeros(d), start, np.inf
     for u, q in places:
-        within = distance_at(domain, found, _holding(found, 0, u), u, q)
+        within = _distance_at(domain, proven, _cell_at(proven, 0, u), u, q)
         if within < NEAR:
             break
-    if not isinstance(domain, Pathway):
-        return Anchors(u[None], q[None], within, 0.0, None)
-    pieces, end, begin = int(found.boxes.piece.max()) + 1, np.ones(1), np.zeros(1)
+    begun = on_path or (within < NEAR and np.array_equal(q[: len(q0)], first[: len(q0)]))
+    if not on_path:
+        return Anchors(u[None], q[None], within, 0.0, None, begun)
+    # Where pieces meet: the root at the beginning of each, from which that at the end of the one before is near.
+    pieces, end, begin = int(proven.boxes.piece.max()) + 1, np.ones(1), np.zeros(1)
     postures, gap, turns = [q], 0.0, None
     for piece in range(1, pieces):
-        one, other = _holding(found, piece - 1, end), _holding(found, piece, begin)
-        postures.append(_root_at(domain, found, other, begin))
-        gap = max(gap, sum(distance_at(domain, found, i, at, postures[-1]) for i, at in ((one, end), (other, begin))))
+        before, after = _cell_at(proven, piece - 1, end), _cell_at(proven, piece, begin)
+        root = _root_at(domain, proven, after, begin)
+        apart = _distance_at(domain, proven, before, end, root) + _distance_at(domain, proven, after, begin, root)
+        postures.append(root)
+        gap = max(gap, apart)
+    # The end of a closed path, and the whole turns of the joints there.
     if closed:
-        first, last = _holding(found, 0, begin), _holding(found, pieces - 1, end)
-        b, a = _root_at(domain, found, first, begin), _root_at(domain, found, last, end)
-        whole = np.where(domain.equation.revolute, np.rint((a - b) / (2 * np.pi)), 0.0) + 0.0  # no -0
-        size = 2 * np.pi * whole
-        apart = distance_at(domain, found, first, begin, b) + distance_at(domain, found, last, end, b + size)
-        apart += 1e-15 * float(np.linalg.norm(np.abs(size) + np.abs(b)))
-        if np.isfinite(apart) and domain.equation.periodic(whole):
-            gap, turns = max(gap, apart), whole
-    return Anchors(np.zeros((pieces, 1)), np.array(postures), within, gap, turns)
+        before, after = _cell_at(proven, pieces - 1, end), _cell_at(proven, 0, begin)
+        b, a = _root_at(domain, proven, after, begin), _root_at(domain, proven, before, end)
+        whole_turns = np.where(domain.equation.revolute, np.rint((a - b) / (2 * np.pi)), 0.0) + 0.0  # no -0
+        angles = 2 * np.pi * whole_turns
+        apart = _distance_at(domain, proven, after, begin, b) + _distance_at(domain, proven, before, end, b + angles)
+        apart += 1e-15 * float(np.linalg.norm(np.abs(angles) + np.abs(b)))
+        if np.isfinite(apart) and domain.equation.periodic(tuple(whole_turns.tolist())):
+            gap, turns = max(gap, apart), whole_turns
+    return Anchors(np.zeros((pieces, 1)), np.array(postures), within, gap, turns, begun)
 
 
-def at_start(domain: Domain, anchors: Anchors, q0: Vector) -> bool:
-    """Whether the roots are q0's: over a box at its pose, if the box holds that, else where it leads to the middle."""
-    if not isinstance(domain, PoseRegion):
-        return True
-    inside = bool((np.abs(domain.place_of(q0)) <= 1).all())
-    first = q0 if inside else domain.q
-    return anchors.within < NEAR and np.array_equal(anchors.q[0, : len(q0)], first[: len(q0)])
-
-
-def _holding(found: Covered, piece: int, u: Vector) -> int | None:
+def _cell_at(proven: Covered, piece: int, u: Vector) -> int | None:
     """A cell that holds u."""
-    b = found.boxes
+    b = proven.boxes
     holding = np.flatnonzero((b.piece == piece) & (b.low <= u).all(axis=1) & (u <= b.high).all(axis=1))
     return int(holding[0]) if len(holding) else None
 
 
-def _still(domain: Domain, found: Covered, i: int, u: Vector, q: Vector) -> Cells:
-    """A cell of the one pose at u."""
+def _cell_of_one_pose(domain: Domain, proven: Covered, i: int, u: Vector, q: Vector) -> Cells:
+    """The cell of the one pose at u, predicted to be at q; i is the cell that holds it."""
     n, d = domain.equation.n, domain.equation.d
-    numbers = np.concatenate([domain.given(found.boxes.piece[i : i + 1])[0], u, np.zeros(d)])
+    numbers = np.concatenate([domain.given(proven.boxes.piece[i : i + 1])[0], u, np.zeros(d)])
     Q = np.zeros((1, n, d * (d + 1) // 2))
-    return Cells(q[None], np.zeros((1, n, d)), Q, numbers[None], found.cells.rho[i : i + 1] / 4)
+    return Cells(q[None], np.zeros((1, n, d)), Q, numbers[None], proven.cells.rho[i : i + 1] / 4)
 
 
-def _local(found: Covered, i: int, u: Vector) -> Vector:
-    low, high = found.boxes.low[i], found.boxes.high[i]
-    predicted = some(found.cells, slice(i, i + 1)).predicted(((2 * u - low - high) / (high - low))[None])
-    return predicted[0]
+def _predicted_at(proven: Covered, i: int, u: Vector) -> Vector:
+    cell = slice(i, i + 1)
+    return some(proven.boxes, cell).predicted(some(proven.cells, cell), u[None])[0]
 
 
-def _root_at(domain: Domain, found: Covered, i: int | None, u: Vector) -> Vector:
+def _root_at(domain: Domain, proven: Covered, i: int | None, u: Vector) -> Vector:
     """The root at u of a cell, by Newton's method."""
     if i is None:
         return np.full(domain.equation.n, np.nan)
-    guess = _still(domain, found, i, u, _local(found, i, u))
-    return centred(domain.equation, guess.q0, guess.numbers, domain.c, guess.rho, newtons=NEWTONS).q0[0]
+    guess = _cell_of_one_pose(domain, proven, i, u, _predicted_at(proven, i, u))
+    return centred(domain.equation, guess.q0, guess.numbers, domain.c, guess.rho, newtons=3).q0[0]
 
 
-def distance_at(domain: Domain, found: Covered, i: int | None, u: Vector, q: Vector) -> float:
+def _distance_at(domain: Domain, proven: Covered, i: int | None, u: Vector, q: Vector) -> float:
     """A bound of the distance of the root of a cell at u from q; infinite where that is not shown.
 
     The cell of the one pose at u has a root within r of q; if it lies where the other cell's is alone, it is that one.
     """
     if i is None or not np.isfinite(q).all():
         return np.inf
-    here = examined(domain.equation, _still(domain, found, i, u, q), domain.c)
-    off = float(np.linalg.norm(q - _local(found, i, u)) + here.r[0] + found.cells.slip[i])
-    if not off < 0.5 * found.findings.alone[i]:
+    r = examined(domain.equation, _cell_of_one_pose(domain, proven, i, u, q), domain.c).r[0]
+    off = float(np.linalg.norm(q - _predicted_at(proven, i, u)) + r + proven.cells.slip[i])
+    if not off < 0.5 * proven.findings.alone[i]:
         return np.inf
-    return float(here.r[0] + ROOM * np.linalg.norm(q - _root_at(domain, found, i, u)))
+    # What is not round-off four times: for the checker, whose bounds are those of a whole cell.
+    return float(r + 4 * np.linalg.norm(q - _root_at(domain, proven, i, u)))
 
 
 # --- Where a path passes a tool pose twice: the joints are shown to be the same there, or to be others.
@@ -156,17 +341,15 @@ SAME = 1e-9
 FINE = 2.0**-46
 """Parts [share of a piece] that are not halved any more: a metre is then 1e-14 m long."""
 
-MOST = 30_000
+MOST_PAIRS = 30_000
 """Pairs that are compared at a time, at most."""
-
-MANY = 16
-"""Pairs for each cell: where more are left, a path may run along itself with other joints, so that all stay."""
 
 FEW = 24
 """Of too many pairs so many are looked at to the end."""
 
 ONCE = 4
-"""Halvings of a cell down to which tool poses are enclosed all at once: neighbours are told to have one root there."""
+"""Halvings of a cell down to which tool poses are enclosed all at once: most neighbours are shown to have one root
+before that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,67 +374,74 @@ class Revisits(Value):
     """The comparison of the cells that cover a path with each other."""
 
     domain: Pathway
-    found: Covered
+    proven: Covered
 
     def end(self) -> tuple[Extent, Revisit | None]:
         """Why a closed path whose return is not shown is not proven: its joints end elsewhere, if that is shown."""
-        zero, last = np.zeros(1), len(self.found) - 1
+        zero, last = np.zeros(1), len(self.proven) - 1
         moved = self._moved(Parts(np.array([0]), zero, zero), Parts(np.array([last]), zero + 1, zero + 1))
         return (Extent.RETURN, None) if moved is None else (Extent.ELSEWHERE, moved)
 
     def anywhere(self) -> tuple[Extent, Revisit | None]:
         """WHOLE where the same tool pose has the same joints all along the path, but for whole turns; else why not."""
-        boxes, cells = self.found.boxes, np.arange(len(self.found))
-        whole = Parts(cells, boxes.low[:, 0], boxes.high[:, 0])
+        boxes, cells = self.proven.boxes, np.arange(len(self.proven))
+        parts = Parts(cells, boxes.low[:, 0], boxes.high[:, 0])
         ones, others = overlapping(*self._levels[0], cells, cells)
-        return self._compared(some(whole, ones[ones <= others]), some(whole, others[ones <= others]), MOST, 0)
+        return self._compared(some(parts, ones[ones <= others]), some(parts, others[ones <= others]), MOST_PAIRS, 0)
 
     def _compared(self, a: Parts, b: Parts, most_pairs: int, level: int) -> tuple[Extent, Revisit | None]:
         """The same of pairs of parts, of so many at a time; where there are more, some of them are dropped.
 
         The parts are cells halved `level` times.
         """
-        lost, many, tries = False, MANY * len(self.found), FEW
+        lost, many, tries = False, 16 * len(self.proven), FEW
         while True:
-            left = ~self._one_root(a, b)  # first: it is cheaper than the tool poses, and most pairs are neighbours
+            # Leave out pairs that have one root: this is cheaper than the tool poses, and most pairs are neighbours.
+            left = ~self._one_root(a, b)
             a, b = some(a, left), some(b, left)
             if not len(a):
                 return (Extent.RETURN if lost else Extent.WHOLE), None
+            # Leave out those whose tool poses are apart.
             below, above = self._poses_at(joined(a, b), level)
-            (low, least), (high, most) = np.split(below, 2), np.split(above, 2)
-            left = np.all((low <= most) & (least <= high), axis=1)
-            apart = np.maximum(high - least, most - low)[left]
+            (low_a, low_b), (high_a, high_b) = np.split(below, 2), np.split(above, 2)
+            left = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
+            widths = np.maximum(high_a - low_b, high_b - low_a)[left]
             a, b = some(a, left), some(b, left)
-            same = np.flatnonzero((apart <= SAME).all(axis=1))  # most often none
+            # Where the tool poses are the same, the joints may be shown to differ: if the predictors are farther apart
+            # than the roots are from them.
+            same = np.flatnonzero((widths <= SAME).all(axis=1))  # most often none
             if len(same):
-                same = same[self._may_differ(some(a, same), some(b, same))]
+                r, gaps = self.proven.findings.r, self._apart(some(a, same), some(b, same))[0]
+                same = same[np.linalg.norm(gaps, axis=1) > r[a.cell[same]] + r[b.cell[same]]]
             for i in same[:tries].tolist():
                 tries -= 1
                 moved = self._moved(some(a, slice(i, i + 1)), some(b, slice(i, i + 1)))
                 if moved is not None:
                     return Extent.ELSEWHERE, moved
-            if len(a) > many and most_pairs > FEW:  # look into some of them first
+            # Of very many pairs a few are looked into first: the path may run along itself with other joints.
+            if len(a) > many and most_pairs > FEW:
                 extent, moved = self._compared(a, b, FEW, level)
                 if moved is not None:
                     return extent, moved
-                many = MOST
+                many = MOST_PAIRS
             wide = np.flatnonzero(np.maximum(a.high - a.low, b.high - b.low) > FINE)
             lost |= len(wide) < len(a) or len(a) > most_pairs
             if not len(wide):
                 return (Extent.RETURN if lost else Extent.WHOLE), None
             if lost:
                 wide = wide[np.unique(np.linspace(0, len(wide) - 1, FEW).astype(int))]
+            # Halve the others; of a part with itself one pair of unlike halves is enough.
             a, b, level = some(a, wide), some(b, wide), level + 1
-            two = (a.cell != b.cell) | (a.low != b.low)  # of a part with itself one pair of unlike halves is enough
+            unlike = (a.cell != b.cell) | (a.low != b.low)
             pairs = [(a.half(i), b.half(i)) for i in (False, True)]
-            pairs += [(a.half(False), b.half(True)), (some(a, two).half(True), some(b, two).half(False))]
+            pairs += [(a.half(False), b.half(True)), (some(a, unlike).half(True), some(b, unlike).half(False))]
             a, b = (joined(*(pair[side] for pair in pairs)) for side in (0, 1))
 
     @cached_property
     def _levels(self) -> list[tuple[Matrix, Matrix]]:
         """Enclosures (cells 2^level, .) of the tool poses of all cells, halved `level` times: hulls of the finest."""
-        boxes = self.found.boxes
-        parts = Parts(np.arange(len(self.found)), boxes.low[:, 0], boxes.high[:, 0])
+        boxes = self.proven.boxes
+        parts = Parts(np.arange(len(self.proven)), boxes.low[:, 0], boxes.high[:, 0])
         for _ in range(ONCE):
             order = np.arange(2 * len(parts)).reshape(2, -1).T.ravel()  # halves of a part follow each other
             parts = some(joined(parts.half(False), parts.half(True)), order)
@@ -265,82 +455,67 @@ class Revisits(Value):
         """`_poses` of cells halved `level` times."""
         if level > ONCE:
             return self._poses(parts)
-        low, high = self.found.boxes.low[parts.cell, 0], self.found.boxes.high[parts.cell, 0]
+        low, high = self.proven.boxes.low[parts.cell, 0], self.proven.boxes.high[parts.cell, 0]
         share = ((parts.low + parts.high) / 2 - low) / (high - low)  # a middle: far from a part's ends
-        those = parts.cell * 2**level + np.floor(share * 2**level).astype(int)
+        rows = parts.cell * 2**level + np.floor(share * 2**level).astype(int)
+        (below, above), (whole_below, whole_above) = self._levels[level], self._levels[0]
         tiny = high - low <= FINE  # halves are rounded there: all of the cell holds them
-        (below, above), (least, most) = self._levels[level], self._levels[0]
-        those[tiny] = 0
-        below, above = below[those], above[those]
-        below[tiny], above[tiny] = least[parts.cell[tiny]], most[parts.cell[tiny]]
+        rows[tiny] = 0
+        below, above = below[rows], above[rows]
+        below[tiny], above[tiny] = whole_below[parts.cell[tiny]], whole_above[parts.cell[tiny]]
         return below, above
 
     def _poses(self, parts: Parts) -> tuple[Matrix, Matrix]:
         """Enclosures (k, .) of the tool poses, wider by what counts as the same."""
-        boxes = self.found.boxes
         ends = np.column_stack([(parts.low + parts.high) / 2, (parts.high - parts.low) / 2])
-        fixed = np.vstack([self.domain.given(boxes.piece[parts.cell]).T, ends.T])
+        fixed = np.vstack([self.domain.given(self.proven.boxes.piece[parts.cell]).T, ends.T])
         one = np.ones((1, len(parts)))
-        found = self.domain.equation.reached(np.vstack([-one, fixed]), np.vstack([one, fixed]))
-        return found.low.T - SAME / 8, found.high.T + SAME / 8
+        poses = self.domain.equation.reached(np.vstack([-one, fixed]), np.vstack([one, fixed]))
+        return poses.low.T - SAME / 8, poses.high.T + SAME / 8
 
     def _joints(self, parts: Parts) -> tuple[Matrix, Matrix, Vector]:
         """Predicted unknowns (k, n) in the middles, how far each goes from there at most, the rounding of both (k,)."""
-        boxes, cells = self.found.boxes, some(self.found.cells, parts.cell)
+        boxes, cells = self.proven.boxes, some(self.proven.cells, parts.cell)
         low, high = boxes.low[parts.cell, 0], boxes.high[parts.cell, 0]
         y = (parts.low + parts.high - low - high) / (high - low)
-        reach = (np.abs(cells.V[:, :, 0]) + np.abs(cells.Q[:, :, 0])) * ((parts.high - parts.low) / (high - low))[
-            :, None
-        ]
+        share = (parts.high - parts.low) / (high - low)
+        reach = (np.abs(cells.V[:, :, 0]) + np.abs(cells.Q[:, :, 0])) * share[:, None]
         return cells.predicted(y[:, None]), reach * UP, cells.slip
 
     def _turns(self, apart: Matrix) -> Matrix:
         """The whole turns (k, n) in differences of unknowns, where E stays as it is by them."""
-        turns = np.where(self.domain.equation.revolute, np.rint(apart / (2 * np.pi)), 0.0)
+        turns = np.rint(apart / (2 * np.pi))
+        if turns.any():
+            turns = np.where(self.domain.equation.revolute, turns, 0.0)
         for row in np.unique(turns[turns.any(axis=1)], axis=0):
-            if not self._periodic(tuple(row.tolist())):
+            if not self.domain.equation.periodic(tuple(row.tolist())):
                 turns[(turns == row).all(axis=1)] = 0.0
         return turns
 
-    @cached_property
-    def _known(self) -> dict[tuple[float, ...], bool]:
-        return {}
-
-    def _periodic(self, turns: tuple[float, ...]) -> bool:
-        if turns not in self._known:
-            self._known[turns] = self.domain.equation.periodic(np.array(turns))
-        return self._known[turns]
-
     def _apart(self, a: Parts, b: Parts) -> tuple[Matrix, Matrix]:
         """By how much the predictors of b are from those of a less whole turns (k, n), and the error of this."""
-        (p, of_a, slip), (q, of_b, slips) = self._joints(a), self._joints(b)
-        turns = self._turns(q - p)
-        error = of_a + of_b + (slip + slips + 1e-14 * np.linalg.norm(turns, axis=1))[:, None]
-        return q - p - 2 * np.pi * turns, error
+        (q_a, reach_a, slip_a), (q_b, reach_b, slip_b) = self._joints(a), self._joints(b)
+        turns = self._turns(q_b - q_a)
+        error = reach_a + reach_b + (slip_a + slip_b + 1e-14 * np.linalg.norm(turns, axis=1))[:, None]
+        return q_b - q_a - 2 * np.pi * turns, error
 
     def _one_root(self, a: Parts, b: Parts) -> Flags:
         """(k,) True where at each common pose both parts have one root."""
         if not len(a):
             return np.zeros(0, dtype=bool)
-        findings = self.found.findings
         apart, error = self._apart(a, b)
         off = (np.linalg.norm(apart, axis=1) + np.linalg.norm(error, axis=1)) * UP
-        r, alone = findings.r * UP, findings.alone / UP
-        return (off + r[b.cell] <= alone[a.cell]) | (off + r[a.cell] <= alone[b.cell])
-
-    def _may_differ(self, a: Parts, b: Parts) -> Flags:
-        """(k,) True where the predictors are farther apart than the roots are from them."""
-        r = self.found.findings.r
-        return np.linalg.norm(self._apart(a, b)[0], axis=1) > r[a.cell] + r[b.cell]
+        r, alone = self.proven.findings.r * UP, self.proven.findings.alone
+        return one_root(off, r[a.cell], alone[a.cell], r[b.cell], alone[b.cell])
 
     def _moved(self, a: Parts, b: Parts) -> Revisit | None:
         """How the joints differ in the middles of two parts; None where they are not shown to."""
         places, roots, error, n = [], [], 0.0, self.domain.equation.joints
         for part in (a, b):
             cell, u = int(part.cell[0]), (part.low + part.high) / 2
-            roots.append(_root_at(self.domain, self.found, cell, u))
-            error += distance_at(self.domain, self.found, cell, u, roots[-1])
-            places.append((int(self.found.boxes.piece[cell]), float(u[0])))
+            roots.append(_root_at(self.domain, self.proven, cell, u))
+            error += _distance_at(self.domain, self.proven, cell, u, roots[-1])
+            places.append((int(self.proven.boxes.piece[cell]), float(u[0])))
         if not np.isfinite(error):
             return None
         apart = roots[1] - roots[0]
@@ -351,11 +526,7 @@ class Revisits(Value):
         return Revisit(places[0], places[1], (apart - error)[:n], (apart + error)[:n])
 
 
-SAMPLES = 256
-"""Samples of the path that the predictors start from."""
-
-ROUNDS = 12
-"""Times that cells which could not be glued are halved."""
+# --- The proof.
 
 
 @typed
@@ -404,34 +575,19 @@ def certify(
         ExpressionError: an operation without a rule for intervals. StartError, JointLimitError; of a leaf on which not
         even a first step is possible SingularityError, BranchError.
     """
-    began, ended = time.perf_counter(), (Extent.WHOLE, "")
-    strategy, start = provable(strategy), start_of(strategy, q0, limits)
+    began, extent, stop = time.perf_counter(), Extent.WHOLE, ""
+    strategy, start = provable(strategy), start_posture(strategy.task.robot, q0, limits)
     budget = whole("budget", budget)
     if isinstance(where, Workspace):
         domain: Domain = PoseRegion.of(strategy, where, start)
     else:
-        postures, extent, stop = walked(strategy, where, start, SAMPLES)
-        ended = extent, stop
-        domain = Pathway.of(strategy, where, postures, SAMPLES)
-    clear = kept_apart(strategy, start, scene)
-    asked = demands(strategy, limits, clear)
+        rotations = strategy.task.pose(start).reshape(-1, 4, 4)[:, :3, :3]
+        plan = make_plan(strategy.task, where, 256, rotations.reshape(-1, 3))
+        postures, extent, stop = walked(strategy, plan, start)
+        domain = Pathway.of(strategy, plan, postures)
+    asked = demands(strategy, start, limits, scene)
     with KeptCells.opened(keep_in, lambda: question(domain, start, asked)) as kept_cells:
-        return certificate(where, domain, start, asked, budget, progress, began, ended, kept_cells)
-
-
-def question(domain: Domain, start: Vector, asked: Demands) -> dict[str, Any]:
-    """All that decides what is proven, but for the budget: the equation, the start, the poses, limits and shapes."""
-    equation, first = domain.equation, domain.first()
-    n, d, given = equation.n, equation.d, domain.given(np.unique(first.piece))
-    inputs = [*range(n + d + given.shape[1]), *[0.0] * d, *[1.0] * d]
-    inputs += range(n + d + given.shape[1], n + d + given.shape[1] + len(domain.c))
-    limits, clear = asked.limits, asked.clear
-    arrays = (start, domain.c, given, first.low, first.high, first.rho, *(limits or ()))
-    return {
-        "equation": lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
-        "hashes": [hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest() for a in arrays],
-        "clear": None if clear is None else clear.described(), "partial": domain.partial, "slack": domain.slack,
-    }  # fmt: skip
+        return certificate(where, domain, start, asked, budget, progress, began, (extent, stop), kept_cells)
 
 
 def provable(strategy: Strategy) -> HolonomicStrategy:
@@ -444,144 +600,113 @@ def provable(strategy: Strategy) -> HolonomicStrategy:
     return strategy
 
 
-def start_of(strategy: Strategy, q0: ArrayLike, limits: bool) -> Vector:
-    """A start posture (n,). Raises: StartError; JointLimitError: with limits, it is beyond them."""
-    return start_posture(strategy.task.robot, q0, limits)
-
-
-def demands(strategy: HolonomicStrategy, limits: bool, clear: ClearCells | None) -> Demands:
-    """What is asked of the joints, and of shapes."""
+def demands(strategy: HolonomicStrategy, q0: Vector, limits: bool, scene: Scene | None) -> Demands:
+    """What is asked of the joints, and of shapes. Raises: as `kept_apart`."""
     robot = strategy.task.robot
+    clear = None if scene is None else kept_apart(strategy, q0, scene)
     return Demands(Interval(robot.lower, robot.upper) if limits else None, clear)
 
 
+def question(domain: Domain, start: Vector, asked: Demands) -> dict[str, Any]:
+    """All that decides what is proven, but for the budget: the equation, the start, the poses, limits and shapes."""
+    equation, first = domain.equation, domain.first()
+    given = domain.given(np.unique(first.piece))
+    arrays = (start, domain.c, given, first.low, first.high, first.rho, *(asked.limits or ()))
+    return {
+        "equation": lowered_equation(equation),
+        "hashes": [hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest() for a in arrays],
+        "clear": None if asked.clear is None else asked.clear.described(),
+        "partial": domain.partial,
+        "slack": domain.slack,
+    }
+
+
 def certificate(
-    where: AnyPath | Workspace, domain: Domain, start: Vector, asked: Demands, budget: int,
-    progress: Callable[[str], None], began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""),
+    where: AnyPath | Workspace,
+    domain: Domain,
+    start: Vector,
+    asked: Demands,
+    budget: int,
+    progress: Callable[[str], None],
+    began: float,
+    ended: tuple[Extent, str] = (Extent.WHOLE, ""),
     kept_cells: KeptCells = NOWHERE,
-) -> Certificate:  # fmt: skip
+) -> Certificate:
     """What can be proven over a domain. ended: why and where the postures of a path ended early."""
-    strategy = domain.equation.strategy
-    robot = strategy.task.robot
-    found = _glued(domain, asked, budget, progress, kept_cells)
+    robot = domain.equation.strategy.task.robot
+    # The cells, and how far apart the shapes are at least over them.
+    proven = _glued(domain, asked, budget, progress, kept_cells)
     if asked.clear is not None:
-        progress(f"{len(found):,} cells proven, the least distances")
-        found = replace(found, findings=asked.clear.sharpened(found.cells, found.findings))
-    extent, place = found.extent, domain.place(found)
+        progress(f"{len(proven):,} cells proven, the least distances")
+        proven = replace(proven, findings=asked.clear.sharpened(proven.cells, proven.findings))
+    # How far the proof came, and whether the joints return with the tool.
+    extent, place = proven.extent, domain.place(proven)
     if extent is Extent.WHOLE and ended[0] is not Extent.WHOLE:
         extent, place = ended
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
-    anchors = _anchored(domain, found, start, closed)
-    begun = at_start(domain, anchors, start)
-    if extent is Extent.WHOLE and not begun:
+    anchors, revisit = _anchored(domain, proven, start, closed), None
+    if extent is Extent.WHOLE and not anchors.begun:
         extent, place = Extent.APART, "the start"
-    revisit = None
     if extent is Extent.WHOLE and isinstance(domain, Pathway):
-        revisits = Revisits(domain, found)
+        revisits = Revisits(domain, proven)
         extent, revisit = revisits.end() if closed and anchors.turns is None else revisits.anywhere()
+    # What the cells say of the joints.
+    boxes, findings = proven.boxes, proven.findings
+    low, high = (findings.low.min(axis=0), findings.high.max(axis=0)) if len(proven) else (start, start)
     turns, gap = (np.zeros(robot.n), np.inf) if anchors.turns is None else (anchors.turns[: robot.n], anchors.gap)
-    low, high = _hull(found, start)
-    to_limit = np.minimum(low - robot.lower, robot.upper - high)
-    determinant = least_determinant(found.findings)
-    title, boxes = f"{strategy.name}, {strategy.task.name}", found.boxes
-    share = float(domain.shares(boxes.low, boxes.high).sum()) if isinstance(domain, PoseRegion) else 1.0
-    pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
-    about = f"{strategy.name!r} for the task {strategy.task.name!r}"
-    theorem = _theorem(
-        about,
-        where,
-        domain.equation,
-        extent,
-        place,
-        found,
-        determinant,
-        asked,
-        to_limit,
-        turns,
-        gap,
-        revisit,
-        share,
-        begun,
-    )
+    count = 1 if isinstance(where, Workspace) else len(where.durations)
     return Certificate(
-        title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
-        time.perf_counter() - began, domain.equation, domain.c, anchors, asked, pieces, revisit, where,
-    )  # fmt: skip
+        extent=extent,
+        where=place,
+        proven=proven,
+        share=float(domain.shares(boxes.low, boxes.high).sum()) / count,
+        low=low,
+        high=high,
+        determinant=least_determinant(findings),
+        to_limit=np.minimum(low - robot.lower, robot.upper - high),
+        turns=turns,
+        gap=gap,
+        seconds=time.perf_counter() - began,
+        equation=domain.equation,
+        c=domain.c,
+        anchors=anchors,
+        demands=asked,
+        pieces=domain.given(np.arange(int(boxes.piece.max(initial=0)) + 1)),
+        revisit=revisit,
+        asked=where,
+    )
 
 
-def _theorem(
-    title: str, where: AnyPath | Workspace, equation: Equation, extent: Extent, place: str, found: Covered,
-    determinant: float, asked: Demands, to_limit: Vector, turns: Vector, gap: float, revisit: Revisit | None,
-    proven: float, begun: bool,
-) -> str:  # fmt: skip
-    if not len(found):
-        return f"Nothing is proven: at {place or 'the start'} {extent.cause}."
-    with_others, q = "", ""
-    if equation.n > equation.joints:
-        with_others, q = ", taken with the auxiliary unknowns of the constraint,", ", q the joints and these unknowns"
-    all_of_it, one = extent in COVERED, equation.strategy.task.frames == 1
-    if isinstance(where, Workspace):
-        share = f"the cells that are joined, {share_text(proven)} of {where},"
-        function, about = "smooth function of the pose", f"every pose of {where if all_of_it else share}"
-    else:
-        function = "continuous function of the place, smooth between corners of the path"
-        about = f"every place {'on the path' if all_of_it else 'of the path up to there'}"
-    parts = [
-        f"on the leaf of {title} through the start, {about} has exactly one posture{with_others} in the tube of its "
-        f"cell ({len(found)} cells); this posture is a {function}, with |det {equation.derivative}| "
-        f">= {at_least(determinant, 2)}{q}"
-    ]
-    if asked.limits is not None and np.isfinite(to_limit).any():
-        parts.append(f"every joint stays {at_least(float(to_limit.min()), 2)} or more (rad or m) from its limits")
-    turned = f" but for the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
-    if asked.clear is not None:
-        parts.append(asked.clear.told(found.findings.apart))
-    if np.isfinite(gap):
-        parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
-    if extent is Extent.WHOLE and not isinstance(where, Workspace):
-        pose, poses = ("a tool pose", "the tool pose") if one else ("the tools' poses", "the tools' poses")
-        again = "whole turns apart at most" if turned else "the same"
-        parts.append(f"wherever the path comes back to {pose}, the joints are {again}: a function of {poses} on it")
-    said = "; ".join(parts)
-    if extent is Extent.WHOLE:
-        return f"{said[0].upper()}{said[1:]}."
-    if revisit is not None:
-        return f"The joints are no function of the tool pose here: {revisit.told(equation)}; but {said}."
-    said += "" if begun else "; the pose of the start is not proven"
-    return f"Not all is proven, since {f'at {place} ' if place else ''}{extent.cause}; but {said}."
-
-
-def _hull(found: Covered, q0: Vector) -> tuple[Vector, Vector]:
-    if not len(found):
-        return q0, q0
-    return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
-
-
-def _glued(domain: Domain, asked: Demands, budget: int, progress: Callable[[str], None], kept: KeptCells) -> Covered:
+def _glued(
+    domain: Domain, asked: Demands, budget: int, progress: Callable[[str], None], kept_cells: KeptCells
+) -> Covered:
     """Cells over all of a domain, halved until neighbours share roots; or those that hang together."""
     before = ""
 
-    def told(count: int, spent: int, share: float) -> None:
-        again = f", {kept.resumed:,} of them before" if kept.resumed else ""
+    def report(count: int, spent: int, share: float) -> None:
+        again = f", {kept_cells.resumed:,} of them before" if kept_cells.resumed else ""
         progress(f"{before}{share:.0%} proven by {count:,} cells, {spent:,} of at most {budget:,} examined{again}")
 
     if isinstance(domain, PoseRegion) and domain.partial:
-        return grown(domain, asked, budget, told, kept)
-    found = domain.arranged(covered(domain, domain.first(), asked, budget, told, kept))
-    for i in range(ROUNDS):
-        progress(f"{len(found):,} cells proven, joining them")
-        apart = domain.unglued(found)
-        if not (domain.goes_on(found.extent) and apart.any()):
+        return grown(domain, asked, budget, report, kept_cells)
+    proven = domain.arranged(covered(domain, domain.first(), asked, budget, report, kept_cells))
+    for i in range(12):
+        # Find the cells that are not glued to their neighbours.
+        progress(f"{len(proven):,} cells proven, joining them")
+        apart = domain.unglued(proven)
+        if not (domain.goes_on(proven.extent) and apart.any()):
             break
+        # Prove their halves in their place.
         before = f"round {i + 2}, of the {int(apart.sum()):,} cells that are not joined yet: "
-        parts = halves(found.boxes, found.cells, found.cells.rho / 2, apart, np.isfinite(found.findings.eta))
-        found = domain.arranged(_both(found.only(~apart), covered(domain, parts, asked, budget, told, kept)))
-    return domain.connected(found)
+        parts = halves(proven.boxes, proven.cells, proven.cells.rho / 2, apart, np.isfinite(proven.findings.eta))
+        parts = covered(domain, parts, asked, budget, report, kept_cells)
+        proven = domain.arranged(_both(proven.only(~apart), parts))
+    return domain.connected(proven)
 
 
 def _both(one: Covered, other: Covered) -> Covered:
     """The cells of both, ended where the first of them is."""
-    ends = [(c.stopped, c.extent) for c in (one, other) if c.stopped is not None]
+    ends = [(part.stopped, part.extent) for part in (one, other) if part.stopped is not None]
     stopped, extent = min(ends, key=lambda end: end[0], default=(None, Extent.WHOLE))
-    boxes, cells, findings = (joined(getattr(one, f), getattr(other, f)) for f in ("boxes", "cells", "findings"))
-    return Covered(boxes, cells, findings, extent, stopped)
+    rows = (joined(getattr(one, name), getattr(other, name)) for name in ("boxes", "cells", "findings"))
+    return Covered(*rows, extent, stopped)

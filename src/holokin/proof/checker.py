@@ -38,10 +38,10 @@ def solved(A: Any, b: Any) -> Any:
         raise RejectedError("D_q E may be singular") from None
 
 
-def size(*those: Any) -> Any:
-    """Upper bounds of |M| for all of those, number by number. None is NaN."""
-    rows = zip(*(M.tolist() for M in those), strict=True)
-    return arb_mat([[max(abs(x).upper() for x in of) for of in zip(*row, strict=True)] for row in rows])
+def size(*matrices: Any) -> Any:
+    """Upper bounds of |M| for all of the matrices, number by number. None is NaN."""
+    rows = zip(*(M.tolist() for M in matrices), strict=True)
+    return arb_mat([[max(abs(x).upper() for x in entry) for entry in zip(*row, strict=True)] for row in rows])
 
 
 def below(a: Any, b: Any) -> bool:
@@ -85,7 +85,7 @@ class Cell:
         bend = arb_mat([(Q * y).entries() for Q in self.Q])
         return self.x + self.V * y + bend * y / 2, self.V + bend
 
-    def at(self, u: Any) -> Any:
+    def place(self, u: Any) -> Any:
         """y (d, 1) and p (n, 1) at u."""
         y = arb_mat([[(2 * arb(x) - a - b) / (arb(b) - a)] for x, (a, b) in zip(u, self.sides, strict=True)])
         return y, arb_mat([[x] for x in self.p(y)[0].entries()[: -len(u)]])
@@ -106,7 +106,7 @@ def shapes_of(data: Any, joints: int, in_time: Any) -> Any:
         from .clear_checker import Clear
     except ImportError:
         from clear_checker import Clear  # type: ignore[no-redef]
-    return Clear(data, joints, need, in_time)
+    return Clear(data, joints, in_time)
 
 
 class Checker:
@@ -119,9 +119,9 @@ class Checker:
         need(d == 1 or len(data["pieces"]) == 1, "a box of poses has several pieces")
         need(0 <= self.claims["gap"] <= GAP, f"its gap is no number from 0 to {GAP:g}")
         signed = zip((-math.inf, -math.inf, math.inf, math.inf), self.claims["joints"], strict=True)
-        sides = [[(far if x is None else x) for x in row] for far, row in signed]
-        need(all(a < b for a, b in zip(sides[0], sides[3], strict=True)), "limits are no limits")
-        self.limits, self.least, self.hull = sides, math.inf, [[math.inf] * n, [-math.inf] * n]
+        bounds = [[(far if x is None else x) for x in row] for far, row in signed]
+        need(all(a < b for a, b in zip(bounds[0], bounds[3], strict=True)), "limits are no limits")
+        self.limits, self.least, self.hull = bounds, math.inf, [[math.inf] * n, [-math.inf] * n]
         self.share, self.count, self.moved, self.total = 0.0, 0, [0.0] * n, total
         self.clear = shapes_of(data, self.joints, self.in_time) if "clear" in data else None
         self.one, self.all_y = arb_mat([[int(i == j) for j in range(n)] for i in range(n)]), arb_mat([[UNIT]] * d)
@@ -140,9 +140,9 @@ class Checker:
             values.append(RULES[name](*(values[i] for i in of))[0])
         return [values[i] for i in self.data["outputs"][: self.n]]
 
-    def apart(self, one: Any, u: Any, other: Any, v: Any, q: Any) -> list[Any]:
+    def apart(self, numbers: Any, u: Any, others: Any, v: Any, q: Any) -> list[Any]:
         """By how much E (n,) differs at two places, for one posture q: by how much the tool's poses do."""
-        return [a - b for a, b in zip(self.value(one, q, u), self.value(other, q, v), strict=True)]
+        return [a - b for a, b in zip(self.value(numbers, q, u), self.value(others, q, v), strict=True)]
 
     def periodic(self, turns: Any) -> bool:
         """Whether E stays as it is when the unknowns go on by whole turns (n,): followed through the operations."""
@@ -150,19 +150,19 @@ class Checker:
         known = dict(enumerate(constants, self.n + self.d + len(self.numbers) - len(constants)))
         shifts: list[Any] = [*turns, *[0] * (self.d + len(self.numbers))]
         for name, *of in self.data["operations"]:
-            given, found = [shifts[i] for i in of], None
+            given, shift = [shifts[i] for i in of], None
             if not any(s is None or s for s in given):
-                found = 0
+                shift = 0
             elif None in given:
-                found = None
+                shift = None
             elif name in ("add", "sub"):
-                found = given[0] + given[1] if name == "add" else given[0] - given[1]
+                shift = given[0] + given[1] if name == "add" else given[0] - given[1]
             elif name == "mul" and (of[0] in known or of[1] in known):
-                factor, other = (known[of[0]], given[1]) if of[0] in known else (known[of[1]], given[0])
-                found = int(factor) * other if factor % 1 == 0 else None
+                factor, turn = (known[of[0]], given[1]) if of[0] in known else (known[of[1]], given[0])
+                shift = int(factor) * turn if factor % 1 == 0 else None
             elif name in ("sin", "cos"):
-                found = 0
-            shifts.append(None if found is None or abs(found) > FAR else found)
+                shift = 0
+            shifts.append(None if shift is None or abs(shift) > FAR else shift)
         return all(shifts[i] == 0 for i in self.data["outputs"])
 
     def enclose(self, cell: Cell, y: Any, s: Any, twice: bool = False) -> Any:
@@ -175,28 +175,28 @@ class Checker:
         jets: list[Any] = [[arb_mat([D + e]), *(arb_mat([row + [0] * n]) for row in Q.tolist())] for D, e, Q in given]
         jets += [None] * len(self.numbers)
         for name, *of in self.data["operations"]:
-            those = [jets[i] for i in of]
+            operands = [jets[i] for i in of]
             value, slopes, bends = RULES[name](*(values[i] for i in of))
             need(all(arb(x).is_finite() for x in (value, *slopes, *bends.values())), "the constraint may have a kink")
             values.append(value)
-            sums: list[Any] = [[J[k] * a for J, a in zip(those, slopes, strict=True) if J] for k in orders]
+            sums: list[Any] = [[J[k] * a for J, a in zip(operands, slopes, strict=True) if J] for k in orders]
             for k, ((i, j), a) in product(orders[1:], list(bends.items())):
-                if those[i] and those[j]:
-                    sums[k].append(those[j][0] * (those[i][0][0, k - 1] * a))
-            jets.append([sum(terms[1:], terms[0]) for terms in sums] if any(those) else None)
+                if operands[i] and operands[j]:
+                    sums[k].append(operands[j][0] * (operands[i][0][0, k - 1] * a))
+            jets.append([sum(terms[1:], terms[0]) for terms in sums] if any(operands) else None)
         need(all(values[i] > 0 for i in self.data["outputs"][n:]), "the tool may face the other way")
-        found = [arb_mat([jets[i][k].entries() if jets[i] else [0] * (d + n) for i in rows]) for k in orders]
-        return arb_mat([[values[i]] for i in rows]), found
+        D = [arb_mat([jets[i][k].entries() if jets[i] else [0] * (d + n) for i in rows]) for k in orders]
+        return arb_mat([[values[i]] for i in rows]), D
 
     def bounds(self, cell: Cell, s: Any, cuts: int) -> Any:
         """(M, eta) for all y, each cut into so many parts, and a box of s; eta is right where s is 0."""
-        found, half = [], arb(1) / cuts
-        for y in (half * arb_mat([[k] for k in at]) for at in product(range(1 - cuts, cuts, 2), repeat=self.d)):
+        parts, half = [], arb(1) / cuts
+        for y in (half * arb_mat([[k] for k in place]) for place in product(range(1 - cuts, cuts, 2), repeat=self.d)):
             (E, [first]), (_, bends) = self.enclose(cell, y, s), self.enclose(cell, y + half * self.all_y, s, True)
             once = size(cell.Y * first - self.by_s.transpose())
             twice = half * sum((size(cell.Y * D) for D in bends[1:]), 0 * once)
-            found.append(((once + twice) * self.by_s, size(cell.Y * E) + half * (once + twice / 2) * self.by_y))
-        return (size(*parts) for parts in zip(*found, strict=True))
+            parts.append(((once + twice) * self.by_s, size(cell.Y * E) + half * (once + twice / 2) * self.by_y))
+        return (size(*bounds) for bounds in zip(*parts, strict=True))
 
     def prove(self, cell: Cell) -> Cell:
         """The cell with its theorem, and what is claimed of it: with as many parts as that needs."""
@@ -218,10 +218,10 @@ class Checker:
     def attempt(self, cell: Cell, cuts: int, factor: float) -> None:
         """One of them. Raises: RejectedError."""
         M, cell.eta = self.bounds(cell, arb_mat(self.n, 1), cuts)
-        some = arb_mat(self.n, 1, [max(cell.eta.entries()) / 64 + 1e-15] * self.n)
-        cell.rho = factor * size(solved(self.one - M, cell.eta + some))
+        margin = arb_mat(self.n, 1, [max(cell.eta.entries()) / 64 + 1e-15] * self.n)
+        cell.rho = factor * size(solved(self.one - M, cell.eta + margin))
         cell.M, _ = self.bounds(cell, cell.rho * UNIT, cuts)
-        cell.r = size(solved(self.one - cell.M, cell.eta + some / 64))
+        cell.r = size(solved(self.one - cell.M, cell.eta + margin / 64))
         need(below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
         determinant = (self.one - cell.M).det() / abs(cell.Y.det())
         need(self.claims["determinant"] <= determinant, "|det D_q E| is less")
@@ -236,26 +236,35 @@ class Checker:
         """The cells of a box of u: one; or null, none; or [axis, at, below, above], those of the two parts of a cut."""
         if not isinstance(tree, list):
             need(bool(tree) or not self.whole, "the cells leave a gap")
-            return [self.prove(Cell(tree, sides))] if tree else []
-        axis, at, *halves = tree
-        need(sides[axis][0] < at < sides[axis][1], "a cut is outside of its box")
-        parts = [[*sides[:axis], end, *sides[axis + 1 :]] for end in ((sides[axis][0], at), (at, sides[axis][1]))]
+            return [self.leaf(tree, sides)] if tree else []
+        axis, cut, *halves = tree
+        need(sides[axis][0] < cut < sides[axis][1], "a cut is outside of its box")
+        parts = [[*sides[:axis], end, *sides[axis + 1 :]] for end in ((sides[axis][0], cut), (cut, sides[axis][1]))]
         lower, upper = (self.cover(half, part) for half, part in zip(halves, parts, strict=True))
-        for one, other in product(*([c for c in of if at in c.sides[axis]] for of in (lower, upper))):
-            self.join(one, other, axis)
+        self.meet(lower, upper, axis, cut)
         return lower + upper
 
-    def join(self, one: Cell, other: Cell, axis: int) -> None:
+    def leaf(self, data: Any, sides: Any) -> Cell:
+        """A proven cell."""
+        return self.prove(Cell(data, sides))
+
+    def meet(self, lower: list[Cell], upper: list[Cell], axis: int, cut: float) -> None:
+        """Join the cells on both sides of a cut."""
+        for a, b in product(*([cell for cell in cells if cut in cell.sides[axis]] for cells in (lower, upper))):
+            self.join(a, b, axis)
+
+    def join(self, a: Cell, b: Cell, axis: int) -> None:
         """Where two cells meet across an axis, they have one root. Raises: RejectedError."""
         self.in_time()
-        face = [(max(a, c), min(b, d)) for (a, b), (c, d) in zip(one.sides, other.sides, strict=True)]
-        if all(a < b or k == axis for k, (a, b) in enumerate(face)):
-            u = [(arb(a) + b) / 2 for a, b in face]
-            p, q = (cell.at(u)[1] for cell in (one, other))
-            near = below(size(p - q) + one.r, other.rho) or below(size(p - q) + other.r, one.rho)
-            need(near or below(size(self.root(one, u) - q), other.rho), "it may jump")
-            if one.joined is not other.joined:
-                fewer, more = sorted((one.joined, other.joined), key=len)
+        pairs = zip(a.sides, b.sides, strict=True)
+        face = [(max(low, low_b), min(high, high_b)) for (low, high), (low_b, high_b) in pairs]
+        if all(low < high or k == axis for k, (low, high) in enumerate(face)):
+            u = [(arb(low) + high) / 2 for low, high in face]
+            p, q = (cell.place(u)[1] for cell in (a, b))
+            near = below(size(p - q) + a.r, b.rho) or below(size(p - q) + b.r, a.rho)
+            need(near or below(size(self.root(a, u) - q), b.rho), "it may jump")
+            if a.joined is not b.joined:
+                fewer, more = sorted((a.joined, b.joined), key=len)
                 more.update(fewer)
                 for cell in fewer:
                     cell.joined = more
@@ -268,14 +277,14 @@ class Checker:
 
     def off(self, cell: Cell, u: Any, q: Any) -> Any:
         """How far a cell's root at u is from the joints q at most."""
-        y, p = cell.at(u)
+        y, p = cell.place(u)
         s = arb_mat([[x] for x in q]) - p
         need(below(size(s), cell.rho), f"the joints at {u} are not near their root")
         return max(size(solved(self.one - cell.M, size(cell.Y * self.enclose(cell, y, s)[0]))).entries())
 
     def root(self, cell: Cell, u: Any) -> Any:
         """Balls (n, 1) of a cell's root at u."""
-        y, p = cell.at(u)
+        y, p = cell.place(u)
         s = arb_mat(self.n, 1)
         for _ in range(3):
             s = arb_mat([[x.mid()] for x in (s - cell.Y * self.enclose(cell, y, s)[0]).entries()])
@@ -289,12 +298,14 @@ class Checker:
         after, start, turns = [*pieces[1:], pieces[0]], pieces[0]["q"], claims["turns"]
         closed, moved, last, fixed = False, None, [], data["level"] + data["constants"]
         for k, (piece, follower) in enumerate(zip(pieces, after, strict=True)):
+            # The cells of a piece, and the posture at its beginning.
             self.whole, is_last = claims["whole"] or k + 1 < len(pieces), k + 1 == len(pieces)
             self.numbers, following = ([arb(x) for x in of["numbers"] + fixed] for of in (piece, follower))
             cells = self.cover(piece["cells"], [(0, 1) if self.d == 1 else (-1, 1)] * self.d)
             u = [0] if self.d == 1 else piece["u"]
             need(self.away(cells, u, piece["q"]) <= claims["gap"], "the leaf may miss the start")
             if self.d == 1:
+                # How far the tool goes, and that path and joints go on to the next piece.
                 most = max(c.sides[0][1] for c in cells)
                 steps = [self.value(self.numbers, piece["q"], [arb(k) / 4 * most]) for k in range(5)]
                 for step in pairwise(steps):
@@ -304,6 +315,7 @@ class Checker:
                 if not is_last:
                     need(self.away(cells, [1], follower["q"]) <= claims["gap"], "the path may not go on")
                 closed, last = meet and claims["whole"], cells
+        # The end of a closed path.
         if turns is not None:
             need(closed, "the path is not closed, or not all of it is covered")
             kinds = [*data["units"], *[""] * (self.n - self.joints)]
@@ -314,9 +326,8 @@ class Checker:
         elif closed:
             end = self.root(last[-1], [1]).entries()
             moved = [b - x - claims["gap"] * UNIT for x, b in zip(start, end, strict=True)]
-        return Verified(
-            claims["whole"] and (turns is not None or not closed), self.lines(closed, turns, moved), self.words(), data
-        )
+        whole = claims["whole"] and (turns is not None or not closed)
+        return Verified(whole, self.lines(closed, turns, moved), self.words(), data)
 
     def words(self) -> str:
         """Those of the file, which nothing here speaks for."""
@@ -324,24 +335,25 @@ class Checker:
 
     def lines(self, closed: bool, turns: Any, moved: Any) -> list[str]:
         """What was verified, in sentences."""
-        n, r, claims = self.n, len(self.data["level"]), self.claims
-        part = 2**self.d if self.d > 1 else len(self.data["pieces"])
-        found = [
+        # The equation.
+        n, r, claims, pieces = self.n, len(self.data["level"]), self.claims, self.data["pieces"]
+        lines = [
             f"E: {len(self.data['operations'])} operations, {n} rows and unknowns, {self.joints} of them joints; "
             f"level {self.data['level']} of {r} rows",
         ]
-        what = "all" if claims["whole"] else f"{100 * self.share / part:.3g} %{' of the parameters' * (self.d > 3)}"
+        # How large the box is, or how long the path, and how it ends.
+        part = 100 * self.share / (2**self.d if self.d > 1 else len(pieces))
+        what = "all" if claims["whole"] else f"{part:.3g} %{' of the parameters' * (self.d > 3)}"
         if self.d > 1:
-            sides = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
-            q, of = self.data["pieces"][0]["q"], self.numbers
-            steps = [self.apart(of, u, of, [-x for x in u], q) for u in sides]
+            corners = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
+            steps = [self.apart(self.numbers, u, self.numbers, [-x for x in u], pieces[0]["q"]) for u in corners]
             wide = ", ".join(f"{float(max(abs(x) for x in step).upper()):.3g}" for step in steps)
-            found.append(f"{what} of a box of poses, whose sides change a row of E by {wide}: {self.count} cells")
+            lines.append(f"{what} of a box of poses, whose sides change a row of E by {wide}: {self.count} cells")
         else:
             rows = ", ".join(f"{x:.4g}" for x in self.moved[: self.joints - r])
-            found.append(
-                f"{what} of a path of {len(self.data['pieces'])} pieces: {self.count} cells, over which rows of E "
-                f"change by {rows} in all, at least"
+            lines.append(
+                f"{what} of a path of {len(pieces)} pieces: {self.count} cells, over which rows of E change by {rows} "
+                "in all, at least"
             )
             end = "the end was not reached"
             if turns is not None:
@@ -354,15 +366,16 @@ class Checker:
                 end = "closed, and the joints are not shown to return"
             elif claims["whole"]:
                 end = "open"
-            found.append(f"the path is {end}" if claims["whole"] else end)
-        found.append(f"at each place one posture near the predicted, smooth, |det D_q E| >= {DOWN * self.least:.4g}")
+            lines.append(f"the path is {end}" if claims["whole"] else end)
+        # The joints.
+        lines.append(f"at each place one posture near the predicted, smooth, |det D_q E| >= {DOWN * self.least:.4g}")
         names = self.data.get("names", [])
         for i, low, high in zip(range(self.joints), self.limits[0], self.limits[3], strict=False):
             limits = "no limits" if math.isinf(low) and math.isinf(high) else f"limits {low:.6g} to {high:.6g}"
             name = text_of(names[i]) if isinstance(names, list) and i < len(names) else ""
             hull = f"{self.hull[0][i]:.6g} to {self.hull[1][i]:.6g} {self.data['units'][i]}"
-            found.append(f"joint {i + 1} ({name}): {hull}, {limits}")
-        return found + (self.clear.lines() if self.clear else [])
+            lines.append(f"joint {i + 1} ({name}): {hull}, {limits}")
+        return lines + (self.clear.lines() if self.clear else [])
 
 
 def check(file: str, say: Any = lambda _cells: None, seconds: float = math.inf, kind: Any = None) -> Verified:
@@ -378,8 +391,8 @@ def check(file: str, say: Any = lambda _cells: None, seconds: float = math.inf, 
 if __name__ == "__main__":
     try:
         allowed = float(sys.argv[2]) if len(sys.argv) > 2 else 3600.0
-        found = check(sys.argv[1], lambda _cells: print(".", end="", file=sys.stderr, flush=True), allowed)
-        print("\nVERIFIED:", *found.lines, f"The file's own words: {found.words}", sep="\n  ")
+        verified = check(sys.argv[1], lambda _cells: print(".", end="", file=sys.stderr, flush=True), allowed)
+        print("\nVERIFIED:", *verified.lines, f"The file's own words: {verified.words}", sep="\n  ")
     except (RejectedError, OSError, ValueError, LookupError) as problem:
         print("\nREJECTED:" if isinstance(problem, RejectedError) else "\nnot read:", problem)
         sys.exit(1 if isinstance(problem, RejectedError) else 2)

@@ -15,9 +15,6 @@ FORMAT = "holokin certificate 3"
 BYTES, OPERATIONS, UNKNOWNS, MOST, JOINTS, POINTS = 500_000_000, 20_000, 64, 4096, 1000, 256
 """Of a file, of an equation, of shapes or pairs, of a tree of joints, and of a shape: those of holokin's have less."""
 
-SPARSE = 6
-"""Letters for each list or table: those of holokin have 8 or more. A list takes 64 bytes of memory."""
-
 LARGEST, FAR, DEEPEST = 1e100, 1e6, 200
 """Of a number, of a place or turn of a joint, and of cuts within each other: halves of halves end after some 50."""
 
@@ -39,7 +36,8 @@ def text_of(value: Any) -> str:
 
 def parsed(text: str) -> Any:
     """What a text of JSON says. Raises: ValueError: it says nothing, or too much."""
-    if text.count("[") + text.count("{") > len(text) / SPARSE + 1000:
+    # Those of holokin have 8 letters or more for each list, which takes 64 bytes of memory.
+    if text.count("[") + text.count("{") > len(text) / 6 + 1000:
         raise ValueError("it has more lists than numbers, and would take more memory than its size tells")
     try:
         return json.loads(text)
@@ -117,8 +115,8 @@ def _check_task(task: Any) -> None:
     """What is compared with a robot; None where it is not."""
     if task is None:
         return
-    kinds, told = task["stretches"], task["orientation"]
-    fits = (told is None or isinstance(told, str)) and isinstance(task["turning"], bool)
+    kinds, orientation = task["stretches"], task["orientation"]
+    fits = (orientation is None or isinstance(orientation, str)) and isinstance(task["turning"], bool)
     fits = fits and _list(task["rows"]) and len(task["rows"]) <= 6 and all(_place(i, 6) for i in task["rows"])
     fits = fits and numbers(task["reference"], 3, 3) and numbers(task["axis"], 3)
     need(fits, "its task is none")
@@ -180,5 +178,5 @@ def numbers(value: Any, *lengths: int) -> bool:
     if type(value) is not list or lengths[0] not in (-1, len(value)):
         return False
     if len(lengths) > 1:
-        return all(numbers(one, *lengths[1:]) for one in value)
+        return all(numbers(row, *lengths[1:]) for row in value)
     return all(type(x) in (float, int) and -LARGEST <= x <= LARGEST for x in value)

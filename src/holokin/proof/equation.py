@@ -8,16 +8,15 @@ orientation rows up to sign and the coordinates of the orientation.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..base.errors import ArgumentError
-from ..base.types import Array, Flags, Matrix, Value, Vector
+from ..base.types import Array, Flags, Matrix, Value, Vector, kept
 from ..strategies import HolonomicStrategy
 from ..strategies.tasks.frame_task import AxisDirection, FrameTask, free_directions, parts_of
 from ..strategies.tasks.task import Task
@@ -29,41 +28,17 @@ from ..symbolic.rotations import frame_about, one_formula, skew
 # --- Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box of poses, d = 3 or
 # 6.
 #
-# They are expressions of y and of some numbers, u0 and h the last of them, so that one expression serves all cells of a
-# proof. Two cells with a value of u in common have that pose in common, exactly.
-
-
-@dataclass(frozen=True, eq=False)
-class Family(Value, ABC):
-    """A family of `dimension` parameters y, given by `numbers` numbers. `turning`: whether the tool turns in it."""
-
-    turning: bool
-
-    @property
-    @abstractmethod
-    def dimension(self) -> int:
-        """d."""
-
-    @property
-    @abstractmethod
-    def numbers(self) -> int:
-        """How many numbers give a member."""
-
-    @abstractmethod
-    def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
-        """(position (3F,), rotation (3F, 3)) of F frames at y (d,)."""
+# They are expressions of the `dimension` parameters y and of some `numbers`, u0 and h the last of them, so that one
+# expression serves all cells of a proof. Where the tool turns in it, a family is `turning`. Two cells with a value of u
+# in common have that pose in common, exactly.
 
 
 TERMS = 22
 """Terms of the series of exp(phi): for |phi| <= 2 pi what is left out is below 1e-19."""
 
 
-BEZIER = np.array([[1, 0, 0, 0], [1, 1 / 3, 0, 0], [1, 2 / 3, 1 / 3, 0], [1, 1, 1, 1]])
-"""Times the coefficients of a cubic, its control points: over [0, 1] it lies between them."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch(Family):
+@dataclass(frozen=True)
+class Stretch(Value):
     """A stretch of a `Segment` of a path: u is the share of it.
 
     p = centre + cos(a u) x + sin(a u) y + u b + u^2 c + u^3 d. An even turn is R = (1 + sin(t u) [k]x + (1 - cos(t u))
@@ -72,12 +47,8 @@ class Stretch(Family):
     1e-14 from exp([w]x) for |w| <= 2 pi.
     """
 
+    turning: bool
     curved: bool = False
-
-    @property
-    def dimension(self) -> int:
-        """One: u."""
-        return 1
 
     @property
     def numbers(self) -> int:
@@ -94,8 +65,9 @@ class Stretch(Family):
         if self.curved:
             w = turn[0:3] + u * (turn[3:6] + u * (turn[6:9] + u * turn[9:12]))
             z, K = sumsqr(w), skew(w)
-            S = _series([(-1) ** k / factorial(2 * k + 1) for k in range(TERMS)], z)
-            C = _series([(-1) ** k / factorial(2 * k + 2) for k in range(TERMS)], z)
+            S = C = SX(0)
+            for k in reversed(range(TERMS)):
+                S, C = S * z + (-1) ** k / factorial(2 * k + 1), C * z + (-1) ** k / factorial(2 * k + 2)
             R = (SX.eye(3) + S * K + C * (K @ K)) @ R
         elif self.turning:
             K = skew(turn[0:3])
@@ -110,7 +82,9 @@ class Stretch(Family):
         """
         turning = row[19:31].reshape(4, 3)
         if self.curved:
-            largest = float(np.linalg.norm(BEZIER @ turning, axis=1).max())
+            bezier = np.array([[1, 0, 0, 0], [1, 1 / 3, 0, 0], [1, 2 / 3, 1 / 3, 0], [1, 1, 1, 1]])
+            # the control points: over [0, 1] a cubic lies between them
+            largest = float(np.linalg.norm(bezier @ turning, axis=1).max())
             if largest > 2 * np.pi:
                 cure = "give more waypoints, so that no piece turns the tool by more than a whole turn"
                 raise ArgumentError("the turn of a piece of the path", largest, cure)
@@ -120,19 +94,16 @@ class Stretch(Family):
         return np.concatenate([row[:19], axis, [size], row[31:40]])
 
 
-@dataclass(frozen=True, eq=False)
-class Stretches(Family):
+@dataclass(frozen=True)
+class Stretches(Value):
     """Stretches of several frames' paths, run through together: one share u for all. `members`: of each frame.
 
     Their numbers follow each other; u0 and h are the last ones. Positions and rotations stand one below the other.
     """
 
+    turning: bool
     members: tuple[Stretch, ...]
-
-    @property
-    def dimension(self) -> int:
-        """One: u."""
-        return 1
+    dimension: ClassVar = 1
 
     @property
     def numbers(self) -> int:
@@ -141,13 +112,12 @@ class Stretches(Family):
 
     def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
         """The poses of the tools, (3F,) and (3F, 3)."""
-        positions, rotations, first = [], [], 0
+        poses, first = [], 0
         for member in self.members:
             last = first + member.numbers - 2
-            p, R = member.pose(y, vertcat(numbers[first:last], numbers[-2:]))
-            positions.append(p)
-            rotations.append(R)
+            poses.append(member.pose(y, vertcat(numbers[first:last], numbers[-2:])))
             first = last
+        positions, rotations = zip(*poses, strict=True)
         return vertcat(*positions), vertcat(*rotations)
 
     def of(self, rows: Matrix) -> Vector:
@@ -164,20 +134,15 @@ class Stretches(Family):
         return Stretches(any(member.turning for member in members), tuple(members))
 
 
-def _series(coefficients: list[float], z: SX) -> SX:
-    total = SX(0)
-    for c in reversed(coefficients):
-        total = total * z + c
-    return total
-
-
-@dataclass(frozen=True, eq=False)
-class PoseBox(Family):
+@dataclass(frozen=True)
+class PoseBox(Value):
     """A box of poses: p = p0 + P u with the half sides P, R = R0 C(w) with w = W u the Cayley parameters of a turn.
 
     C(w) = ((4 - |w|^2) 1 + 4 [w]x + 2 w w^T) / (4 + |w|^2) turns by 2 atan(|w| / 2) about w, in the tool's frame. The
     first three parameters are the position's, the others, where there are any, the turn's.
     """
+
+    turning: bool
 
     @property
     def dimension(self) -> int:
@@ -204,23 +169,20 @@ class PoseBox(Family):
 
 # --- The rows f(q) - x of a task and what of the tool pose enters them, without a logarithm; and turns left free.
 
-ALIGNED = 1e-9
-"""By how much [-] a free axis may differ from the tool's z axis and count as that."""
 
-
-def parts(task: Task) -> list[tuple[int, FrameTask]]:
+def _parts(task: Task) -> list[tuple[int, FrameTask]]:
     """(f, the task of frame f) of a task of one frame or more, those of which it has rows.
 
     Raises: ArgumentError of another kind of task.
     """
-    found = []
+    tasks = []
     for f, part in enumerate(parts_of(task)):
         rows = tuple(row % 6 for row in task.rows if row // 6 == f)
         if rows:
-            found.append((f, part if rows == part.rows else replace(part, rows=rows)))
-    if not found:
+            tasks.append((f, part if rows == part.rows else replace(part, rows=rows)))
+    if not tasks:
         raise ArgumentError("the task to certify", task.name, "give a task of frames: hk.pose, hk.position, hk.stacked")
-    return found
+    return tasks
 
 
 def rows_of(task: Task, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX, SX]:
@@ -229,17 +191,17 @@ def rows_of(task: Task, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX, S
     Args:
         position, rotation: (3F,), (3F, 3) of the frames. p, R: wanted of them.
     """
-    found: dict[int, SX] = {}
+    rows: dict[int, SX] = {}
     facing = []
-    for f, part in parts(task):
-        at = slice(3 * f, 3 * f + 3)
-        rows, ahead = _part(part, position[at], rotation[at, :], p[at], R[at, :])
-        found |= {6 * f + row: rows[i] for i, row in enumerate(part.rows)}
+    for f, part in _parts(task):
+        place = slice(3 * f, 3 * f + 3)
+        values, ahead = _part(part, position[place], rotation[place, :], p[place], R[place, :])
+        rows |= {6 * f + row: values[i] for i, row in enumerate(part.rows)}
         facing.append(ahead)
-    return vertcat(*(found[row] for row in task.rows)), vertcat(*facing)
+    return vertcat(*(rows[row] for row in task.rows)), vertcat(*facing)
 
 
-def turned(task: FrameTask) -> bool:
+def _by_twist(task: FrameTask) -> bool:
     """Whether its angular rows are those of a twist: of a full orientation, or the one of a plane."""
     return task._turns or (task._geometric and any(task._angular))
 
@@ -248,7 +210,7 @@ def _part(task: FrameTask, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX
     six = [position[i] - p[i] for i in range(3)]
     facing = SX(1)
     kind = task.representation
-    if turned(task):
+    if _by_twist(task):
         M = R @ rotation.T
         six += [(M[1, 2] - M[2, 1]) / 2, (M[2, 0] - M[0, 2]) / 2, (M[0, 1] - M[1, 0]) / 2]
         facing = M[0, 0] + M[1, 1] + M[2, 2] + 1
@@ -263,34 +225,33 @@ def _part(task: FrameTask, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX
     return vertcat(*(six[i] for i in task.rows)), facing
 
 
-def target_of(task: Task, p: SX, R: SX) -> SX:
+def _target_of(task: Task, p: SX, R: SX) -> SX:
     """What of the poses enters E; of a turn R itself, whose change bounds that of its rows twice over."""
-    found = []
-    for f, part in parts(task):
-        at = slice(3 * f, 3 * f + 3)
-        found.append(p[at])
-        if turned(part) or isinstance(part.representation, AxisDirection):
-            found.append(R[at, :].reshape((9, 1)))
+    target = []
+    for f, part in _parts(task):
+        place = slice(3 * f, 3 * f + 3)
+        target.append(p[place])
+        if _by_twist(part) or isinstance(part.representation, AxisDirection):
+            target.append(R[place, :].reshape((9, 1)))
         elif part.orientation is not None:
-            found.append(part.representation.value(R[at, :]))
-    return vertcat(*found)
+            target.append(part.representation.value(R[place, :]))
+    return vertcat(*target)
 
 
 def _reached_by(task: Task, p: SX, R: SX) -> SX:
     """What two tool poses have in common where E is the same: the rows of the task, a turn as R, an axis as R a."""
-    found = []
-    for f, part in parts(task):
-        at = slice(3 * f, 3 * f + 3)
-        place, turn, kind = p[at], R[at, :], part.representation
-        found += [place[row] for row in part.rows if row < 3]
-        if turned(part):
-            found.append(turn.reshape((9, 1)))
+    rows = []
+    for f, part in _parts(task):
+        turn, kind = R[3 * f : 3 * f + 3, :], part.representation
+        rows += [p[3 * f + row] for row in part.rows if row < 3]
+        if _by_twist(part):
+            rows.append(turn.reshape((9, 1)))
         elif isinstance(kind, AxisDirection) and any(row > 2 for row in part.rows):
-            found.append(turn @ SX(kind.axis))
+            rows.append(turn @ SX(kind.axis))
         elif part.orientation is not None:
             value = kind.value(turn)
-            found += [value[row - 3] for row in part.rows if row > 2]
-    return vertcat(*found)
+            rows += [value[row - 3] for row in part.rows if row > 2]
+    return vertcat(*rows)
 
 
 def spins_freely(task: Task, R: Matrix) -> bool:
@@ -299,7 +260,7 @@ def spins_freely(task: Task, R: Matrix) -> bool:
     if direction is None:
         return False
     axis, of_base = direction
-    return float(np.abs((R.T @ axis if of_base else axis)[:2]).max()) < ALIGNED
+    return float(np.abs((R.T @ axis if of_base else axis)[:2]).max()) < 1e-9  # round-off
 
 
 def deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
@@ -321,17 +282,16 @@ def deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
         over, under = A[:, i] + sign * (A[:, j] if i != j else 0.0), B[:, i] + sign * (B[:, j] if i != j else 0.0)
         length = np.hypot(over, under)
         c, s = (np.where(length > 0, x / np.where(length > 0, length, 1.0), y) for x, y in ((under, 1.0), (-over, 0.0)))
-        tried = c[:, None] * a + s[:, None] * b
-        tried *= np.where(tried[:, 3:] < 0, -1.0, 1.0)
+        candidate = c[:, None] * a + s[:, None] * b
+        candidate *= np.where(candidate[:, 3:] < 0, -1.0, 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.abs(tried[:, :3] / size).max(axis=1) / tried[:, 3]
+            ratio = np.abs(candidate[:, :3] / size).max(axis=1) / candidate[:, 3]
         better = ratio < least
-        best, least = np.where(better[:, None], tried, best), np.where(better, ratio, least)
+        best, least = np.where(better[:, None], candidate, best), np.where(better, ratio, least)
     return best
 
 
-ROOM = 6_000_000
-"""Numbers of intervals that may be in memory at once: 100 MB."""
+Family = Stretches | PoseBox
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,8 +318,8 @@ class Equation(Value):
 
     @cached_property
     def at_once(self) -> int:
-        """Cells whose second derivatives are enclosed at once, in `ROOM`."""
-        return max(1, ROOM // (self.curvature.operations + 4 * self.n**3))
+        """Cells whose second derivatives are enclosed at once: 6,000,000 numbers of intervals take 100 MB."""
+        return max(1, 6_000_000 // (self.curvature.operations + 4 * self.n**3))
 
     @property
     def d(self) -> int:
@@ -375,7 +335,7 @@ class Equation(Value):
         implicit, task = self.strategy.constraint.implicit, self.strategy.task
         if implicit is None or not len(q):
             return q
-        return np.hstack([q, [implicit.at(task, one) for one in q]])
+        return np.hstack([q, [implicit.at(task, posture) for posture in q]])
 
     @cached_property
     def _symbols(self) -> tuple[dict[str, SX], SX, SX]:
@@ -399,14 +359,12 @@ class Equation(Value):
 
     @cached_property
     def operations(self) -> list[list[Any]]:
-        """E, `facing` and what of the tool pose enters E, of (q, y, numbers, c), as a list of operations."""
+        """E and `facing`, of (q, y, numbers, c), as a list of operations."""
         inputs, E, facing = self._symbols
-        return operation_list(inputs, vertcat(E, facing, self._target(inputs["y"], inputs["numbers"])))
+        return operation_list(inputs, vertcat(E, facing))
 
-    def _target(self, y: SX, numbers: SX) -> SX:
-        return target_of(self.strategy.task, *self.family.pose(y, numbers))
-
-    def periodic(self, turns: Vector) -> bool:
+    @kept
+    def periodic(self, turns: tuple[float, ...]) -> bool:
         """Whether E stays as it is, but for whole turns of its angles, when the joints go on by whole turns (n,).
 
         By the list of operations: each value is followed by what it goes on by, in turns, where that is known.
@@ -416,25 +374,24 @@ class Equation(Value):
         rows: list[float | None] = []
         for name, *of in self.operations:
             given = [shifts[i] for i in of] if name not in ("const", "input") else []
-            moved = any(s != 0 for s in given)
-            found: float | None = None
+            shift: float | None = None
             if name == "input":
-                found = float(turns[of[0]]) if of[0] < self.joints else 0.0
+                shift = float(turns[of[0]]) if of[0] < self.joints else 0.0
             elif name == "const":
-                known[len(shifts)], found = of[0], 0.0
+                known[len(shifts)], shift = of[0], 0.0
             elif name == "output":
                 rows.append(given[0])
                 continue
-            elif not moved or (name in ("sin", "cos") and given[0] is not None and given[0] % 1 == 0):
-                found = 0.0
+            elif not any(s != 0 for s in given) or (name in ("sin", "cos") and given[0] and given[0] % 1 == 0):
+                shift = 0.0
             elif None not in given and name in ("add", "sub", "neg", "twice"):
                 a, b = (float(s or 0.0) for s in (given[0], given[-1]))
-                found = {"add": a + b, "sub": a - b, "neg": -a, "twice": 2 * a}[name]
+                shift = {"add": a + b, "sub": a - b, "neg": -a, "twice": 2 * a}[name]
             elif None not in given and name == "mul" and any(i in known for i in of):
-                factor, other = (of[0], 1) if of[0] in known else (of[1], 0)
-                found = known[factor] * float(given[other] or 0.0) if known[factor] % 1 == 0 else None
-            shifts.append(found)
-        angular = [*self.angular, *[False] * (len(rows) - self.n)]
+                factor, i = (of[0], 1) if of[0] in known else (of[1], 0)
+                shift = known[factor] * float(given[i] or 0.0) if known[factor] % 1 == 0 else None
+            shifts.append(shift)
+        angular = [*self.angular, *[False] * self.positive]
         return all(s == 0 or (a and s is not None and s % 1 == 0) for s, a in zip(rows, angular, strict=True))
 
     @property
@@ -448,7 +405,7 @@ class Equation(Value):
         """What D_q E is, in words of the theorem: with auxiliary unknowns among q it is not [J; J_g]."""
         return "D_q E" if self.n > self.joints else "[J; J_g]"
 
-    @property
+    @cached_property
     def revolute(self) -> Flags:
         """(n,) which unknowns are angles of joints."""
         units = [c.unit for c in self.strategy.task.robot.coordinates]
@@ -485,12 +442,11 @@ class Equation(Value):
         E, facing = both.output[: self.n], both.output[self.n :]
         q, y = inputs["q"], inputs["y"]
         A = jacobian(E, q)
-        found = [facing, both.guards]
-        for j in range(self.n):
-            found.append(jacobian(A[:, j], q)[:, j:].reshape((-1, 1)))
+        outputs = [facing, both.guards]
+        outputs += [jacobian(A[:, j], q)[:, j:].reshape((-1, 1)) for j in range(self.n)]
         if self.family.turning:
-            found += [jacobian(A[:, j], y).reshape((-1, 1)) for j in range(self.n)]
-        return self._enclosed("the second derivatives of E", inputs, vertcat(*found))
+            outputs += [jacobian(A[:, j], y).reshape((-1, 1)) for j in range(self.n)]
+        return self._enclosed("the second derivatives of E", inputs, vertcat(*outputs))
 
     @cached_property
     def along(self) -> IntervalFunction:
@@ -509,15 +465,16 @@ class Equation(Value):
         F = substitute(E, inputs["q"], way)
         first = jacobian(F, y)
         second = [jacobian(first[:, i], y)[:, i:].reshape((-1, 1)) for i in range(d)]
-        taken = {"y": y, "q0": q0, "V": V, "Q": Q, "numbers": inputs["numbers"], "c": inputs["c"]}
-        return self._enclosed("E along the predictor", taken, vertcat(first.reshape((-1, 1)), *second))
+        needed = {"y": y, "q0": q0, "V": V, "Q": Q, "numbers": inputs["numbers"], "c": inputs["c"]}
+        return self._enclosed("E along the predictor", needed, vertcat(first.reshape((-1, 1)), *second))
 
     @cached_property
     def seam(self) -> IntervalFunction:
         """(numbers, others) -> by what E changes from the end of one member to the beginning of another."""
-        one, other = symbol("numbers", self.family.numbers), symbol("others", self.family.numbers)
-        change = self._target(SX([1.0]), one) - self._target(SX([-1.0]), other)
-        return IntervalFunction("the poses at a seam", {"numbers": one, "others": other}, change)
+        inputs = {name: symbol(name, self.family.numbers) for name in ("numbers", "others")}
+        end, begin = (self.family.pose(SX([y]), inputs[name]) for name, y in (("numbers", 1.0), ("others", -1.0)))
+        change = _target_of(self.strategy.task, *end) - _target_of(self.strategy.task, *begin)
+        return IntervalFunction("the poses at a seam", inputs, change)
 
     @cached_property
     def reached(self) -> IntervalFunction:
@@ -525,3 +482,9 @@ class Equation(Value):
         y, numbers = symbol("y", self.d), symbol("numbers", self.family.numbers)
         pose = _reached_by(self.strategy.task, *self.family.pose(y, numbers))
         return IntervalFunction("the tool pose", {"y": y, "numbers": numbers}, pose)
+
+
+@kept
+def equation_of(strategy: HolonomicStrategy, family: Family) -> Equation:
+    """The equation of a strategy over a family, made once."""
+    return Equation(strategy, family)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from ..motion.checks.clearance import FLOOR
 from ..motion.checks.motion_checks import Clearances
 from ..motion.checks.scene import Scene
 from ..path import Path
-from ..robot import LinkShape, Mesh, Robot, chain_length, foot_of
+from ..robot import Mesh, Robot, chain_length, foot_of
 from ..strategies import HolonomicStrategy
 from .certificate import Certificate
 from .clear_cells import ClearCells, shape_pairs
@@ -25,9 +24,6 @@ from .clear_cells import ClearCells, shape_pairs
 
 SURE = 1e-9
 """Distances [m] are less than asked by more than this, where something is said to be too near: they are rounded."""
-
-ALONG = 1000
-"""Samples of a path at which a posture is sought that is too near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +38,9 @@ class TooNear(Value):
     wanted: float
 
     def __str__(self) -> str:
-        at = ", ".join(f"{x:.4g}" for x in self.pose[:3, 3])
+        place = ", ".join(f"{x:.4g}" for x in self.pose[:3, 3])
         asked = f", where {self.wanted:.3g} m was asked" if self.wanted else ""
-        return f"with the tool at [{at}] m {_apart_words(self.names, self.distance)}{asked}"
+        return f"with the tool at [{place}] m {_apart_words(self.names, self.distance)}{asked}"
 
 
 def _apart_words(names: tuple[str, str], distance: float) -> str:
@@ -57,8 +53,8 @@ def _apart_words(names: tuple[str, str], distance: float) -> str:
 
 def gap_distances(clear: ClearCells, Q: Matrix) -> Matrix:
     """(k, gaps) how far apart things are at postures Q (k, n), as `check` has it: `clear.looked_at.gaps`."""
-    found = Clearances(clear.robot, clear.looked_at)
-    return found.distances(Q, found.limits + SURE)
+    clearances = Clearances(clear.robot, clear.looked_at)
+    return clearances.distances(Q, clearances.limits + SURE)
 
 
 def short_of(clear: ClearCells, distances: Matrix) -> Matrix:
@@ -68,13 +64,13 @@ def short_of(clear: ClearCells, distances: Matrix) -> Matrix:
 
 def _too_near_at(clear: ClearCells, pose: Matrix, q: Vector) -> TooNear | None:
     """What is too near at a posture (n,), the worst of it; None where nothing is."""
-    apart = gap_distances(clear, q[None])[0]
-    short = short_of(clear, apart)
+    distances = gap_distances(clear, q[None])[0]
+    short = short_of(clear, distances)
     worst = int(np.argmax(short))
     if not short[worst] > 0:
         return None
-    looked_at = clear.looked_at
-    return TooNear(pose, q, looked_at.gaps[worst].names, float(apart[worst]), looked_at.limits[worst])
+    gaps = clear.looked_at
+    return TooNear(pose, q, gaps.gaps[worst].names, float(distances[worst]), gaps.limits[worst])
 
 
 def too_near_along(certificate: Certificate) -> TooNear | None:
@@ -84,38 +80,54 @@ def too_near_along(certificate: Certificate) -> TooNear | None:
         return None
     strategy = certificate.equation.strategy
     q0 = certificate.anchors.q[0][: strategy.task.n]
-    walk = follow(strategy, path, q0, samples=ALONG, limits=certificate.limits is not None)
+    walk = follow(strategy, path, q0, samples=1000, limits=certificate.limits is not None)
     Q = walk.q[np.isfinite(walk.q).all(axis=1)]
     worst = Q[int(np.argmax(short_of(clear, gap_distances(clear, Q)).max(axis=1)))]
     return _too_near_at(clear, strategy.task.pose(worst), worst)
 
 
-LARGE, DOUBTFUL = 50.0, 5.0
-"""Lengths of the arm's chain: a thing larger or farther than the first is not in metres, one larger than the second and
-too near at q0, may not be."""
-
 EVEN = 1e-11
 """By how much a rotation may be none, and the square of an axis not 1; those of the catalogue are off by 4e-16."""
 
 
-def kept_apart(strategy: HolonomicStrategy, q0: Vector, scene: Scene | None) -> ClearCells | None:
-    """What tells of the distances; None where nothing is asked about them.
+def kept_apart(strategy: HolonomicStrategy, q0: Vector, scene: Scene) -> ClearCells:
+    """What tells of the distances of the things in a scene.
 
     Raises:
         ArgumentError: an obstacle that moves, that is a mesh and not convex, in millimetres, or of a link's name; a
             frame that is no rotation; shapes that are nearer at q0 than is asked; a robot without links; nothing to
             look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
     """
-    asked = clearances_of(strategy.task.robot, scene)
-    if asked is None or scene is None:
-        return None
-    _check_convex(scene.obstacles)
-    names = [shape.link for shape in scene.obstacles]
-    _named_apart(asked.robot, names if scene.floor is None else [*names, FLOOR])
-    _even(asked.robot, scene.obstacles)
-    found = ClearCells(asked.robot, shape_pairs(asked.pairs.gaps, asked.pairs.limits), asked.pairs)
-    _check_start(found, strategy, q0)
-    return found
+    asked = _clearances(strategy.task.robot, scene)
+    robot, names = asked.robot, [shape.link for shape in scene.obstacles]
+    links = {shape.link for shape in robot.shapes if not shape.obstacle}
+    # Obstacles that are convex, and told from links by their names, as a certificate tells them.
+    for obstacle in scene.obstacles:
+        if isinstance(obstacle.shape, Mesh) and not obstacle.shape.fault and not obstacle.shape.convex:
+            cure = (
+                "a plane between two things proves that they keep apart, so give the convex parts of the mesh one by "
+                "one, or its convex hull, mesh.hull, in which all hollows are filled"
+            )
+            raise ArgumentError("an obstacle that is a mesh and not convex", obstacle.link, cure)
+    for name in names if scene.floor is None else [*names, FLOOR]:
+        if name in links:
+            raise ArgumentError(f"the obstacle {name!r}", name, "give it a name that no link of the robot has")
+    # Frames that are turned by a rotation, about an axis of length 1.
+    for joint in robot.joints:
+        if not (_is_rotation(joint.placement) and abs(float(joint.axis @ joint.axis) - 1) < EVEN):
+            fact = joint.placement[:3, :3].tolist(), joint.axis.tolist()
+            raise ArgumentError(f"the frame of joint {joint.name!r}", fact, "give a rotation and a unit axis")
+    for shape in (*robot.shapes, *scene.obstacles):
+        if not _is_rotation(shape.placement):
+            fact = shape.placement[:3, :3].tolist()
+            raise ArgumentError(f"the frame of a shape of {shape.link!r}", fact, "give a rotation")
+    clear = ClearCells(robot, shape_pairs(asked.pairs.gaps, asked.pairs.limits), asked.pairs)
+    _check_start(clear, strategy, q0)
+    return clear
+
+
+def _is_rotation(T: Matrix) -> bool:
+    return bool(np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() < EVEN)
 
 
 def clearances_of(robot: Robot, scene: Scene | None) -> Clearances | None:
@@ -124,97 +136,65 @@ def clearances_of(robot: Robot, scene: Scene | None) -> Clearances | None:
     Raises:
         ArgumentError, UnknownNameError, RobotFileError: as `kept_apart`, but for what is said of q0.
     """
-    if scene is None:
-        return None
+    return None if scene is None else _clearances(robot, scene)
+
+
+def _clearances(robot: Robot, scene: Scene) -> Clearances:
     robot._check_links()
-    _checked(robot, scene)
-    found = Clearances.of(robot, scene)
-    if not found.names:
-        raise ArgumentError(
-            "scene", scene, "nothing in it can be touched: give obstacles, a floor or self_collision=True"
-        )
-    return found
+    _check_metres(robot, scene)
+    clearances = Clearances.of(robot, scene)
+    if not clearances.names:
+        cure = "nothing in it can be touched: give obstacles, a floor or self_collision=True"
+        raise ArgumentError("scene", scene, cure)
+    return clearances
 
 
-def _check_start(found: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> None:
+def _check_start(clear: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> None:
     """Raises: ArgumentError: things are nearer at q0 than is asked, or the shapes that stand for them are."""
-    there = _too_near_at(found, strategy.task.pose(q0), q0)
-    if there is not None:
-        fact = f"{_apart_words(there.names, there.distance)} there"
-        fact += f", {there.wanted:.3g} m asked" if there.wanted else ""
+    problem = _too_near_at(clear, strategy.task.pose(q0), q0)
+    if problem is not None:
+        # A word about units, where what is too near is five times as large as the arm is long.
+        shapes = [s for pair in clear.pairs if pair.names == problem.names for s in (pair.one, pair.other)]
+        size = max((float(np.ptp(s.points, axis=0).max()) + 2 * s.radius for s in shapes), default=0.0)
+        large = size > 5 * max(chain_length(clear.robot), 0.1)
+        doubt = f"; one of them is {size:.3g} m large: is it given in mm?" if large else ""
+        fact = f"{_apart_words(problem.names, problem.distance)} there"
+        fact += f", {problem.wanted:.3g} m asked" if problem.wanted else ""
         cure = "move what is in the way, or give another posture or a smaller clearance"
-        raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}{_doubt(found, there.names)}")
-    short = found.distances(q0[None])[0] - found.wanted
-    if not short.min(initial=np.inf) >= 0:
-        pair = found.pairs[int(np.argmin(short))]
+        raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}{doubt}")
+    room = clear.distances(q0[None])[0] - clear.wanted
+    if not room.min(initial=np.inf) >= 0:
+        pair = clear.pairs[int(np.argmin(room))]
         fact = f"{pair.names[0]} and {pair.names[1]} are far enough apart there, but not the convex shapes for them"
         cure = "give a mesh by its convex parts, another posture or a smaller clearance"
         raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}")
 
 
-def _doubt(found: ClearCells, names: tuple[str, str]) -> str:
-    """A word about units, where what is too near is larger than the robot by far."""
-    long = DOUBTFUL * max(chain_length(found.robot), 0.1)
-    large = [s for pair in found.pairs if pair.names == names for s in (pair.one, pair.other)]
-    sizes = [float(np.ptp(shape.points, axis=0).max()) + 2 * shape.radius for shape in large]
-    return f"; one of them is {max(sizes):.3g} m large: is it given in mm?" if max(sizes, default=0.0) > long else ""
-
-
-def _check_convex(obstacles: Sequence[LinkShape]) -> None:
-    for one in obstacles:
-        if isinstance(one.shape, Mesh) and not one.shape.fault and not one.shape.convex:
-            cure = (
-                "a plane between two things proves that they keep apart, so give the convex parts of the mesh one by "
-                "one, or its convex hull, mesh.hull, in which all hollows are filled"
-            )
-            raise ArgumentError("an obstacle that is a mesh and not convex", one.link, cure)
-
-
-def _named_apart(robot: Robot, names: Sequence[str]) -> None:
-    """Raises: ArgumentError: what stands around the robot is called as a link is: a certificate tells by names."""
-    links = {shape.link for shape in robot.shapes if not shape.obstacle}
-    for name in names:
-        if name in links:
-            raise ArgumentError(f"the obstacle {name!r}", name, "give it a name that no link of the robot has")
-
-
-def _even(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
-    """Raises: ArgumentError: a frame that is turned by no rotation, or an axis that is not of length 1."""
-    for joint in robot.joints:
-        if not (_is_rotation(joint.placement) and abs(float(joint.axis @ joint.axis) - 1) < EVEN):
-            fact = joint.placement[:3, :3].tolist(), joint.axis.tolist()
-            raise ArgumentError(f"the frame of joint {joint.name!r}", fact, "give a rotation and a unit axis")
-    for shape in (*robot.shapes, *obstacles):
-        if not _is_rotation(shape.placement):
-            fact = shape.placement[:3, :3].tolist()
-            raise ArgumentError(f"the frame of a shape of {shape.link!r}", fact, "give a rotation")
-
-
-def _is_rotation(T: Matrix) -> bool:
-    return bool(np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() < EVEN)
-
-
-def _checked(robot: Robot, scene: Scene) -> None:
+def _check_metres(robot: Robot, scene: Scene) -> None:
     """Raises: ArgumentError: lengths that are not in metres; an obstacle that moves, or that cannot be read."""
-    lengths = {"clearance": scene.clearance} | ({} if scene.floor is None else {"floor": scene.floor})
     size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot._find_tip().joint)
-    most = LARGE * size
+    most = 50 * size
+    # The clearance, the floor, the shapes of the robot.
+    lengths = {"clearance": scene.clearance} | ({} if scene.floor is None else {"floor": scene.floor - foot[2]})
     for name, length in lengths.items():
-        if abs(length - (foot[2] if name == "floor" else 0.0)) > most:
-            raise ArgumentError(name, length, "give metres: it is more than 50 times as far as the arm is long")
-    if lengths["clearance"] > size:
-        raise ArgumentError("clearance", lengths["clearance"], f"give metres: the arm is {size:.3g} m long")
+        if abs(length) > most:
+            cure = "give metres: it is more than 50 times as far as the arm is long"
+            raise ArgumentError(name, getattr(scene, name), cure)
+    if scene.clearance > size:
+        raise ArgumentError("clearance", scene.clearance, f"give metres: the arm is {size:.3g} m long")
     for shape in robot.shapes:
         if not (shape.obstacle or shape.shape.fault) and shape.shape.ball[1] > most:
             cure = f"it is {2 * shape.shape.ball[1]:.3g} m large, the arm {size:.3g} m long: give metres, or its scale"
             raise ArgumentError("a shape of the robot", shape.link, cure)
-    for one in scene.obstacles:
-        if one.joint >= 0:
+    # The obstacles.
+    for obstacle in scene.obstacles:
+        if obstacle.joint >= 0:
             cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.robot.with_shape"
-            raise ArgumentError("an obstacle that moves", one.link, cure)
-        if one.shape.fault:
-            raise ArgumentError(f"the obstacle {one.link!r}", one.shape.fault, "give a shape that can be read")
-        center, size = one.shape.ball
-        if size + np.linalg.norm(one.placement[:3, 3] + one.placement[:3, :3] @ center - foot) > most:
+            raise ArgumentError("an obstacle that moves", obstacle.link, cure)
+        if obstacle.shape.fault:
+            cure = "give a shape that can be read"
+            raise ArgumentError(f"the obstacle {obstacle.link!r}", obstacle.shape.fault, cure)
+        T, (center, radius) = obstacle.placement, obstacle.shape.ball
+        if radius + np.linalg.norm(T[:3, 3] + T[:3, :3] @ center - foot) > most:
             cure = "give metres: it is more than 50 times as far or as large as the arm is long"
-            raise ArgumentError(f"the obstacle {one.link!r}", f"{size:.3g}", cure)
+            raise ArgumentError(f"the obstacle {obstacle.link!r}", f"{radius:.3g}", cure)

@@ -27,15 +27,15 @@ from ..motion.checks import Scene
 from ..motion.ik import InverseKinematics, InverseStatus, ik
 from ..motion.ik.inverse_function import leads_to
 from ..path.workspaces import PoseRange, workspace
-from ..robot import reach
+from ..robot import reach, start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..strategies.tasks.task import of_one_tool
 from .box_proof import PoseRegion
-from .cell_search import KeptCells
-from .certificate import Certificate, Demands, Extent, clear_cuts, left_open, partition
-from .certify_leaf import certificate, demands, provable, question, start_of
+from .cell_search import Demands, Extent, KeptCells
+from .certificate import Certificate, clear_cuts, left_open, partition
+from .certify_leaf import certificate, demands, provable, question
 from .clear_cells import ClearCells
-from .kept_apart import TooNear, gap_distances, kept_apart, short_of
+from .kept_apart import TooNear, gap_distances, short_of
 
 # --- A large box of tool poses about a start: grown where samples are regular, made smaller until it is proven.
 
@@ -52,46 +52,40 @@ LIMIT_ROOM = 0.02
 """How far [joint units] samples must be from joint limits: in between the joints go farther. But of a joint that is
 nearer to its limit at the start, half as far as there."""
 
-TRIES = 16
-"""Boxes that are tried, each smaller than the one before."""
-
-FAR, LOOKED = 4.0, 60
-"""How far [m] a side is looked for, at most, and at how many places."""
-
 NEARER, LEAST = 0.9, 0.3
 """Of its distance from the start, where a box ends before a place at which the proof failed; and of the box, what must
 be left then: else all of it is made smaller."""
 
-FILLED = 0.4
-"""Of the budget, what the first cells may take: some are halved."""
-
 
 def _largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: float, asked: Demands) -> PoseRange:
     """A box that looks regular: from the start's pose, side by side, as long as all samples of a new layer do."""
-    task = strategy.task
-    T = task.pose(q0)
-    lines = _spans(strategy, q0, asked)
-    cuts = [T[axis, 3] + np.concatenate([-low * np.arange(STEPS, 0, -1), high * np.arange(STEPS + 1)]) / STEPS
-            for axis, (low, high) in enumerate(lines)]  # fmt: skip
+    from scipy.spatial.transform import Rotation
+
+    # Samples in the largest box of regular lines, in the middle orientation and at the ends of tilt and spin.
+    T = strategy.task.pose(q0)
+    cuts = [
+        T[axis, 3] + np.concatenate([-low * np.arange(STEPS, 0, -1), high * np.arange(STEPS + 1)]) / STEPS
+        for axis, (low, high) in enumerate(_spans(strategy, q0, asked))
+    ]
     points = np.stack(np.meshgrid(*cuts, indexing="ij"), axis=-1).reshape(-1, 3)
+    turns = np.vstack([np.zeros(3), *(sign * np.diag([tilt, tilt, spin]) for sign in (1, -1))])
     good = np.ones(len(points), dtype=bool)
-    for R in _turned(T[:3, :3], tilt, spin):
+    for R in T[:3, :3] @ Rotation.from_rotvec(turns[np.r_[True, turns[1:].any(axis=1)]]).as_matrix():
         good[good] = _sound(strategy, q0, pose_from(points[good], R), asked)
     solid = good.reshape([len(c) for c in cuts])
+    # Layer by layer, each on the shortest side that can grow.
     low, high = np.full(3, STEPS), np.full(3, STEPS)
     while True:
         grown = []
-        for axis in range(3):
-            for side, end in ((low, -1), (high, 1)):
-                at = side[axis] + end
-                layer = [slice(a, b + 1) for a, b in zip(low, high, strict=True)]
-                layer[axis] = slice(at, at + 1)
-                if 0 <= at < solid.shape[axis] and solid[tuple(layer)].all():
-                    sides = [cuts[k][high[k]] - cuts[k][low[k]] for k in range(3)]
-                    grown.append((sides[axis], axis, end))
+        for axis, (side, end) in product(range(3), ((low, -1), (high, 1))):
+            place = side[axis] + end
+            layer = [slice(a, b + 1) for a, b in zip(low, high, strict=True)]
+            layer[axis] = slice(place, place + 1)
+            if 0 <= place < solid.shape[axis] and solid[tuple(layer)].all():
+                grown.append((cuts[axis][high[axis]] - cuts[axis][low[axis]], axis, end))
         if not grown:
             break
-        _, axis, end = min(grown)  # the shortest side first
+        _, axis, end = min(grown)
         (low if end < 0 else high)[axis] += end
     ends = np.array([(cuts[k][low[k]], cuts[k][high[k]]) for k in range(3)])
     return _box(ends, T[:3, :3], tilt, spin)
@@ -105,35 +99,35 @@ def _proven_box(
     budget: int,
     progress: Callable[[str], None],
 ) -> tuple[Certificate, PoseRegion, PoseRange]:
-    """The certificate of a box, or of a smaller one about the start, the first that is proven whole; or the last."""
-    tool, began = strategy.task.pose(q0)[:3, 3], time.perf_counter()
-    left = TRIES
+    """The certificate of a box, or of a smaller one about the start, the first of 16 that is proven whole; or the
+    last."""
+    tool, began, left = strategy.task.pose(q0)[:3, 3], time.perf_counter(), 16
     while True:
+        # The first cells may take 0.4 of the budget, since some are halved.
         left -= 1
         cells = PoseRegion.of(strategy, box, q0)
         count = int(np.prod([len(cuts) - 1 for cuts in cells.grid]))
-        if count > FILLED * budget and left:
-            box = _about(box, tool, max(0.5, (FILLED * budget / count) ** (1 / 3)))
+        if count > 0.4 * budget and left:
+            box = _about(box, tool, max(0.5, (0.4 * budget / count) ** (1 / 3)))
             continue
-        found = certificate(box, cells, q0, asked, budget, progress, began)
-        if found.whole or not left:
-            return found, cells, box
-        progress(f"{box}: {found.extent.cause}")
-        box = _about(box, tool, 0.8) if found.extent is Extent.BUDGET else _cut(box, tool, cells.stop(found.proven))
+        proof = certificate(box, cells, q0, asked, budget, progress, began)
+        if proof.whole or not left:
+            return proof, cells, box
+        progress(f"{box}: {proof.extent.cause}")
+        box = _about(box, tool, 0.8) if proof.extent is Extent.BUDGET else _cut(box, tool, cells.stop(proof.proven))
 
 
 def _spans(strategy: HolonomicStrategy, q0: Vector, asked: Demands) -> Matrix:
     """How far [m] the tool goes along each axis of the base, (3, 2): to either side, while all looks regular."""
-    T, far = strategy.task.pose(q0), min(2 * reach(strategy.task.robot), FAR)
-    t = np.linspace(0.0, far, LOOKED)[1:]
+    T, far = strategy.task.pose(q0), min(2 * reach(strategy.task.robot), 4.0)
+    t = np.linspace(0.0, far, 60)[1:]
     spans = np.zeros((3, 2))
-    for axis in range(3):
-        for side, sign in enumerate((-1.0, 1.0)):
-            points = np.tile(T[:3, 3], (len(t), 1))
-            points[:, axis] += sign * t
-            good = _sound(strategy, q0, pose_from(points, T[:3, :3]), asked)
-            last = int(np.argmin(good)) if not good.all() else len(t)
-            spans[axis, side] = t[last - 1] if last else t[0] / 4
+    for axis, side in product(range(3), range(2)):
+        points = np.tile(T[:3, 3], (len(t), 1))
+        points[:, axis] += (-t, t)[side]
+        good = _sound(strategy, q0, pose_from(points, T[:3, :3]), asked)
+        last = int(np.argmin(good)) if not good.all() else len(t)
+        spans[axis, side] = t[last - 1] if last else t[0] / 4
     return spans
 
 
@@ -141,27 +135,17 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands
     """(k,) True for poses that are reached, regular, and as asked with some room."""
     if not len(poses):
         return np.zeros(0, dtype=bool)
-    found, robot = ik(strategy, q0, limits=False).batch(poses), strategy.task.robot
-    good = found.reached.copy()
-    q = found.q[good]
-    rcond = np.array([strategy.gain(one)[1] for one in q]) if len(q) else np.zeros(0)
-    fine = rcond >= REGULAR * strategy.gain(q0)[1]
+    solutions, robot = ik(strategy, q0, limits=False).batch(poses), strategy.task.robot
+    good = solutions.reached.copy()
+    q = solutions.q[good]
+    sound = np.array([strategy.gain(posture)[1] for posture in q]) >= REGULAR * strategy.gain(q0)[1]
     if asked.limits is not None:
         room = np.minimum(LIMIT_ROOM, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
-        fine &= ((q >= robot.lower + room) & (q <= robot.upper - room)).all(axis=1)
+        sound &= ((q >= robot.lower + room) & (q <= robot.upper - room)).all(axis=1)
     if asked.clear is not None and len(q):
-        fine &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
-    good[good] = fine
+        sound &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
+    good[good] = sound
     return good
-
-
-def _turned(R: Matrix, tilt: float, spin: float) -> list[Matrix]:
-    """Orientations at the ends of a tilt and a spin, and the middle one."""
-    from scipy.spatial.transform import Rotation
-
-    most = np.diag([tilt, tilt, spin])
-    vectors = [v for v in (*most, *-most) if v.any()]
-    return [R, *(R @ Rotation.from_rotvec(v).as_matrix() for v in vectors)]
 
 
 def _ends(box: PoseRange) -> Matrix:
@@ -178,18 +162,20 @@ def _about(box: PoseRange, tool: Vector, share: float) -> PoseRange:
     return _box(tool[:, None] + share * (_ends(box) - tool[:, None]), box.rotation, box.tilt, box.spin)
 
 
-def _cut(box: PoseRange, tool: Vector, at: Vector | None) -> PoseRange:
+def _cut(box: PoseRange, tool: Vector, stop: Vector | None) -> PoseRange:
     """The box less what is beyond a place where the proof failed: the side is cut that costs least of it."""
-    ends, away = _ends(box), np.zeros(3) if at is None else at - tool
+    ends, away = _ends(box), np.zeros(3) if stop is None else stop - tool
     side = (away > 0).astype(int)
-    kept = np.abs(NEARER * away) + np.abs(ends[np.arange(3), 1 - side] - tool)
-    left = np.where(away != 0, kept / (ends[:, 1] - ends[:, 0]), 0.0)
-    axis = int(np.argmax(left))
-    if not LEAST < left[axis] < 1:
+    lengths = np.abs(NEARER * away) + np.abs(ends[np.arange(3), 1 - side] - tool)
+    shares = np.where(away != 0, lengths / (ends[:, 1] - ends[:, 0]), 0.0)
+    axis = int(np.argmax(shares))
+    if not LEAST < shares[axis] < 1:
         return _about(box, tool, 0.8)
     ends[axis, side[axis]] = tool[axis] + NEARER * away[axis]
     return _box(ends, box.rotation, box.tilt, box.spin)
 
+
+# --- The parts of a box that are not proven, and why.
 
 CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf ends", "too near")
 """What the poses of a workspace are that are not in its region."""
@@ -198,9 +184,6 @@ UNPROVEN, ANOTHER, LIMIT, END, NEAR = range(len(CAUSES))
 
 MOST_PARTS, MOST_ASKED, ASKED = 8_000, 24_000, 9
 """Parts that a box is cut into, poses of all of them that are asked about, and of each: about, and at most."""
-
-Elsewhere = Callable[[Matrix, Vector], bool]
-"""Whether a posture (n,) at a tool pose (4, 4) is not the one that continues what is proven."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,25 +198,21 @@ class Asked(Value):
     distance: Vector
     short: Vector
 
-    def told(self, clear: ClearCells, i: int) -> TooNear:
-        """What is too near at one of them."""
-        gaps, g = clear.looked_at, int(self.gap[i])
-        return TooNear(self.poses[i], self.q[i], gaps.gaps[g].names, float(self.distance[i]), gaps.limits[g])
-
 
 def _asked_about(clear: ClearCells | None, poses: Array, ik: InverseKinematics) -> Asked:
     """What the posture of the leaf is like at tool poses that are not proven."""
-    found, k = ik.batch(poses), len(poses)
-    cause = np.select([found.reached, found.status == InverseStatus.LIMIT], [UNPROVEN, LIMIT], END)
+    solutions, k = ik.batch(poses), len(poses)
+    cause = np.select([solutions.reached, solutions.status == InverseStatus.LIMIT], [UNPROVEN, LIMIT], END)
     gap, distance, short = np.zeros(k, dtype=int), np.full(k, np.inf), np.full(k, -np.inf)
-    here = np.flatnonzero(found.reached)
-    if clear is not None and len(here):
-        apart = gap_distances(clear, found.q[here])
-        lacks = short_of(clear, apart)
-        gap[here], rows = lacks.argmax(axis=1), np.arange(len(here))
-        distance[here], short[here] = apart[rows, gap[here]], lacks[rows, gap[here]]
+    rows = np.flatnonzero(solutions.reached)
+    if clear is not None and len(rows):
+        distances = gap_distances(clear, solutions.q[rows])
+        lacks = short_of(clear, distances)
+        worst = lacks.argmax(axis=1)
+        each = np.arange(len(rows)), worst
+        gap[rows], distance[rows], short[rows] = worst, distances[each], lacks[each]
         cause[short > 0] = NEAR
-    return Asked(poses, cause, found.q, gap, distance, short)
+    return Asked(poses, cause, solutions.q, gap, distance, short)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,50 +242,52 @@ class OpenParts(Value):
 
     def cause_at(self, u: Matrix) -> Indices:
         """(k,) the cause of the part that holds a place u (k, d), -1 where none does."""
-        out = np.full(len(u), -1)
+        cause = np.full(len(u), -1)
         near = ((self.low <= u.max(axis=0)) & (self.high >= u.min(axis=0))).all(axis=1) if len(u) else []
         for i in np.flatnonzero(near):
-            out[((self.low[i] <= u) & (u <= self.high[i])).all(axis=1)] = self.cause[i]
-        return out
+            cause[((self.low[i] <= u) & (u <= self.high[i])).all(axis=1)] = self.cause[i]
+        return cause
 
     @property
     def worst(self) -> TooNear | None:
         """The posture that is short of what was asked by most; None where none was found."""
-        those = [one for one in self.found if one is not None]
-        return max(those, key=lambda one: one.wanted - one.distance, default=None)
+        postures = (posture for posture in self.found if posture is not None)
+        return max(postures, key=lambda posture: posture.wanted - posture.distance, default=None)
 
 
-def _open_parts(certificate: Certificate, region: PoseRegion, ik: InverseKinematics, elsewhere: Elsewhere) -> OpenParts:
-    """Cut the rest of a box into parts that are no larger than the first cells, and ask what is in each."""
+def _open_parts(
+    certificate: Certificate, region: PoseRegion, ik: InverseKinematics, elsewhere: Callable[[Matrix, Vector], bool]
+) -> OpenParts:
+    """Cut the rest of a box into parts that are no larger than the first cells, and ask what is in each.
+
+    elsewhere: whether a posture (n,) at a tool pose (4, 4) is not the one that continues what is proven.
+    """
     boxes, d, clear = certificate.proven.boxes, certificate.equation.d, certificate.demands.clear
     tree = partition(boxes.low, boxes.high, [(-1.0, 1.0)] * d, lambda i: i + 1)
     low, high = _cut_up(*left_open(tree, [(-1.0, 1.0)] * d), region.grid)
-    k = len(low)
-    places = _places(low, high, max(1, min(ASKED, MOST_ASKED // max(k, 1))))
-    count = places.shape[1]
+    # The postures in the middle of each part, and at corners of it.
+    k, corners = len(low), np.array(list(product((-1.0, 1.0), repeat=d)))
+    most = max(1, min(ASKED, MOST_ASKED // max(k, 1)))
+    chosen = np.random.default_rng(0).permutation(len(corners))[: most - 1]
+    ends = np.vstack([np.zeros((1, d)), corners[np.sort(chosen)]])
+    places, count = ((low + high) / 2)[:, None] + ends * ((high - low) / 2)[:, None], len(ends)
     asked = _asked_about(clear, region.poses_at(places.reshape(k * count, d)), ik)
+    # A part is too near by the worst of them that continues what is proven; else it is as its middle.
     cause = asked.cause[::count].copy()
-    found: list[TooNear | None] = [None] * k
     cause[cause == NEAR] = UNPROVEN
+    too_near: list[TooNear | None] = [None] * k
     for i in range(k):
-        those = np.arange(i * count, (i + 1) * count)
-        near = those[asked.cause[those] == NEAR]
+        rows = np.arange(i * count, (i + 1) * count)
+        near = rows[asked.cause[rows] == NEAR]
         for j in near[np.argsort(-asked.short[near])].tolist():
             if clear is not None and not elsewhere(asked.poses[j], asked.q[j]):
-                cause[i], found[i] = NEAR, asked.told(clear, j)
+                gap, limit = (of[int(asked.gap[j])] for of in (clear.looked_at.gaps, clear.looked_at.limits))
+                too_near[i] = TooNear(asked.poses[j], asked.q[j], gap.names, float(asked.distance[j]), limit)
+                cause[i] = NEAR
                 break
-        if cause[i] == UNPROVEN and elsewhere(asked.poses[those[0]], asked.q[those[0]]):
+        if cause[i] == UNPROVEN and elsewhere(asked.poses[rows[0]], asked.q[rows[0]]):
             cause[i] = ANOTHER
-    return OpenParts(low, high, cause, tuple(found), region.shares(low, high))
-
-
-def _places(low: Matrix, high: Matrix, count: int) -> Array:
-    """(k, at most count, d) the middle of each box, and corners of it."""
-    d = low.shape[1]
-    corners = np.array(list(product((-1.0, 1.0), repeat=d)))
-    chosen = np.random.default_rng(0).permutation(len(corners))[: count - 1]
-    ends = np.vstack([np.zeros((1, d)), corners[np.sort(chosen)]])
-    return ((low + high) / 2)[:, None] + ends * ((high - low) / 2)[:, None]
+    return OpenParts(low, high, cause, tuple(too_near), region.shares(low, high))
 
 
 def _cut_up(low: Matrix, high: Matrix, grid: list[Vector]) -> tuple[Matrix, Matrix]:
@@ -315,19 +296,13 @@ def _cut_up(low: Matrix, high: Matrix, grid: list[Vector]) -> tuple[Matrix, Matr
     while np.prod([np.ceil((len(cuts) - 1) / stride) for cuts in grid]) > MOST_PARTS:
         stride += 1
     for axis, cuts in enumerate(grid):
-        for at in cuts[1:-1:stride]:
-            across = (low[:, axis] < at) & (at < high[:, axis])
+        for cut in cuts[1:-1:stride]:
+            across = (low[:, axis] < cut) & (cut < high[:, axis])
             below, above = high[across], low[across]
-            below[:, axis] = above[:, axis] = at
-            low, high = (
-                np.vstack([low[~across], low[across], above]),
-                np.vstack([high[~across], below, high[across]]),
-            )
+            below[:, axis] = above[:, axis] = cut
+            low, high = np.vstack([low[~across], low[across], above]), np.vstack([high[~across], below, high[across]])
     return low, high
 
-
-ROOM = 1e-3
-"""Distance from the joint limits [joint units] that is worth saying: a part may end where a joint is at its limit."""
 
 SAMPLED = 1000
 """Poses of the rest of a workspace that are asked what they are."""
@@ -354,8 +329,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     @property
     def share(self) -> float:
         """The certified share of the workspace, 0 to 1: of positions by volume, of turns by the Haar measure."""
-        boxes = self.certificate.proven.boxes
-        return 1.0 if self.whole else min(1.0, float(self.cells.shares(boxes.low, boxes.high).sum()))
+        return 1.0 if self.whole else min(1.0, self.certificate.share)
 
     @property
     def holds_start(self) -> bool:
@@ -380,11 +354,11 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         n, inside = self.strategy.task.n, cell >= 0
         q, alone = np.full((len(p), n), np.nan), np.zeros(len(p))
         if inside.any():
-            those, boxes = cell[inside], some(self.certificate.proven.boxes, cell[inside])
-            half = (boxes.high - boxes.low) / 2
-            y = (u[inside] - (boxes.low + boxes.high) / 2) / np.where(half > 0, half, 1.0)
-            q[inside] = some(self.certificate.cells, those).predicted(y)[:, :n]
-            alone[inside] = self.certificate.findings.alone[those]
+            boxes, cells = (
+                some(part, cell[inside]) for part in (self.certificate.proven.boxes, self.certificate.cells)
+            )
+            q[inside] = boxes.predicted(cells, u[inside])[:, :n]
+            alone[inside] = self.certificate.findings.alone[cell[inside]]
         return q, alone
 
     @cached_property
@@ -393,9 +367,9 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
         Together they are what is left of `share`, which is exact; what each of them has of it tell `SAMPLED` poses.
         """
-        found = self.causes(self.workspace.poses(SAMPLED))
+        causes = self.causes(self.workspace.poses(SAMPLED))
         names = CAUSES if self.certificate.demands.clear is not None else CAUSES[:NEAR]
-        counts = np.bincount(found[found >= 0], minlength=len(names))[: len(names)]
+        counts = np.bincount(causes[causes >= 0], minlength=len(names))[: len(names)]
         counts[UNPROVEN] += not counts.any()
         return {name: (1 - self.share) * count / float(counts.sum()) for name, count in zip(names, counts, strict=True)}
 
@@ -405,18 +379,18 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         The postures of the others are those of `ik(pose)`, from q0 straight to the pose: "another posture" where one
         from the nearest pose of the region is another one; "too near" where things are nearer there than was asked.
         """
-        out, others = np.full(len(poses), -1), np.flatnonzero(~self.contains(poses))
+        causes, others = np.full(len(poses), -1), np.flatnonzero(~self.contains(poses))
         asked = _asked_about(self.certificate.demands.clear, poses[others], self._ik)
         for i, k in enumerate(others):
-            there = asked.cause[i] in (LIMIT, END) or not self._elsewhere(poses[k], asked.q[i])
-            out[k] = asked.cause[i] if there else ANOTHER
-        return out
+            same = asked.cause[i] in (LIMIT, END) or not self._elsewhere(poses[k], asked.q[i])
+            causes[k] = asked.cause[i] if same else ANOTHER
+        return causes
 
     def parts_at(self, poses: Array) -> Indices:
         """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES` their part has."""
         cell, u = self._cell_of(poses[:, :3, 3], poses[:, :3, :3])
-        out = self.parts.cause_at(u)
-        return np.where(cell >= 0, -1, np.where(out >= 0, out, UNPROVEN))
+        cause = self.parts.cause_at(u)
+        return np.where(cell >= 0, -1, np.where(cause >= 0, cause, UNPROVEN))
 
     @cached_property
     def parts(self) -> OpenParts:
@@ -439,59 +413,53 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     @property
     def sentence(self) -> str:
         """What is proven, and of a part of a workspace what the rest is."""
-        found = self.certificate
-        one, leaf = "the joints are one function of the tool pose", f"on the leaf of {self.strategy.name!r} through q0"
-        limits = ""
-        if found.limits is not None and np.isfinite(found.to_limit).any():
-            room = float(found.to_limit.min())
-            limits = (
-                f", at least {at_least(room, 2)} within the joint limits"
-                if room >= ROOM
-                else ", within the joint limits"
-            )
+        # What holds where it is proven.
+        proof, function, limits = self.certificate, "the joints are one function of the tool pose", ""
+        leaf, cells = f"on the leaf of {self.strategy.name!r} through q0", f"proven by {len(proof):,} cells"
+        if proof.limits is not None and np.isfinite(proof.to_limit).any():
+            room = float(proof.to_limit.min())  # a part may end where a joint is at its limit
+            limits = f", at least {at_least(room, 2)}" if room >= 1e-3 else ","
+            limits += " within the joint limits"
         if self.whole:
             return (
-                f"over {self.workspace} {one}, {leaf}{limits}: every closed path of the tool inside returns them "
-                f"(proven by {len(found):,} cells)"
+                f"over {self.workspace} {function}, {leaf}{limits}: every closed path of the tool inside returns them "
+                f"({cells})"
             )
+        # What the rest is.
         causes = {name: share for name, share in self.rest.items() if share}
         proven, *others = percentages([self.share, *causes.values()])
         rest = ", ".join(f"{part} {name}" for part, name in zip(others, causes, strict=True))
-        asked = f"the rest, by {SAMPLED:,} poses of the box: {rest or 'none of them'}"
-        begun = "; the pose of q0 is not proven" if self._begun and not self.holds_start else ""
-        if not len(found):
-            return f"nothing is proven over {self.workspace}, {leaf}; {asked}{begun}"
-        return (
-            f"over {proven} of {self.workspace} {one}, {leaf}{limits} (proven by {len(found):,} cells); {asked}{begun}"
-        )
-
-    @property
-    def _begun(self) -> bool:
-        """Whether the pose of q0 is one of the workspace."""
-        return bool((np.abs(self.cells.place_of(self.q0)) <= 1).all())
+        rest = f"the rest, by {SAMPLED:,} poses of the box: {rest or 'none of them'}"
+        inside = (np.abs(self.cells.place_of(self.q0)) <= 1).all()
+        rest += "; the pose of q0 is not proven" if inside and not self.holds_start else ""
+        if not len(proof):
+            return f"nothing is proven over {self.workspace}, {leaf}; {rest}"
+        return f"over {proven} of {self.workspace} {function}, {leaf}{limits} ({cells}); {rest}"
 
     def __str__(self) -> str:
         return self.sentence
 
     def _cell_of(self, p: Matrix, R: Array) -> tuple[Indices, Matrix]:
         """(cell of each pose (k,), -1 for none; its parameters (k, d))."""
+        # The bins of the poses in the box; a pose between two bins is in both.
         u, boxes = self.cells.places(p, R), self.certificate.proven.boxes
-        out = np.full(len(p), -1)
+        cells = np.full(len(p), -1)
         inside = np.flatnonzero((np.abs(u) <= 1).all(axis=1))
         keys, order = self._bins
         below, above = (self._bins_of(u[inside], side) for side in ("left", "right"))
         tied = (below != above).any(axis=0)
-        for upper in product((True, False), repeat=int(tied.sum())):  # a pose between two bins is in both
+        for upper in product((True, False), repeat=int(tied.sum())):
             chosen = above.copy()
             chosen[:, tied] = np.where(upper, above[:, tied], below[:, tied])
             place = self._keys_of(chosen)
             first, end = np.searchsorted(keys, place, "left"), np.searchsorted(keys, place, "right")
+            # One cell of the bin after the other.
             for j in range(int((end - first).max(initial=0))):
-                open_ = np.flatnonzero((first + j < end) & (out[inside] < 0))
-                cell = order[first[open_] + j]
-                holds = ((boxes.low[cell] <= u[inside[open_]]) & (u[inside[open_]] <= boxes.high[cell])).all(axis=1)
-                out[inside[open_[holds]]] = cell[holds]
-        return out, u
+                left = np.flatnonzero((first + j < end) & (cells[inside] < 0))
+                cell = order[first[left] + j]
+                holds = ((boxes.low[cell] <= u[inside[left]]) & (u[inside[left]] <= boxes.high[cell])).all(axis=1)
+                cells[inside[left[holds]]] = cell[holds]
+        return cells, u
 
     @cached_property
     def _middles(self) -> Any:
@@ -517,8 +485,8 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
     def _bins_of(self, u: Matrix, side: Literal["left", "right"]) -> Indices:
         """(k, d) between which cuts places are."""
-        found = [np.searchsorted(cuts, u[:, axis], side=side) for axis, cuts in enumerate(self._cuts)]
-        return np.column_stack(found).reshape(u.shape)
+        bins = [np.searchsorted(cuts, u[:, axis], side=side) for axis, cuts in enumerate(self._cuts)]
+        return np.column_stack(bins).reshape(u.shape)
 
     def _keys_of(self, bins: Indices) -> Indices:
         """(k,) one number each."""
@@ -529,27 +497,20 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
 
 @typed
+@kept
 def region_of(certificate: Certificate) -> UniqueRegion:
     """The tool poses that the certificate of a box proves: with their `parts`, why it does not prove the others.
 
     Raises:
         ArgumentError: it is of a path.
     """
-    return _region_of(certificate)
-
-
-@kept
-def _region_of(certificate: Certificate) -> UniqueRegion:
     space, anchors, equation = certificate.asked, certificate.anchors, certificate.equation
     if not isinstance(space, PoseRange):
         raise ArgumentError("the certificate", certificate.title, "give one of a box of poses")
-    n, d = equation.strategy.task.n, equation.d
     p0, R0, half = np.split(certificate.pieces[0], [3, 12])
-    q = anchors.q[0]
-    cells = PoseRegion(
-        equation, certificate.c, p0, R0.reshape(3, 3), half[:d], q[:n], anchors.u[0], partial=True
-    )  # fmt: skip
-    return UniqueRegion(equation.strategy, q[:n], space, certificate, cells)
+    half, q0 = half[: equation.d], anchors.q[0][: equation.joints]
+    cells = PoseRegion(equation, certificate.c, p0, R0.reshape(3, 3), half, q0, anchors.u[0], partial=True)
+    return UniqueRegion(equation.strategy, q0, space, certificate, cells)
 
 
 @typed
@@ -591,20 +552,20 @@ def unique_region(
         ExpressionError: an operation without a rule for intervals. JointLimitError: with limits, q0 is beyond them.
     """
     of_one_tool(strategy.task, "a region of poses")
-    strategy, start, budget = provable(strategy), start_of(strategy, q0, limits), whole("budget", budget)
+    strategy, budget = provable(strategy), whole("budget", budget)
+    start = start_posture(strategy.task.robot, q0, limits)
     strategy(start)
-    asked = demands(strategy, limits, kept_apart(strategy, start, scene))
+    asked = demands(strategy, start, limits, scene)
     if workspace is None:
         if keep_in is not None:
-            cure = "it is of one box: give the workspace, too"
-            raise ArgumentError("keep_in", str(keep_in), cure)
+            raise ArgumentError("keep_in", str(keep_in), "it is of one box: give the workspace, too")
         box = _largest_box(strategy, start, tilt, spin, asked)
-        found, cells, box = _proven_box(strategy, start, box, asked, budget, progress)
-        return UniqueRegion(strategy, start, box, found, cells)
+        proof, cells, box = _proven_box(strategy, start, box, asked, budget, progress)
+        return UniqueRegion(strategy, start, box, proof, cells)
     if tilt or spin:
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
     began = time.perf_counter()
     cells = PoseRegion.of(strategy, workspace, start, partial=True)
     with KeptCells.opened(keep_in, lambda: question(cells, start, asked)) as kept_cells:
-        found = certificate(workspace, cells, start, asked, budget, progress, began, kept_cells=kept_cells)
-    return UniqueRegion(strategy, start, workspace, found, cells)
+        proof = certificate(workspace, cells, start, asked, budget, progress, began, kept_cells=kept_cells)
+    return UniqueRegion(strategy, start, workspace, proof, cells)

@@ -20,14 +20,11 @@ from ..version import build
 from .binding import described, unlike, unsaid
 from .certificate import Certificate, digest
 
-LONGEST = 3600.0
-"""Seconds that the checker may take."""
-
 
 def recheck(
     file: str | FilePath,
     report: Callable[[int], None] = lambda _permille: None,
-    seconds: float = LONGEST,
+    seconds: float = 3600.0,
     robot: Robot | None = None,
     sample: float | None = None,
     seed: int | None = None,
@@ -35,7 +32,8 @@ def recheck(
     """(whether it is rejected, what is found, in sentences) of a certificate's file, by `proof.checker`.
 
     With a robot the rows of its task are written down anew and compared, see `binding`. With a sample, 0 to 1, this
-    share of the cells is verified, by `proof.sample_checker`; the seed says which ones, by default any.
+    share of the cells is verified, by `proof.sample_checker`; the seed says which ones, by default any. The seconds are
+    those that the checker may take.
 
     Raises:
         ArgumentError: a sample that is no share. CertificateError: a file that is no certificate.
@@ -48,17 +46,18 @@ def recheck(
         from .sample_checker import check_sample
     except ImportError:
         raise MissingExtraError("python-flint", "proof") from None
+    # The checker, which tells of each cell.
+    done, partly = count(1), sample is not None and sample < 1
+
+    def say(total: int) -> None:
+        report(min(1000, 1000 * next(done) // max(total, 1)))
+
     try:
-        done, partly = count(1), sample is not None and sample < 1
-
-        def say(total: int) -> None:
-            report(min(1000, 1000 * next(done) // max(total, 1)))
-
         if sample is not None and partly:
             drawn = randrange(10**6) if seed is None else seed
-            found = check_sample(str(file), say, seconds, sample, drawn)
+            verified = check_sample(str(file), say, seconds, sample, drawn)
         else:
-            found = check(str(file), say, seconds)
+            verified = check(str(file), say, seconds)
     except RejectedError as problem:
         return True, f"REJECTED: {problem}."
     except FileNotFoundError:
@@ -69,19 +68,20 @@ def recheck(
         raise CertificateError(file, f"it cannot be read ({problem.strerror or problem})") from None
     except ValueError as problem:
         raise CertificateError(file, str(problem)) from None
-    bound = "\n  it is not compared with a robot: name one with --robot"
+    # The comparison with a robot.
+    compared = "it is not compared with a robot: name one with --robot"
     if robot is not None:
         try:
-            other = unlike(found.data, robot)
+            difference = unlike(verified.data, robot)
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError) as problem:
             return True, f"REJECTED: its task cannot be read ({brief(repr(problem))})."
-        if other:
-            return True, f"REJECTED: {other}."
-        bound = f"\n  the rows of its task and its limits are those of {robot.name}{unsaid(found.data, robot)}"
-    extent = "it covers all that was asked" if found.whole else "it is a part of what was asked"
-    lines = "".join(f"\n  {line}" for line in found.lines)
+        if difference:
+            return True, f"REJECTED: {difference}."
+        compared = f"the rows of its task and its limits are those of {robot.name}{unsaid(verified.data, robot)}"
+    extent = "it covers all that was asked" if verified.whole else "it is a part of what was asked"
     head = "NO FAULT FOUND in a sample, which does not verify the certificate" if partly else f"VERIFIED: {extent}"
-    return False, f"{head}.{lines}{bound}\n  The file's own words, not verified: {found.words}"
+    own = f"The file's own words, not verified: {verified.words}"
+    return False, "\n  ".join([f"{head}.", *verified.lines, compared, own])
 
 
 class Outcome(NoTruthValue, Enum, ask="`is Outcome.VERIFIED`"):
@@ -128,27 +128,21 @@ def ask_checker(certificate: Certificate, seconds: float = 60.0, sample: float |
     compared = robot if described(certificate.equation) is not None else None
     began, version = time.perf_counter(), ""
     try:
-        version = _version()
+        flint = extra_module("flint", "proof", "python-flint")
+        version = f"holokin {build()}, python-flint {flint.__version__}"
         with tempfile.TemporaryDirectory(prefix="holokin-") as folder:
             file = certificate.save(FilePath(folder) / "certificate.json")
             rejected, text = recheck(file, seconds=seconds, robot=compared, sample=sample)
+        passed = Outcome.VERIFIED if sample is None or sample == 1 else Outcome.SAMPLED
+        outcome = Outcome.REJECTED if rejected else passed
     except MissingExtraError:
         return unasked(certificate, "it was not run: python-flint is missing")
     except CertificateError as problem:
-        taken = time.perf_counter() - began
-        return CheckerWord(Outcome.NONE, f"it gave no answer: {problem.fact}", taken, sha256, version, False)
-    passed = Outcome.VERIFIED if sample is None or sample == 1 else Outcome.SAMPLED
-    outcome = Outcome.REJECTED if rejected else passed
-    taken = time.perf_counter() - began
-    return CheckerWord(outcome, text, taken, sha256, version, compared is not None and not rejected)
+        outcome, text = Outcome.NONE, f"it gave no answer: {problem.fact}"
+    known = compared is not None and outcome in (Outcome.VERIFIED, Outcome.SAMPLED)
+    return CheckerWord(outcome, text, time.perf_counter() - began, sha256, version, known)
 
 
 def unasked(certificate: Certificate, why: str = "it was not run") -> CheckerWord:
     """The word of a checker that was not run."""
     return CheckerWord(Outcome.NONE, why, 0.0, digest(certificate.data), "not run", False)
-
-
-def _version() -> str:
-    """Of the checker, and of the library of its arithmetic. Raises: MissingExtraError."""
-    flint = extra_module("flint", "proof", "python-flint")
-    return f"holokin {build()}, python-flint {flint.__version__}"

@@ -8,15 +8,31 @@ then to the largest. The order does not depend on the budget: with a larger one 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
 from ..base.types import Flags, Indices, Matrix, joined, some
-from .box_proof import PORTION, PoseRegion, one_root
-from .cell_search import BATCH, FEW, GRID, Batch, KeptCells, halves, looked_up, reasons_of, smaller, too_small
-from .certificate import Boxes, Covered, Demands, Extent
+from .box_proof import PORTION, PoseRegion
+from .cell_search import (
+    BATCH,
+    FEW,
+    GRID,
+    Batch,
+    Boxes,
+    Covered,
+    Demands,
+    Extent,
+    KeptCells,
+    halves,
+    looked_up,
+    one_root,
+    reasons_of,
+    smaller,
+    too_small,
+)
 from .tube import Cells, Findings
 
 WAITING, PROVEN, JOINED, ENDED, REPLACED = range(5)
@@ -30,7 +46,11 @@ SAME = 1e-6
 
 
 def grown(
-    domain: PoseRegion, demands: Demands, budget: int, progress: Callable[[int, int, float], None], kept: KeptCells
+    domain: PoseRegion,
+    demands: Demands,
+    budget: int,
+    progress: Callable[[int, int, float], None],
+    kept_cells: KeptCells,
 ) -> Covered:
     """The proven cells that are joined to the one at `domain.u0`, and why no more are.
 
@@ -41,11 +61,11 @@ def grown(
     search, spent, freely, lost = _Search(domain), 0, FEW, False
     count, share = 0, 0.0
     while spent < budget and len(chosen := search.next(budget - spent, freely)):
-        found = looked_up(domain, some(search.boxes, chosen), demands, kept, partial(search.guesses, chosen))
+        batch = looked_up(domain, some(search.boxes, chosen), demands, kept_cells, partial(search.guesses, chosen))
         spent += len(chosen)
-        search.take(chosen, found)
-        lost = lost or not found.rooted.all() or (search.state == ENDED).any()
-        freely = 0 if lost else min(BATCH, FEW + 8 * int(found.kept.sum()))
+        search.take(chosen, batch)
+        lost = lost or not batch.rooted.all() or (search.state == ENDED).any()
+        freely = 0 if lost else min(BATCH, FEW + 8 * int(batch.kept.sum()))
         new = some(search.boxes, search.join(None))
         count, share = count + len(new), share + float(domain.shares(new.low, new.high).sum())
         progress(count, spent, share)
@@ -67,11 +87,13 @@ class _Search:
         self.far, self.holds = np.zeros(0), np.zeros(0, dtype=bool)
         self.reasons: dict[int, Extent] = {}
         self.done: list[Findings] = []
-        self.cells: Cells = self._none()
+        n, d, numbers = domain.equation.n, domain.equation.d, domain.equation.family.numbers
+        shapes = [(0, n), (0, n, d), (0, n, d * (d + 1) // 2), (0, numbers), (0,)]
+        self.cells = Cells(*(np.zeros(shape) for shape in shapes))
         self.r, self.alone = np.zeros(0), np.zeros(0)
-        self._described(self.boxes)
+        self._add(self.boxes)
 
-    def _described(self, new: Boxes) -> None:
+    def _add(self, new: Boxes) -> None:
         """Of boxes that are added: the state, the row of the cell, how often a box of the grid was halved, the distance
         from the start, and whether the start is in it."""
         k, u0 = len(new), self.domain.u0
@@ -82,11 +104,6 @@ class _Search:
         self.far = np.append(self.far, np.linalg.norm((new.low + new.high) / 2 - u0, axis=1))
         self.holds = np.append(self.holds, ((new.low <= u0) & (u0 <= new.high)).all(axis=1))
 
-    def _none(self) -> Cells:
-        n, d, numbers = self.domain.equation.n, self.domain.equation.d, self.domain.equation.family.numbers
-        rows = [(0, n), (0, n, d), (0, n, d * (d + 1) // 2), (0, numbers), (0,)]
-        return Cells(*(np.zeros(shape) for shape in rows))
-
     def next(self, most: int, freely: int) -> Indices:
         """The boxes to be examined next: those that hold the start, then those that touch what is joined, the largest
         first. freely: to so many others are added, which may touch nothing yet."""
@@ -95,89 +112,83 @@ class _Search:
         if (first & (self.level > 0)).any():
             freely = 0
         elif (self.state == JOINED).any():
-            for one, other in self._both_ways():
-                first[other[self.state[one] == JOINED]] = True
+            for box, neighbour in self._both_ways():
+                first[neighbour[self.state[box] == JOINED]] = True
             first &= waiting
         elif not first.any():
             first = waiting
-        chosen, others = (self._in_order(np.flatnonzero(those)) for those in (first, waiting & ~first))
+        # The largest boxes first, and of these the nearest to the start.
+        rows = np.flatnonzero(first), np.flatnonzero(waiting & ~first)
+        chosen, others = (part[np.lexsort((self.far[part], self.level[part]))] for part in rows)
         largest = int((self.level[chosen] == self.level[chosen[:1]]).sum())
         chosen = chosen[: min(BATCH, max(FEW, freely, largest))]
         chosen = np.concatenate([chosen, others[: max(freely - len(chosen), 0)]])
         return chosen[:most]
 
-    def _in_order(self, those: Indices) -> Indices:
-        """The largest boxes first, and of these the nearest to the start."""
-        return those[np.lexsort((self.far[those], self.level[those]))]
-
     def guesses(self, chosen: Indices) -> Matrix:
         """Joints (k, n) near the roots in the middles of boxes, continued from the joined cells beside them, or else
         from the nearest ones."""
-        return self.domain.led(*self._begins(chosen), some(self.boxes, chosen))
-
-    def _begins(self, chosen: Indices) -> tuple[Matrix, Matrix]:
-        """(places (k, d), postures (k, n)) from which boxes are reached."""
-        k, place = len(chosen), np.full(len(self.state), -1)
+        k, place, boxes = len(chosen), np.full(len(self.state), -1), some(self.boxes, chosen)
         place[chosen] = np.arange(k)
         u, q = np.tile(self.domain.u0, (k, 1)), np.tile(self.posture, (k, 1))
         known = np.flatnonzero(self.state == JOINED)
         known = known if len(known) else np.flatnonzero(self.state == PROVEN)
         if not len(known):
-            return u, q
+            return self.domain.led(u, q, boxes)
+        # From the face of a joined box.
         beside = np.full(k, -1)
-        for one, other in self._both_ways():
-            here = (self.state[one] == JOINED) & (place[other] >= 0)
-            beside[place[other[here]][::-1]] = one[here][::-1]
-        near = np.flatnonzero(beside >= 0)
+        for box, neighbour in self._both_ways():
+            faces = (self.state[box] == JOINED) & (place[neighbour] >= 0)
+            beside[place[neighbour[faces]][::-1]] = box[faces][::-1]
+        near, away = np.flatnonzero(beside >= 0), np.flatnonzero(beside < 0)
         u[near] = self._middles_of_faces(beside[near], chosen[near])
         q[near] = self._predicted(beside[near], u[near])
-        away = np.flatnonzero(beside < 0)
+        # From the middle of the nearest known one.
         if len(away):
             from scipy.spatial import KDTree
 
-            low, high = self.boxes.low, self.boxes.high
-            middles = (low[known] + high[known]) / 2
-            nearest = known[KDTree(middles).query((low[chosen[away]] + high[chosen[away]]) / 2)[1]]
-            u[away], q[away] = (low[nearest] + high[nearest]) / 2, self.cells.q0[self.row[nearest]]
-        return u, q
+            middles = (self.boxes.low + self.boxes.high) / 2
+            nearest = known[KDTree(middles[known]).query(middles[chosen[away]])[1]]
+            u[away], q[away] = middles[nearest], self.cells.q0[self.row[nearest]]
+        return self.domain.led(u, q, boxes)
 
-    def take(self, chosen: Indices, found: Batch) -> None:
-        """What was found of some boxes: proven, ended, to be tried again, or halved."""
-        kept, here = found.kept, some(self.boxes, chosen)
+    def take(self, chosen: Indices, batch: Batch) -> None:
+        """What the test of some boxes says: proven, ended, to be tried again, or halved."""
+        kept, boxes = batch.kept, some(self.boxes, chosen)
         self.row[chosen[kept]] = len(self.r) + np.arange(int(kept.sum()))
         self.state[chosen[kept]] = PROVEN
-        new = some(found.cells, kept)
-        self.cells = joined(self.cells, new)
-        self.done.append(found.findings)
-        self.r, self.alone = np.append(self.r, found.findings.r), np.append(self.alone, found.findings.alone)
-        final = ~kept & found.rooted & (too_small(here, found.cells) | found.final)
-        final |= ~kept & (np.min(here.high - here.low, axis=1) < 8 * GRID)
-        self._end(chosen[final], reasons_of(found, final))
-        tried, again, halved, parts = smaller(here, found, ~kept & ~final, self.lengths)
+        self.cells = joined(self.cells, some(batch.cells, kept))
+        self.done.append(batch.findings)
+        self.r, self.alone = np.append(self.r, batch.findings.r), np.append(self.alone, batch.findings.alone)
+        final = ~kept & batch.rooted & (too_small(boxes, batch.cells) | batch.final)
+        final |= ~kept & (np.min(boxes.high - boxes.low, axis=1) < 8 * GRID)
+        self._end(chosen[final], reasons_of(batch, final))
+        tried, again, halved, parts = smaller(boxes, batch, ~kept & ~final, self.lengths)
         self._replace(chosen[tried], again)
         self._replace(chosen[halved], parts)
 
-    def _end(self, those: Indices, reasons: list[Extent]) -> None:
-        self.state[those] = ENDED
-        self.reasons |= dict(zip(those.tolist(), reasons, strict=True))
+    def _end(self, rows: Indices, reasons: list[Extent]) -> None:
+        self.state[rows] = ENDED
+        self.reasons |= dict(zip(rows.tolist(), reasons, strict=True))
 
-    def _replace(self, those: Indices, parts: Boxes) -> None:
+    def _replace(self, rows: Indices, parts: Boxes) -> None:
         """Boxes (k,) are replaced: by others (k), or by lower and then upper halves (2 k), which have their faces."""
-        if not len(those):
+        if not len(rows):
             return
-        k, first = len(those), len(self.state)
+        # The rows of the boxes in the place of each.
+        k, first = len(rows), len(self.state)
         self.boxes = joined(self.boxes, parts)
-        self._described(parts)
-        self.state[those] = REPLACED
-        lower, upper = (np.full(len(self.state), -1) for _ in range(2))
-        lower[:] = np.arange(len(self.state))
-        lower[those] = first + np.arange(k)
+        self._add(parts)
+        self.state[rows] = REPLACED
+        lower, upper = np.arange(len(self.state)), np.full(len(self.state), -1)
+        lower[rows] = first + np.arange(k)
         if len(parts) > k:
-            upper[those] = first + k + np.arange(k)
+            upper[rows] = first + k + np.arange(k)
+        # Their faces: parts of the old ones, and those between halves.
         cut = (self.state[self.faces] == REPLACED).any(axis=1)
         ends = self.faces[cut]
         new = [np.column_stack([a[ends[:, 0]], b[ends[:, 1]]]) for a, b in product((lower, upper), repeat=2)]
-        new = np.concatenate([*new, np.column_stack([lower[those], upper[those]])])
+        new = np.concatenate([*new, np.column_stack([lower[rows], upper[rows]])])
         new = new[(new >= 0).all(axis=1)]
         new = new[self._meet(new)]
         self.faces = np.concatenate([self.faces[~cut], new])
@@ -204,9 +215,9 @@ class _Search:
         while True:
             is_joined = self.state == JOINED
             wanted, unlike = np.zeros(len(self.state), dtype=bool), np.zeros(len(self.state), dtype=bool)
-            for one, other in self._both_ways():
-                wanted[other[(self.kind == GLUED) & is_joined[one]]] = True
-                unlike[other[torn & is_joined[one]]] = True
+            for box, neighbour in self._both_ways():
+                wanted[neighbour[(self.kind == GLUED) & is_joined[box]]] = True
+                unlike[neighbour[torn & is_joined[box]]] = True
             wanted &= (self.state == PROVEN) & ~unlike
             i, j = np.sort(self.faces[torn], axis=1).T  # of two that differ the first one counts
             wanted[j[wanted[i] & wanted[j]]] = False
@@ -232,35 +243,34 @@ class _Search:
         if seed is not None:
             self.state[seed] = JOINED
 
-    def _part(self, those: Indices) -> None:
+    def _part(self, rows: Indices) -> None:
         """Halve proven boxes that have another root than their neighbours: it is sought anew in their halves."""
-        if not len(those):
+        if not len(rows):
             return
-        boxes, cells = some(self.boxes, those), some(self.cells, self.row[those])
-        final, none = too_small(boxes, cells), np.zeros(len(those), dtype=bool)
-        self._end(those[final], [Extent.APART] * int(final.sum()))
-        self._replace(those[~final], halves(boxes, cells, cells.rho / 2, ~final, none))
+        boxes, cells = some(self.boxes, rows), some(self.cells, self.row[rows])
+        final, none = too_small(boxes, cells), np.zeros(len(rows), dtype=bool)
+        self._end(rows[final], [Extent.APART] * int(final.sum()))
+        self._replace(rows[~final], halves(boxes, cells, cells.rho / 2, ~final, none))
 
     def _glue(self) -> None:
         """Look at the faces of which both boxes are proven."""
         proven = (self.state == PROVEN) | (self.state == JOINED)
         new = np.flatnonzero((self.kind == UNKNOWN) & proven[self.faces].all(axis=1))
-        for some_ in np.array_split(new, -(-len(new) // PORTION)) if len(new) else []:
-            i, j = self.faces[some_].T
-            y = self._middles_of_faces(i, j)
+        for faces in np.array_split(new, -(-len(new) // PORTION)) if len(new) else []:
+            i, j = self.faces[faces].T
+            u = self._middles_of_faces(i, j)
             a, b = self.row[i], self.row[j]
-            off = np.linalg.norm(self._predicted(i, y) - self._predicted(j, y), axis=1)
+            off = np.linalg.norm(self._predicted(i, u) - self._predicted(j, u), axis=1)
             off += some(self.cells, a).slip + some(self.cells, b).slip
-            self.kind[some_] = np.where(one_root(off, self.r[a], self.alone[a], self.r[b], self.alone[b]), GLUED, TORN)
+            self.kind[faces] = np.where(one_root(off, self.r[a], self.alone[a], self.r[b], self.alone[b]), GLUED, TORN)
 
     def _middles_of_faces(self, i: Indices, j: Indices) -> Matrix:
         low, high = self.boxes.low, self.boxes.high
         return (np.maximum(low[i], low[j]) + np.minimum(high[i], high[j])) / 2
 
-    def _predicted(self, those: Indices, u: Matrix) -> Matrix:
+    def _predicted(self, rows: Indices, u: Matrix) -> Matrix:
         """The predicted joints (k, n) of proven boxes at parameters u (k, d) of the box of poses."""
-        low, high = self.boxes.low[those], self.boxes.high[those]
-        return some(self.cells, self.row[those]).predicted((2 * u - low - high) / (high - low))
+        return some(self.boxes, rows).predicted(some(self.cells, self.row[rows]), u)
 
     def _both_ways(self) -> Iterator[tuple[Indices, Indices]]:
         yield self.faces[:, 0], self.faces[:, 1]
@@ -268,20 +278,19 @@ class _Search:
 
     def nearest(self, state: int) -> int | None:
         """Of the boxes of a state the one nearest to the start."""
-        those = np.flatnonzero(self.state == state)
-        return int(those[np.argmin(self.far[those])]) if len(those) else None
+        rows = np.flatnonzero(self.state == state)
+        return int(rows[np.argmin(self.far[rows])]) if len(rows) else None
 
     def covered(self, exhausted: bool) -> Covered:
         """The joined cells; why there are no more, by the nearest box that cannot be proven, or waits."""
-        here = np.flatnonzero(self.state == JOINED)
-        rows = self.row[here]
-        found = Covered(some(self.boxes, here), some(self.cells, rows), some(joined(*self.done), rows))
+        boxes = np.flatnonzero(self.state == JOINED)
+        rows = self.row[boxes]
+        proven = Covered(some(self.boxes, boxes), some(self.cells, rows), some(joined(*self.done), rows))
         stop = next((k for k in (self.nearest(s) for s in (ENDED, WAITING, PROVEN)) if k is not None), None)
         if stop is None:
-            return found
+            return proven
         reason = self.reasons.get(stop, Extent.APART if exhausted else Extent.BUDGET)
-        place = int(self.boxes.piece[stop]), tuple(self.boxes.low[stop].tolist())
-        return Covered(found.boxes, found.cells, found.findings, reason, place)
+        return replace(proven, extent=reason, stopped=self.boxes.places()[stop])
 
 
 def _grid_faces(counts: list[int]) -> Indices:

@@ -26,32 +26,30 @@ class SampleChecker(Checker):
         self.sample, self.seed, self.drawn = sample, seed, random.Random(seed)
         self.cells, self.draws, self.faces = 0, 0, 0
 
-    def cover(self, tree: Any, sides: Any) -> list[Any]:
-        """The (data, sides) of the cells of a box of u, which leave no gap; none is proven yet."""
-        if not isinstance(tree, list):
-            need(bool(tree) or not self.whole, "the cells leave a gap")
-            return [(tree, sides)] if tree else []
-        axis, at, *halves = tree
-        need(sides[axis][0] < at < sides[axis][1], "a cut is outside of its box")
-        parts = [[*sides[:axis], end, *sides[axis + 1 :]] for end in ((sides[axis][0], at), (at, sides[axis][1]))]
-        lower, upper = (self.cover(half, part) for half, part in zip(halves, parts, strict=True))
-        return lower + upper
+    def leaf(self, data: Any, sides: Any) -> Any:
+        """A cell that is not proven yet."""
+        return data, sides
+
+    def meet(self, *_cut: Any) -> None:
+        """Of cells that are not proven nothing is asked."""
 
     def verify(self) -> Verified:
         """Of each piece the cell of its posture, and cells with a neighbour each, until there are enough."""
+        # That the cells leave no gap.
         pieces, level = self.data["pieces"], self.data["level"] + self.data["constants"]
         box = [(0, 1) if self.d == 1 else (-1, 1)] * self.d
         covers = []
         for k, piece in enumerate(pieces):
             self.whole = self.claims["whole"] or k + 1 < len(pieces)
             covers.append(self.cover(piece["cells"], box))
-        self.cells, part = sum(map(len, covers)), math.prod(b - a for a, b in box) * len(pieces)
-        filled = sum(math.prod(float(b - a) for a, b in sides) for cover in covers for _, sides in cover) / part
+        self.cells, total = sum(map(len, covers)), math.prod(b - a for a, b in box) * len(pieces)
+        filled = sum(math.prod(float(b - a) for a, b in sides) for cover in covers for _, sides in cover) / total
+        # The sample.
         self.total = sum(max(1, math.ceil(self.sample * len(cover))) for cover in covers)
         for piece, cover in zip(pieces, covers, strict=True):
             self.numbers = [arb(x) for x in piece["numbers"] + level]
             self.draw(piece, cover)
-        return Verified(False, self.told(filled), self.words(), self.data)
+        return Verified(False, self.sentences(filled), self.words(), self.data)
 
     def draw(self, piece: Any, cover: list[Any]) -> None:
         """The sample of a piece. Raises: RejectedError."""
@@ -62,17 +60,18 @@ class SampleChecker(Checker):
                 proven[i] = self.prove(Cell(*cover[i]))
             return proven[i]
 
+        # The cell of the posture.
         u = [0] if self.d == 1 else piece["u"]
-        holding = [
-            i for i, (_, box) in enumerate(cover) if all(a <= x <= b for x, (a, b) in zip(u, box, strict=True))
-        ]  # fmt: skip
-        need(len(holding) > 0, f"no cell is at {u}, where the posture is")
-        need(self.off(cell(holding[0]), u, piece["q"]) <= self.claims["gap"], "the leaf may miss the start")
-        ends: Any = [{}, {}]  # (axis, place) -> cells that begin there, and that end there
+        first = next((i for i, (_, box) in enumerate(cover) if _holds(box, u)), None)
+        need(first is not None, f"no cell is at {u}, where the posture is")
+        need(self.off(cell(first or 0), u, piece["q"]) <= self.claims["gap"], "the leaf may miss the start")
+        # (axis, place) -> cells that begin there, and that end there.
+        ends: Any = [{}, {}]
         for i, (_, box) in enumerate(cover):
             for axis, side in enumerate(box):
                 for which in (0, 1):
                     ends[which].setdefault((axis, side[which]), []).append(i)
+        # Cells that are drawn, each with a neighbour.
         count = max(1, math.ceil(self.sample * len(cover)))
         for i in self.drawn.sample(range(len(cover)), len(cover)):
             if len(proven) >= count:
@@ -84,37 +83,39 @@ class SampleChecker(Checker):
                 for axis, side in enumerate(cover[i][1])
                 for which in (0, 1)
                 for j in ends[1 - which].get((axis, side[which]), [])
-                if all(
-                    k == axis or max(a, c) < min(b, d)
-                    for k, ((a, b), (c, d)) in enumerate(zip(cover[i][1], cover[j][1], strict=True))
-                )
+                if _meet(cover[i][1], cover[j][1], axis)
             ]
             if beside:
                 j, axis = self.drawn.choice(beside)
                 self.join(cell(i), cell(j), axis)
                 self.faces += 1
 
-    def told(self, filled: float) -> list[str]:
+    def sentences(self, filled: float) -> list[str]:
         """What was verified, in sentences, and what was not."""
         joints = zip(range(self.joints), self.data["units"], strict=True)
         hull = ", ".join(f"{self.hull[0][i]:.6g} to {self.hull[1][i]:.6g} {unit}" for i, unit in joints)
-        found = 1 - (1 - RARE) ** self.draws
+        percent = math.floor(1000 * (1 - (1 - RARE) ** self.draws)) / 10
         return [
             f"of {self.cells:,} cells, {self.count:,} were checked, drawn at random (seed {self.seed}); of the faces "
             f"between them {self.faces:,}, at which neighbours have one root",
             f"the others were NOT checked; if {RARE:.0%} of the cells were faulty, such a sample would find one with a "
-            f"probability of {_below(found)} % or more",
+            f"probability of {percent:g} % or more",
             f"all cells together fill {'all' if self.claims['whole'] else f'{100 * filled:.3g} %'} of what was asked",
             f"in those that were checked: one posture near the predicted one, smooth, |det D_q E| >= {self.least:.3g}; "
             f"joints {hull}",
             "that a path closes or comes back to a tool pose was not looked at",
             *(self.clear.lines() if self.clear else []),
-        ]  # fmt: skip
+        ]
 
 
-def _below(share: float) -> str:
-    """A share in percent, rounded down."""
-    return f"{math.floor(1000 * share) / 10:g}"
+def _holds(box: Any, u: Any) -> bool:
+    return all(a <= x <= b for x, (a, b) in zip(u, box, strict=True))
+
+
+def _meet(box: Any, other: Any, across: int) -> bool:
+    """Whether two boxes that touch across an axis have a part of that face in common."""
+    sides = enumerate(zip(box, other, strict=True))
+    return all(axis == across or max(a, c) < min(b, d) for axis, ((a, b), (c, d)) in sides)
 
 
 def check_sample(

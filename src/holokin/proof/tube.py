@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Value, Vector, joined, some
-from ..symbolic.intervals import PI, Interval, add, multiply, outward, point, subtract
+from ..symbolic.intervals import PI, Interval, absolute, add, divide, multiply, outward, point, subtract
 from .equation import Equation
 
 # --- Matrices and norms to the last rounding: products of doubles with intervals, upper bounds of 2-norms.
@@ -45,12 +45,12 @@ def product(Y: Array | Interval, a: Interval) -> Interval:
     with np.errstate(invalid="ignore", over="ignore"):
         mid, rad = _ball(a)
         M, R = _ball(Y) if isinstance(Y, Interval) else (Y, None)
-        found = M @ mid
+        center = M @ mid
         bound = np.abs(M) @ (rad + (M.shape[2] + 2) * UNIT * np.abs(mid))
         if R is not None:
             bound = bound + R @ (np.abs(mid) + rad)
         bound = bound * UP + 1e-300
-        low, high = found - bound, found + bound
+        low, high = center - bound, center + bound
     broken = ~(np.isfinite(low) & np.isfinite(high))
     low, high = np.where(broken, -np.inf, low), np.where(broken, np.inf, high)
     return Interval(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
@@ -60,8 +60,8 @@ def norm(a: Interval) -> Vector:
     """An upper bound (k,) of the 2-norm of all matrices (k, n, j) in an interval: |mid| + |rad|_F."""
     with np.errstate(invalid="ignore", over="ignore"):
         mid, rad = _ball(a)
-        found = matrix_norm(mid) + _frobenius(rad)
-    return np.where(np.isfinite(found), found * UP, np.inf)
+        bound = matrix_norm(mid) + _frobenius(rad)
+    return np.where(np.isfinite(bound), bound * UP, np.inf)
 
 
 def matrix_norm(M: Array) -> Vector:
@@ -94,9 +94,6 @@ def _ball(a: Interval) -> tuple[Array, Array]:
     mid = a.low / 2 + a.high / 2
     return mid, np.maximum(a.high - mid, mid - a.low) * UP
 
-
-HULL = 3.0
-"""Of r in the hull of the joints: room for the checker's own r."""
 
 MARGIN = 1.25
 """Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
@@ -208,37 +205,46 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
 
 
 def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Findings:
+    # E and D_q E at the middles, and Y.
     n, d, k = equation.n, equation.d, len(cells)
     fixed = np.vstack([cells.numbers.T, np.repeat(c[:, None], k, axis=1)])
     still, one = np.zeros((d, k)), np.ones((d, k))
     E, A = _value(equation, np.vstack([cells.q0.T, still, fixed]))
     Y = inverses(A.middle)
-    off = product(Y, A)
-    at_center = norm(subtract(point(np.eye(n)), off))
+    off = subtract(point(np.eye(n)), product(Y, A))
 
-    reach = cells.reach
+    # Second derivatives over the box that holds the tube: omega, and how D_q E changes along each parameter.
+    reach, slope = cells.reach, cells.slope
     wide = (reach + cells.rho[:, None]) * UP
     low = np.vstack([np.nextafter(cells.q0 - wide, -np.inf).T, -one, fixed])
     high = np.vstack([np.nextafter(cells.q0 + wide, np.inf).T, one, fixed])
-    bent = equation.curvature(low, high)
+    first = equation.positive + equation.guards
+    cuts = equation.positive, first, first + n * n * (n + 1) // 2
+    enclosed = equation.curvature(low, high)
     facing, guards, bends, mixed = (
-        Interval(low, high) for low, high in zip(*(np.split(x, _places(equation)) for x in bent), strict=True)
+        Interval(*ends) for ends in zip(*(np.split(x, cuts) for x in enclosed), strict=True)
     )
     H = product(Y, Interval(_symmetric(bends.low, n), _symmetric(bends.high, n)))
     omega = norm(H)
-    change = product(Interval(*(x.reshape(k, n * n, n) for x in H)), cells.slope)
+    change = product(Interval(*(x.reshape(k, n * n, n) for x in H)), slope)
+    turned = np.zeros((k, n))
     if equation.family.turning:
-        change = add(change, Interval(*(x.reshape(k, n * n, d) for x in product(Y, _columns(mixed, n)))))
+        by_turn = product(Y, _columns(mixed, n))
+        change = add(change, Interval(*(x.reshape(k, n * n, d) for x in by_turn)))
+        turned = np.linalg.norm(by_turn.magnitude, axis=2)
     along_y = [Interval(*(x[:, :, m].reshape(k, n, n) for x in change)) for m in range(d)]
-    e = (at_center + sum(norm(part) for part in along_y)) * UP
+    e = (norm(off) + sum(norm(part) for part in along_y)) * UP
 
+    # E along the predictor, to the second order: eta.
     flat = [np.swapaxes(part, 1, 2).reshape(k, -1).T for part in (cells.V, cells.Q)]
     rest = np.vstack([cells.q0.T, *flat, fixed])
-    first, _ = _along(equation, np.vstack([still, rest]))
-    _, second = _along(equation, np.vstack([-one, rest]), np.vstack([one, rest]))
+    first_by_y = product(Y, _along(equation, np.vstack([still, rest]))[0])
+    second_by_y = product(Y, _along(equation, np.vstack([-one, rest]), np.vstack([one, rest]))[1])
     eta = norm(product(Y, _wrapped(equation, E)))
-    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
+    eta = eta + _column_sum(first_by_y, np.ones(d)) + _column_sum(second_by_y, pair_weights(d))
     eta = (eta + slack * norm(Interval(Y, Y))) * UP
+
+    # The test, and the radii about the predictor: the root is within r, and alone within `alone`.
     apart = np.maximum(guards.low, -guards.high).min(axis=0, initial=np.inf)
     clear = np.minimum(facing.low.min(axis=0), apart)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -250,17 +256,16 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
         good &= (r * MARGIN <= most) & (omega * r * MARGIN < 1 - e)
         alone = np.where(good, most / MARGIN, 0.0)
     r = np.where(good, r, np.inf)
-    size = (np.where(good, HULL * r, 0.0)[:, None] + reach) * (1 + 1e-6)
+
+    # The joints at the roots, with room for the checker's own r, and their derivatives.
+    size = (np.where(good, 3 * r, 0.0)[:, None] + reach) * (1 + 1e-6)
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
-    low, high = low[:, : equation.joints], high[:, : equation.joints]
-    varied = (subtract(point(np.eye(n)), off).magnitude + sum(part.magnitude for part in along_y)) * UP
+    varied = (off.magnitude + sum(part.magnitude for part in along_y)) * UP
     curved = np.linalg.norm(H.magnitude, axis=2)
-    if equation.family.turning:
-        turned = np.linalg.norm(product(Y, _columns(mixed, n)).magnitude, axis=2)
-    else:
-        turned = np.zeros((k, n))
-    missed = product(Y, first).magnitude + _paired(product(Y, second).magnitude, d)
-    slopes = _slopes(cells.slope.magnitude, missed, varied, curved, turned, r)[:, : equation.joints]
+    missed = first_by_y.magnitude + _paired(second_by_y.magnitude, d)
+    slopes = _slopes(slope.magnitude, missed, varied, curved, turned, r)
+    joints = slice(0, equation.joints)
+    low, high, slopes = low[:, joints], high[:, joints], slopes[:, joints]
     return Findings(Y, omega, e, eta, r, alone, clear, low, high, slopes, np.zeros((k, 0)), np.zeros((k, 0, 3)))
 
 
@@ -276,12 +281,10 @@ def _slopes(steep: Array, missed: Array, varied: Array, curved: Matrix, turned: 
         v = missed + (turned * r)[:, :, None] + (curved * r)[:, :, None] * np.linalg.norm(steep, axis=1, keepdims=True)
         C = varied + (curved * r)[:, :, None]
         first = C @ v
-        left = 1 - matrix_norm(np.where(np.isfinite(C), C, np.inf))
-        rest = (
-            np.linalg.norm(C, axis=2)[:, :, None] * np.linalg.norm(first, axis=1, keepdims=True) / left[:, None, None]
-        )
-        found = (steep + v + first + rest) * UP
-    return np.where(np.isfinite(found) & (left > 0)[:, None, None], found, np.inf)
+        left = (1 - matrix_norm(np.where(np.isfinite(C), C, np.inf)))[:, None, None]
+        rest = np.linalg.norm(C, axis=2)[:, :, None] * np.linalg.norm(first, axis=1, keepdims=True) / left
+        slopes = (steep + v + first + rest) * UP
+    return np.where(np.isfinite(slopes) & (left > 0), slopes, np.inf)
 
 
 def _paired(second: Array, d: int) -> Array:
@@ -290,40 +293,31 @@ def _paired(second: Array, d: int) -> Array:
     return np.stack([second[:, :, [p for p, of in enumerate(pairs) if m in of]].sum(axis=2) for m in range(d)], axis=2)
 
 
-def _places(equation: Equation) -> tuple[int, int, int]:
-    """Where in `Equation.curvature` the guards, the second derivatives by q and those by y and q begin."""
-    n, first = equation.n, equation.positive + equation.guards
-    return equation.positive, first, first + n * n * (n + 1) // 2
-
-
 def inverses(A: Array) -> Array:
     """Matrices near the inverses (k, n, n); zeros where there is none, which fail the test."""
-    found = np.zeros_like(A)
+    Y = np.zeros_like(A)
     good = np.isfinite(A).all(axis=(1, 2))
     try:
-        found[good] = np.linalg.inv(A[good])
+        Y[good] = np.linalg.inv(A[good])
     except np.linalg.LinAlgError:  # one of them is singular to the last bit
         for i in np.flatnonzero(good):
             if np.linalg.matrix_rank(A[i]) == A.shape[1]:
-                found[i] = np.linalg.inv(A[i])
-    return np.where(np.isfinite(found), found, 0.0)
+                Y[i] = np.linalg.inv(A[i])
+    return np.where(np.isfinite(Y), Y, 0.0)
 
 
-def _value(equation: Equation, at: Matrix) -> tuple[Interval, Interval]:
+def _value(equation: Equation, points: Matrix) -> tuple[Interval, Interval]:
     """(E (k, n, 1), D_q E (k, n, n)) at points."""
     n = equation.n
-    found = equation.value(at, at)
-    return _columns(Interval(found.low[:n], found.high[:n]), n), _columns(Interval(found.low[n:], found.high[n:]), n)
+    low, high = equation.value(points, points)
+    return _columns(Interval(low[:n], high[:n]), n), _columns(Interval(low[n:], high[n:]), n)
 
 
 def _along(equation: Equation, low: Matrix, high: Matrix | None = None) -> tuple[Interval, Interval]:
     """First (k, n, d) and second (k, n, d (d + 1) / 2) derivatives along the predictor."""
     n, first = equation.n, equation.n * equation.d
-    found = equation.along(low, low if high is None else high)
-    return (
-        _columns(Interval(found.low[:first], found.high[:first]), n),
-        _columns(Interval(found.low[first:], found.high[first:]), n),
-    )
+    low, high = equation.along(low, low if high is None else high)
+    return _columns(Interval(low[:first], high[:first]), n), _columns(Interval(low[first:], high[first:]), n)
 
 
 def _wrapped(equation: Equation, E: Interval) -> Interval:
@@ -347,10 +341,41 @@ def _column_sum(a: Interval, weights: Vector) -> Vector:
     return np.where(np.isfinite(size), size, np.inf)
 
 
-def _symmetric(found: Array, n: int) -> Array:
+def _symmetric(bends: Array, n: int) -> Array:
     """(k, n, n * n) of columns j <= l (n n (n + 1) / 2, k) of second derivatives."""
-    columns = np.moveaxis(found, -1, 0).reshape(found.shape[-1], -1, n)
+    columns = np.moveaxis(bends, -1, 0).reshape(bends.shape[-1], -1, n)
     place = np.zeros((n, n), dtype=int)
     for i, pair in enumerate((j, k) for j in range(n) for k in range(j, n)):
         place[pair] = place[pair[::-1]] = i
     return np.swapaxes(columns[:, place.ravel()], 1, 2)
+
+
+def least_determinant(findings: Findings) -> float:
+    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r; over |det Y| that of A.
+
+    Half of it: room for the checker's own, which is another one.
+    """
+    if not len(findings.r):
+        return 0.0
+    shrink = np.maximum(1 - (findings.e + findings.omega * findings.r), 0.0)
+    with np.errstate(divide="ignore"):
+        bounds = 0.5 * shrink ** findings.Y.shape[1] / _determinants(findings.Y).high
+    return float(bounds.min())
+
+
+def _determinants(A: Array) -> Interval:
+    """Enclosures (k,) of |det A| of matrices (k, n, n), by elimination, the rows in the order of rounded numbers."""
+    from scipy.linalg import lu
+
+    k, n, _ = A.shape
+    order = np.array([lu(matrix, p_indices=True)[0] for matrix in A], dtype=int).reshape(k, n).argsort(axis=1)
+    M = np.take_along_axis(A, order[:, :, None], axis=1)
+    rows = [point(M[:, i, :].T.copy()) for i in range(n)]  # (n, k) each
+    total = point(np.ones(k))
+    for j in range(n):
+        pivot = Interval(rows[j].low[j], rows[j].high[j])
+        total = multiply(total, absolute(pivot))
+        for i in range(j + 1, n):
+            factor = divide(Interval(rows[i].low[j], rows[i].high[j]), pivot)
+            rows[i] = subtract(rows[i], multiply(factor, rows[j]))
+    return total

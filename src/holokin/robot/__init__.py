@@ -8,7 +8,6 @@ from .chains import Part, compose, ordered, with_base_pose, with_limits, with_to
 from .chains import check_metres as check_metres
 from .chains import doubtful_unit as doubtful_unit
 from .chains import speed_limits as speed_limits
-from .chains import start_posture as start_posture
 from .chains import without_speed_limit as without_speed_limit
 from .formats.dh import DHRow, from_dh
 from .formats.libraries import from_pinocchio, from_roboticstoolbox
@@ -42,6 +41,7 @@ from .links import mass_matrix_expression as mass_matrix_expression
 from .links import potential_expression as potential_expression
 from .model import Robot
 from .model import hessian_expression as hessian_expression
+from .model import start_posture as start_posture
 from .shapes.link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .shapes.visuals import Surface, Visual
 

@@ -14,7 +14,7 @@ from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, one_or_each, tool_pose
 from ..symbolic.rotations import rotation_from_rpy
-from .joints import WOUND, Body, Coordinate, Joint, Tip, foot_of, joints_above
+from .joints import Body, Coordinate, Joint, Tip, foot_of, joints_above
 from .model import Robot
 from .shapes.link_shapes import LinkShape
 from .shapes.visuals import Visual
@@ -187,24 +187,8 @@ WIDEST = 4 * np.pi
 TRUST = ", or trust_units=True (--trust-units, trust_units = true of a robot in a file) if they are"
 """How to overrule a doubt, behind the cure."""
 
-START = "choose another start posture, widen the limits by hk.with_limits, or ask with limits=False"
-"""The cure of a start posture beyond the joint limits."""
-
 SHARE = 10.0
 """Reaches of an arm at which a tool on it is not in metres."""
-
-
-def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the start posture") -> Vector:
-    """q as (n,) finite floats: a posture to begin from, which keeps the joint limits unless `limits` is False.
-
-    Raises:
-        ShapeError, NotFiniteError, ArgumentError: as `Robot.checked`. JointLimitError: with limits, a joint is beyond
-        them; without, more than two turns beyond them, as degrees are.
-    """
-    start = robot.checked(q, what)
-    if limits or robot.beyond(start).max() > WOUND:
-        robot.check_limits(start, START)
-    return start
 
 
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:

@@ -594,6 +594,20 @@ class Robot(ByValue):
         return Function("skeleton", {"q": q}, {"origins": vertcat(*(p for p, _ in self._frames(q)))})
 
 
+def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the start posture") -> Vector:
+    """q as (n,) finite floats: a posture to begin from, which keeps the joint limits unless `limits` is False.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError: as `Robot.checked`. JointLimitError: with limits, a joint is beyond
+        them; without, more than two turns beyond them, as degrees are.
+    """
+    start = robot.checked(q, what)
+    if limits or robot.beyond(start).max() > WOUND:
+        cure = "choose another start posture, widen the limits by hk.with_limits, or ask with limits=False"
+        robot.check_limits(start, cure)
+    return start
+
+
 @kept
 def _frame_function(robot: Robot, joint: int, placement: tuple[float, ...]) -> Callable[[SX], tuple[SX, SX, SX, SX]]:
     """q -> (p, R, J, origins (3, joints)) of a frame on a joint: many tasks of a robot are written of the same."""
