@@ -78,7 +78,7 @@ class Shown:
         return f"{name}({', '.join(parts)})"
 
     def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if not isinstance(getattr_static(type(self), name, None), _Absent)]
+        return [name for name in super().__dir__() if not isinstance(getattr_static(type(self), name, None), Absent)]
 
     def _repr_html_(self) -> str:
         return _table(type(self).__name__, self._shown_rows())
@@ -91,7 +91,7 @@ class Shown:
         return [_split(line) for line in str(self).splitlines() if line.strip()]
 
 
-class _Absent:
+class Absent:
     """A name that a noun does not have, under which people look for something else: reading it says what to write.
 
     A class with `__getattr__` would do this for all names, but then reading any takes longer.
@@ -107,7 +107,7 @@ class _Absent:
 
 for _form, _names in FORMS.items():
     for _name in _names.split():
-        setattr(Shown, _name, _Absent(_name, _form))
+        setattr(Shown, _name, Absent(_name, _form))
 
 
 def _bounded(written: Callable[[Any], str]) -> Any:

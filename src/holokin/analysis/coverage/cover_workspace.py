@@ -247,7 +247,7 @@ PIECE = 256
 
 KINEMATIC = 1e-3
 """Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is singular: in a
-Panda's box it was 5e-4 at most where the arm is stretched, and 4e-3 at least where a law alone is singular."""
+Panda's box it was 5e-4 at most where the arm is stretched, and 4e-3 at least where a strategy alone is singular."""
 
 
 @typed
@@ -266,7 +266,8 @@ def coverage(
 
     Each pose is gone to on the straight path from the tool pose at q0, as `ik` does. Where the leaf does not get
     there within the limits, other postures of the arm are searched for, by least squares from random postures: so it
-    shows whether the law fails there or no law can serve. A workspace that is out of reach altogether has the share 0.
+    shows whether the strategy fails there or no strategy can serve. A workspace that is out of reach altogether has the
+    share 0.
 
     A task of positions looks at the positions of the poses alone.
 
@@ -278,7 +279,8 @@ def coverage(
         reach: of the same poses, as `posture_reach` found it, to spare the search.
 
     Raises:
-        JointLimitError: q0 is beyond its limits, unless limits is False. SingularityError: the law is singular there.
+        JointLimitError: q0 is beyond its limits, unless limits is False. SingularityError: the strategy is singular
+            there.
         ArgumentError: a strategy without leaves; rotations out of the plane for the pose task of a planar robot.
         ShapeError, NotFiniteError.
     """
@@ -512,7 +514,7 @@ def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indice
     return far[[not leads_to(solver, poses[j], found.q[i], found.q[j]) for i, j in far]]
 
 
-# --- The largest part of a workspace, round its centre, that a law serves from end to end.
+# --- The largest part of a workspace, round its centre, that a strategy serves from end to end.
 
 HALVINGS = 7
 """Halvings of the share that is looked for: it is right to 1 %."""

@@ -1,4 +1,4 @@
-"""What somebody would begin with: a task, start postures, the laws that fit, a workspace."""
+"""What somebody would begin with: a task, start postures, the strategies that fit, a workspace."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ FREE = 1.2
 """Range [rad or m] on either side of zero for a joint without limits."""
 
 SPREAD = 8
-"""Postures at one tool pose from which laws are tried: with more, no better leaf was found on five arms."""
+"""Postures at one tool pose from which strategies are tried: with more, no better leaf was found on five arms."""
 
 SEEDS = 96
 """Random postures from which those of a tool pose are searched for."""
@@ -211,18 +211,18 @@ def locked_joints(task: Task, q: Vector) -> list[int]:
     return sorted(chosen)
 
 
-# --- The laws that fit a robot and its task: what `advise` compares.
+# --- The strategies that fit a robot and its task: what `advise` compares.
 
 TURNED = 1e-3
 """Angle [rad] from which two axes are not parallel."""
 
 TRANSVERSAL = 0.03
-"""Least singular value of A N, rows of A and basis N orthonormal, from which a law is tried: below it the tool must
-hardly move before the law's joints do."""
+"""Least singular value of A N, rows of A and basis N orthonormal, from which a strategy is tried: below it the tool
+must hardly move before the strategy's joints do."""
 
 MOST_LOCKS, MOST_PAIRS = 10, 4
-"""Sets of joints to lock, and linear laws, that are tried: those that fix the self-motion best. All seven joints of a
-7R arm fit in; of the 84 sets of an arm of nine joints the others are worse at the start already."""
+"""Sets of joints to lock, and linear strategies, that are tried: those that fix the self-motion best. All seven joints
+of a 7R arm fit in; of the 84 sets of an arm of nine joints the others are worse at the start already."""
 
 LEVEL_OF_COST = 0.0
 """The level of a stationary constraint at which its cost is stationary."""
@@ -230,7 +230,8 @@ LEVEL_OF_COST = 0.0
 
 @dataclass(frozen=True, eq=False)
 class Candidate(Value):
-    """A law to try: a name, what a job file says of it, and its constraint, None for `radial` of the pseudo-inverse.
+    """A strategy to try: a name, what a job file says of it, and its constraint, None for `radial` of the
+    pseudo-inverse.
 
     `level`: the leaf that it asks for, None where any will do.
     """
@@ -248,11 +249,11 @@ class Candidate(Value):
 
 
 def candidates(task: Task, starts: Matrix) -> list[Candidate]:
-    """The laws that fit: each has r = n - m rows and fixes the self-motion at one of the starts (k, n) at least.
+    """The strategies that fit: each has r = n - m rows and fixes the self-motion at one of the starts (k, n) at least.
 
     One redundant joint: each joint locked, differences or sums of parallel joints, the arm angle (both definitions),
     the elbow's height, stationary costs, radial. Several: sets of joints locked; the trunk locked (all joints before
-    those of an arm of seven) over each law of the arm; stationary costs by Chang's basis; radial.
+    those of an arm of seven) over each strategy of the arm; stationary costs by Chang's basis; radial.
     """
     r = task.n - task.m
     bases = [_basis(task, q) for q in starts]

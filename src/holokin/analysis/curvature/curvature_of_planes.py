@@ -165,8 +165,8 @@ Method = Literal["auto", "hessian", "ad"]
 """How derivatives are made: by forward-kinematics Hessians, by automatic differentiation, or as the strategy allows."""
 
 MOST_JOINTS = 100
-"""Joints of a robot whose laws are judged. Time and memory to write the curvature out grow with the third power of
-their number, for a position on one core: 60 joints 2.4 s and 0.1 GB, 100 joints 7.7 s and 0.5 GB, 140 joints 17 s
+"""Joints of a robot whose strategies are judged. Time and memory to write the curvature out grow with the third power
+of their number, for a position on one core: 60 joints 2.4 s and 0.1 GB, 100 joints 7.7 s and 0.5 GB, 140 joints 17 s
 and 1.3 GB."""
 
 

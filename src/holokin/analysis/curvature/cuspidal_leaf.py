@@ -449,8 +449,8 @@ def cusps(
         limits: cusps and loops beyond the joint limits do not count.
 
     Raises:
-        ArgumentError: a law without leaves; a task of several frames; too many starts; no q0, or one beside an inverse
-            kinematics. SingularityError: it is singular at q0. JointLimitError: with limits, q0 is beyond them.
+        ArgumentError: a strategy without leaves; a task of several frames; too many starts; no q0, or one beside an
+            inverse kinematics. SingularityError: it is singular at q0. JointLimitError: with limits, q0 is beyond them.
         ShapeError.
     """
     if isinstance(strategy, InverseKinematics):

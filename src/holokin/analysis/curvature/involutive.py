@@ -29,8 +29,9 @@ from .verdict import Accuracy, Evidence, Region, Verdict
 #
 # Near singularities, its own or those on the way of a transport, a computed curvature is noise of any size. Moving the
 # posture by a hair changes every rounding on the way and the true value hardly: the mean over some such copies against
-# their scatter tells the two apart. Over 30,000 curvatures of holonomic laws on five robots, down to a rcond of 1e-10,
-# the mean was at most 2.2 times the scatter; of laws that are not holonomic it was at least 10,000 times down to 1e-4.
+# their scatter tells the two apart. Over 30,000 curvatures of holonomic strategies on five robots, down to a rcond of
+# 1e-10, the mean was at most 2.2 times the scatter; of strategies that are not holonomic it was at least 10,000 times
+# down to 1e-4.
 
 COPIES = 16
 """Copies of a posture that are compared: their mean is known to a quarter of their scatter."""
@@ -231,8 +232,8 @@ def _batches(rows: Indices) -> list[Indices]:
 # --- Is a strategy holonomic that is a Python function? As `involutivity`, with derivatives by differences.
 
 SURE = 3.0
-"""Curvature over its error from which it is there. The errors are estimated with care: over 3,800 curvatures of laws in
-double and single precision and with noise of 1e-8 and 1e-10 the true ones were at most 0.64 of them."""
+"""Curvature over its error from which it is there. The errors are estimated with care: over 3,800 curvatures of
+strategies in double and single precision and with noise of 1e-8 and 1e-10 the true ones were at most 0.64 of them."""
 
 HIDDEN_CURVATURE = 1e-3
 """Relative curvature [1/rad] that may hide in the error of a posture which is judged: the weakest real defect that we
@@ -315,7 +316,7 @@ THOROUGH = 65_536
 """Postures that `thorough=True` looks at: half a second for a Panda, most of it for compiling."""
 
 JUMPS_FROM = 64
-"""Postures from which places are sought where the formula of a law turns over."""
+"""Postures from which places are sought where the formula of a strategy turns over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,7 +354,8 @@ def involutivity(
 ) -> Verdict:
     """Whether [G_i, G_j] lies in range G for all i, j at postures of a region: the condition (4) of the paper.
 
-    Where the formula of a law jumps, by an if_else, a floor, ... of the user's, its two sides are compared as well.
+    Where the formula of a strategy jumps, by an if_else, a floor, ... of the user's, its two sides are compared as
+    well.
 
     Right for geometric Jacobians too, since the vertical part of the brackets is tested (theory 1.1), and
     free of null-space bases (theory 5.1). `Verdict` says what is known of the postures between (theory 5.2).
@@ -362,8 +364,8 @@ def involutivity(
         region: box in joint space, for instance `around(q0, 0.3)`.
         samples: postures to look at; those that are singular, or where round-off hides all, are left out and counted.
         thorough: look at 65,536 postures, or as many as it says, then climb to where the curvature is largest from
-            those where it stands out of its round-off most. For laws with exp, tanh, if_else, ... in them. Of a law
-            that is a Python function: a number, which is all that is looked at.
+            those where it stands out of its round-off most. For strategies with exp, tanh, if_else, ... in them. Of a
+            strategy that is a Python function: a number, which is all that is looked at.
         tolerance: largest relative defect [1/rad] that counts as zero.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What the planes of a strategy tell: leaf functions, the form of the paper, the distance to a repeatable law.
+"""What the planes of a strategy tell: leaf functions, the form of the paper, the distance to a repeatable strategy.
 
 `radial` carries along the same segments, as an expression. The 32 steps that a comparison of two paths asks for would
 be 3.4 million operations for twelve joints, ten seconds to build: so numbers are carried here.
@@ -226,7 +226,7 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
     return GeneralForm(posture, J, G, J_G, N_G, task.null_space(posture))
 
 
-# --- The distance to a repeatable law: how close can a holonomic law be to a given one? (theory 5.4)
+# --- The distance to a repeatable strategy: how close can a holonomic strategy be to a given one? (theory 5.4)
 
 POINTS = 120
 """Samples of a circle: the least of a smooth function over it is then right to a thousandth of its variation."""
@@ -268,15 +268,17 @@ def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | 
 
 @dataclass(frozen=True)
 class RepeatableDistance(Value):
-    """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
+    """What repeatability costs near a posture. All deviations are relative to the given strategy, as in `Deviation`.
 
-    bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
+    bound: every holonomic strategy g = const whose g is smooth, of one value and regular on the circle is at least so
+    far
         from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is a
         theorem (theory 5.4); its figure is the least of `points` samples of the circle.
     first_order: rms deviation of the radial strategy over the ball to first order in the radius, an estimate from the
-        curvature at the samples. To that order no law has less whose slope is the same all along a self-motion; others
-        may: a law with a cut has.
-    radial, ours: the radial strategy and the law asked about. rms and extra_speed over `samples` postures of the ball,
+        curvature at the samples. To that order no strategy has less whose slope is the same all along a self-motion;
+        others may: a strategy with a cut has.
+    radial, ours: the radial strategy and the strategy asked about. rms and extra_speed over `samples` postures of the
+    ball,
         largest over these and the circle's: sampled, so the true largest may be greater.
     circle: postures (k, n) of the circle of the ball's radius about its centre, in the plane of the greatest curvature
         there, on the radial leaf of the start; with `along` on up to five leaves, and the bound is the greatest of
@@ -293,10 +295,10 @@ class RepeatableDistance(Value):
 
     def __str__(self) -> str:
         lines = [
-            "difference from the joint rates of the given law, |G' - G| / |G|:",
-            f"  any law g = const with a g that is smooth, regular and single-valued on a circle around the start: at "
-            f"least {self.bound:.2%} at one or more postures of the circle (by a theorem; the least of {self.points} "
-            "sampled points)",
+            "difference from the joint rates of the given strategy, |G' - G| / |G|:",
+            "  any strategy g = const with a g that is smooth, regular and single-valued on a circle around the start: "
+            f"at least {self.bound:.2%} at one or more postures of the circle (by a theorem; the least of "
+            f"{self.points} sampled points)",
             f"  the radial strategy: {self.radial}",
             *([] if self.ours is None else [f"  yours: {self.ours}"]),
             f"rms and speed are those of {self.samples} sampled postures of the ball; 'at most' is the largest value "
@@ -309,10 +311,10 @@ class RepeatableDistance(Value):
 def distance_to_repeatable(
     strategy: Strategy, region: Ball, ours: Strategy | None = None, *, samples: int = 200, seed: int = 0
 ) -> RepeatableDistance:
-    """How close a repeatable law can come to a strategy with one redundant joint, and how close some do.
+    """How close a repeatable strategy can come to a strategy with one redundant joint, and how close some do.
 
-    Bound: on a closed curve in joint space g has a greatest value, and there the law moves the joints along the curve.
-    On a curve of the radial leaf that is the radial strategy's own motion, so |G' - G| >= min |(G_rad - G) e|,
+    Bound: on a closed curve in joint space g has a greatest value, and there the strategy moves the joints along the
+    curve. On a curve of the radial leaf that is the radial strategy's own motion, so |G' - G| >= min |(G_rad - G) e|,
     e the direction of the curve (theory 5.4). First order: 1/2 |F| R / sqrt(d + 2) in a ball of R^d.
 
     Args:
@@ -340,8 +342,8 @@ def distance_to_repeatable(
     circles = [_circle(strategy, posture, region.radius, d) for posture in leaves[:: max(1, -(-len(leaves) // 5))]]
     rim = np.vstack([postures for postures, _ in circles])
 
-    def judged(law: Strategy) -> Deviation:
-        inside, edge = (deviation(strategy, law, postures, columns=d) for postures in (Q, rim))
+    def judged(other: Strategy) -> Deviation:
+        inside, edge = (deviation(strategy, other, postures, columns=d) for postures in (Q, rim))
         return replace(inside, largest=max(inside.largest, edge.largest))
 
     return RepeatableDistance(

@@ -1,4 +1,5 @@
-"""`obstruction`: why no repeatable law serves all tool poses of a sphere of directions, or a disc with a given rim."""
+"""`obstruction`: why no repeatable strategy serves all tool poses of a sphere of directions, or a disc with a given
+rim."""
 
 from __future__ import annotations
 
@@ -30,10 +31,10 @@ from .sphere_index import TURN, Pole, TangentField, angle_between, poles, spread
 # --- How often the redundant joint goes round along a closed path: in turns of the self-motion, against a disc.
 #
 # Over the disc of straight lines from the path's start to its points a reference section is known: the postures that
-# least joint motion leads to along them. At each point of the path the law's posture and the reference lie on one
-# self-motion. Where that is a closed curve, the law is so many turns of it ahead of the reference. Both agree at the
-# start, so the turns after the path are a whole number. If it is not 0, no law that agrees with this one on the path
-# goes on continuously over the disc, as long as the self-motions over it are such curves.
+# least joint motion leads to along them. At each point of the path the strategy's posture and the reference lie on one
+# self-motion. Where that is a closed curve, the strategy is so many turns of it ahead of the reference. Both agree at
+# the start, so the turns after the path are a whole number. If it is not 0, no strategy that agrees with this one on
+# the path goes on continuously over the disc, as long as the self-motions over it are such curves.
 
 QUARTER = 0.25
 """Turns of the self-motion from one sample to the next: half a turn could be either way."""
@@ -59,7 +60,8 @@ LARGE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """How far the law is ahead of the reference at the samples (k,) [turns of the self-motion]; why not, if not."""
+    """How far the strategy is ahead of the reference at the samples (k,) [turns of the self-motion]; why not, if
+    not."""
 
     ahead: Vector
     missing: str = ""
@@ -71,7 +73,7 @@ class Turns:
 
 
 def turns(task: Task, Q: Matrix) -> Turns:
-    """Of a law's postures (k, n) on a closed path of the tool, which begins at the first.
+    """Of a strategy's postures (k, n) on a closed path of the tool, which begins at the first.
 
     Args:
         task: leaves one joint redundant.
@@ -86,7 +88,8 @@ def turns(task: Task, Q: Matrix) -> Turns:
     found = [_share(task, fibre, q) for fibre, q in zip(fibres, Q, strict=True) if fibre is not None]
     known = [share for share in found if share is not None]
     if len(known) < len(found):
-        return Turns(np.zeros(0), "the law is on another self-motion than the disc of straight paths from its start")
+        missing = "the strategy is on another self-motion than the disc of straight paths from its start"
+        return Turns(np.zeros(0), missing)
     return Turns(np.unwrap(known, period=1.0))
 
 
@@ -267,7 +270,7 @@ class LeafField(ElbowField):
 
 
 class FreeField(ElbowField):
-    """The elbow's direction with the least joint motion: a law along a way, not one over the sphere."""
+    """The elbow's direction with the least joint motion: a strategy along a way, not one over the sphere."""
 
     def __init__(self, task: Task, q0: Vector, sphere: ToolSphere, arm: Arm) -> None:
         super().__init__(moore_penrose(task), q0, sphere, arm)
@@ -317,8 +320,8 @@ class Directions(Value):
 class Witness(Value):
     """A direction (3,) with an index, known within `radius` [rad], and the tool pose (4, 4) there.
 
-    Round it the elbow turns `index` times more than a law does that goes on without a jump. hole: the law is not found
-    in a region of that radius, as where its leaf ends; else it is a point, as far as one can tell.
+    Round it the elbow turns `index` times more than a strategy does that goes on without a jump. hole: the strategy is
+    not found in a region of that radius, as where its leaf ends; else it is a point, as far as one can tell.
     """
 
     direction: Vector
@@ -384,7 +387,7 @@ def obstruction(
         start, arm = task.robot.checked(q0, "the start posture"), find_arm(task, over.joints)
         sphere = sphere_of(task, start, arm)
         if isinstance(strategy, Task):
-            return _of_any_law(FreeField(task, start, sphere, arm), over)
+            return _of_any_strategy(FreeField(task, start, sphere, arm), over)
         strategy(start)
         return _of_leaf(strategy, LeafField(strategy, start, sphere, arm), over)
     if isinstance(strategy, Task):
@@ -393,7 +396,7 @@ def obstruction(
 
 
 def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -> Obstruction:
-    """The indices of one law over a sphere."""
+    """The indices of one strategy over a sphere."""
     sphere = field.sphere
     found = poles(field, field.start, sphere.direction, over.fineness, over.accuracy)
     witnesses = tuple(_witness(sphere, pole, over.accuracy) for pole in found.found)
@@ -404,7 +407,8 @@ def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -
         f"{found.largest:.2f} rad at most, below pi/2; {LIMITS}"
     )
     if total is None:
-        said = f"{about}: undecided, since the leaf was followed to too few of them; take another start, or another law"
+        cure = "take another start, or another strategy"
+        said = f"{about}: undecided, since the leaf was followed to too few of them; {cure}"
     else:
         places = " and ".join(map(_told, witnesses))
         said = f"{about} has the indices {places}: it cannot go on there without a jump{_why(field, found.least)}"
@@ -417,15 +421,15 @@ def _witness(sphere: ToolSphere, pole: Pole, accuracy: float) -> Witness:
 
 
 def _why(field: ElbowField, clearance: float) -> str:
-    """Why every other law over this sphere has a place like that."""
+    """Why every other strategy over this sphere has a place like that."""
     if field.sphere.fixed:
         return (
-            "; every law of this arm has indices that add up to 2, since its bent elbow is never on the line from "
+            "; every strategy of this arm has indices that add up to 2, since its bent elbow is never on the line from "
             "shoulder to wrist, so none covers all directions"
         )
     return (
         f", unless the elbow gets onto the line from shoulder to wrist (it kept {clearance:.2g} m from it here); "
-        "every law that keeps it off has indices that add up to 2"
+        "every strategy that keeps it off has indices that add up to 2"
     )
 
 
@@ -439,12 +443,12 @@ def _directions(sphere: ToolSphere) -> str:
     return f"directions from the shoulder to the wrist (wrist {sphere.radius:.3g} m away, tool turned as at the start)"
 
 
-def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
-    """Whether every law over a sphere makes a field of tangent directions: by the self-motions over it."""
+def _of_any_strategy(field: FreeField, over: Directions) -> Obstruction:
+    """Whether every strategy over a sphere makes a field of tangent directions: by the self-motions over it."""
     sphere, task = field.sphere, field.task
     known, directions, clearance = spread(field, field.start, sphere.direction, over.fineness)
     where = _directions(sphere)
-    about = f"any law of {task.robot.name} over all {where}"
+    about = f"any strategy of {task.robot.name} over all {where}"
     total, largest = None, 0.0
     if len(known) < directions:
         said = f"{about}: undecided, since not all could be reached from the start; take another start"
@@ -457,9 +461,9 @@ def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
             total = 2
             which = "" if sphere.fixed else "on the self-motions traced, "
             said = (
-                f"{which}no law of {task.robot.name} covers all {where} without a jump. On each self-motion the elbow "
-                f"goes once round the line from shoulder to wrist, {clearance:.2g} m from it or more. So a law is a "
-                "field of tangent directions on a sphere, and the indices of such a field add up to 2"
+                f"{which}no strategy of {task.robot.name} covers all {where} without a jump. On each self-motion the "
+                f"elbow goes once round the line from shoulder to wrist, {clearance:.2g} m from it or more. So a "
+                "strategy is a field of tangent directions on a sphere, and the indices of such a field add up to 2"
             )
     details = f"self-motions were traced at {len(known)} of {directions} directions; {LIMITS}"
     return Obstruction(total, (), directions, len(known), largest, clearance, said, details)
@@ -508,11 +512,11 @@ def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int)
     else:
         total = round(ahead)
         means = (
-            "So any law with the same postures on the path has a jump somewhere on the disc of straight lines from the "
-            "start of the path to its points"
+            "So any strategy with the same postures on the path has a jump somewhere on the disc of straight lines "
+            "from the start of the path to its points"
             if total
-            else "So nothing on the path forbids a law without a jump on the disc of straight lines from the start of "
-            "the path to its points"
+            else "So nothing on the path forbids a strategy without a jump on the disc of straight lines from the "
+            "start of the path to its points"
         )
         often = f"{total:+d} turn{'' if abs(total) == 1 else 's'}" if total else "no turn"
         said = (

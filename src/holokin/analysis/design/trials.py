@@ -1,4 +1,4 @@
-"""Advice on laws: what each does on trial at many poses, which are the same, which is best, and why."""
+"""Advice on strategies: what each does on trial at many poses, which are the same, which is best, and why."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, number_or_none
+from ...base.types import Absent, Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, number_or_none
 from ...motion.checks import Clearances, Scene
 from ...motion.checks.check_report import keeps
 from ...path.workspaces import Box, PoseRange, Workspace
@@ -19,12 +19,12 @@ from ...strategies.tasks.task import Task
 from ..coverage.cover_workspace import Coverage
 from ..coverage.pose_postures import Chain, Coordinates, LineEnds, along_leaf, along_radial, best_of, line_through
 from ..coverage.starts import Candidate, kinds_that_fit
-from .designed_law import least_slopes
+from .designed_strategy import least_slopes
 from .nearby_cusps import LevelRange, NearbyCusps
 from .objectives import Costs
 
 EQUAL = 0.02
-"""Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide
+"""Difference of coverage up to which two strategies cover alike: five of 256 poses, which other poses would decide
 otherwise."""
 
 EASY = 0.05
@@ -45,7 +45,7 @@ CLOSE = 0.03
 
 
 class Ranked(Protocol):
-    """What laws are ranked by."""
+    """What strategies are ranked by."""
 
     @property
     def coverage(self) -> float:
@@ -105,11 +105,11 @@ def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: flo
 
 
 @dataclass(frozen=True, eq=False)
-class Law(Value):
-    """A law on one leaf, and what it does in the workspace.
+class RatedStrategy(Value):
+    """A strategy on one leaf, and what it does in the workspace.
 
-    same: names of laws that are this one there: their G is the same at every pose. keys: what a job file says of it.
-    q0: the posture that its leaf goes through (n,). coverage: share of the poses that it reaches within the joint
+    same: names of strategies that are this one there: their G is the same at every pose. keys: what a job file says of
+    it. q0: the posture that its leaf goes through (n,). coverage: share of the poses that it reaches within the joint
     limits, `served` (k,); easy: of these, those away from limits and singular postures. margin: the least distance to
     a limit over the joint's range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not
     looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found
@@ -150,30 +150,30 @@ class Law(Value):
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
-    """The largest part of a workspace, round its centre, that one law serves: `share` of its sizes."""
+    """The largest part of a workspace, round its centre, that one strategy serves: `share` of its sizes."""
 
-    law: Law
+    strategy: RatedStrategy
     share: float
     workspace: PoseRange
 
 
 @dataclass(frozen=True, eq=False)
 class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
-    """Laws that fit a robot, compared on a workspace, the best first.
+    """Strategies that fit a robot, compared on a workspace, the best first.
 
     chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.
     floor: the least mean squared joint speed of the postures found at the poses, where the best one serves
     [rad^2/m^2]. coverage: of the best. reasons: sentences on the best. cusps: those found on its leaf, and how near to
-    the workspace they are. part: the largest part of the workspace that a law
-    serves, where none serves the whole. levels: those of the best law that serve the workspace, where they were asked
-    for and it has one row. scene: what the links are to keep clear of.
+    the workspace they are. part: the largest part of the workspace that a strategy
+    serves, where none serves the whole. levels: those of the best strategy that serve the workspace, where they were
+    asked for and it has one row. scene: what the links are to keep clear of.
     """
 
     chain: Chain
     task: Task
     workspace: Workspace
     proposed: tuple[str, ...]
-    laws: tuple[Law, ...]
+    strategies: tuple[RatedStrategy, ...]
     floor: float
     coverage: Coverage
     reasons: tuple[str, ...]
@@ -183,14 +183,16 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     levels: LevelRange | None = None
     scene: Scene | None = None
 
+    laws = Absent("laws", "advice.strategies")
+
     @property
-    def best(self) -> Law:
-        """The law to take."""
-        return self.laws[0]
+    def best(self) -> RatedStrategy:
+        """The strategy to take."""
+        return self.strategies[0]
 
     @property
     def q0(self) -> Vector:
-        """The posture (n,) to begin at with the best law."""
+        """The posture (n,) to begin at with the best strategy."""
         return self.best.q0
 
     def __str__(self) -> str:
@@ -249,16 +251,16 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
             "levels": None if self.levels is None else [list(ends) for ends in self.levels.intervals],
             "floor": number_or_none(self.floor),
             "proposed": list(self.proposed), "reasons": list(self.reasons),
-            "laws": [
+            "strategies": [
                 {
-                    "name": law.name, "same": list(law.same), "coverage": law.coverage, "joint": law.joint,
-                    "margin": number_or_none(law.margin),
-                    "rcond": number_or_none(law.rcond),
-                    "squared_speed": number_or_none(law.squared_speed),
-                    "speed": number_or_none(law.speed), "start": law.q0.tolist(),
-                    "clearance": number_or_none(law.clearance), "clear": law.clear,
+                    "name": rated.name, "same": list(rated.same), "coverage": rated.coverage, "joint": rated.joint,
+                    "margin": number_or_none(rated.margin),
+                    "rcond": number_or_none(rated.rcond),
+                    "squared_speed": number_or_none(rated.squared_speed),
+                    "speed": number_or_none(rated.speed), "start": rated.q0.tolist(),
+                    "clearance": number_or_none(rated.clearance), "clear": rated.clear,
                 }
-                for law in self.laws
+                for rated in self.strategies
             ],
         }  # fmt: skip
 
@@ -269,7 +271,8 @@ DIFFERENCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Poses(Value):
-    """The tool poses T (k, 4, 4) at which laws are tried, and the motions of the tool by which speeds are counted.
+    """The tool poses T (k, 4, 4) at which strategies are tried, and the motions of the tool by which speeds are
+    counted.
 
     twists: (k, m, d), what the tool does in the task's rows along each direction in which the workspace reaches, at
     1 m/s, or as many rad/s as its turns are wide; NaN at a pose that no posture reaches. weights: of squared joint
@@ -311,9 +314,9 @@ class Trial(Value):
 
     q: postures (k, n) where its lines end. reached: poses (k,) that they lead to; served: those within the joint
     limits, at clear postures. speed: squared joint speed (k,), NaN where it is not reached. rcond: of [J; J_g] there
-    (k,); NaN for radial, whose leaves end only where J is singular. same: names of other laws that are this one on
-    this workspace. clearance: the least distance of two shapes (k,) [m] where the law gets within the limits, else NaN,
-    and `wanted`, what is asked of it; None where nothing is.
+    (k,); NaN for radial, whose leaves end only where J is singular. same: names of other strategies that are this one
+    on this workspace. clearance: the least distance of two shapes (k,) [m] where the strategy gets within the limits,
+    else NaN, and `wanted`, what is asked of it; None where nothing is.
     """
 
     candidate: Candidate
@@ -373,7 +376,7 @@ class Trial(Value):
 
 
 def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
-    """A trial from each of the starts (s, n) that the law can begin at."""
+    """A trial from each of the starts (s, n) that the strategy can begin at."""
     task = candidate.task
     if candidate.strategy is not None and candidate.level is not None:
         starts = _on_leaf(task, candidate.strategy, starts, candidate.level)
@@ -436,7 +439,7 @@ def _radial_speeds(task: Task, starts: Matrix, poses: Poses) -> Matrix:
     return total
 
 
-# --- What keeps the best law's joint speed above the least: joint limits, or that the least lies elsewhere.
+# --- What keeps the best strategy's joint speed above the least: joint limits, or that the least lies elsewhere.
 
 NEAR = 1.0
 """Way along a self-motion [joint units] that is called near: valleys of a Panda's joint speed are 3 apart."""
@@ -448,7 +451,7 @@ LINES = 8
 """Lines searched one after another for each redundant joint, where there are several."""
 
 PARTLY = 0.5
-"""Share of the workspace that a law serves at least which is named beside the best."""
+"""Share of the workspace that a strategy serves at least which is named beside the best."""
 
 Beyond = tuple[tuple[str, str, int], ...]
 """(joint, "lower" or "upper", poses at which it is beyond that limit), most first."""
@@ -456,8 +459,8 @@ Beyond = tuple[tuple[str, str, int], ...]
 
 @dataclass(frozen=True, eq=False)
 class Free(Value):
-    """The best law designed again without joint limits: its mean squared speed over the least, and what is beyond its
-    limits then.
+    """The best strategy designed again without joint limits: its mean squared speed over the least, and what is beyond
+    its limits then.
     """
 
     speed: float
@@ -467,8 +470,8 @@ class Free(Value):
 
 @dataclass(frozen=True, eq=False)
 class Rival(Value):
-    """A law that comes closer to the least than the best one, where it serves, but serves less: `ends` poses at which
-    its leaf ends.
+    """A strategy that comes closer to the least than the best one, where it serves, but serves less: `ends` poses at
+    which its leaf ends.
     """
 
     name: str
@@ -481,7 +484,7 @@ class Rival(Value):
 @dataclass(frozen=True, eq=False)
 class Excess(Value):
     """What is known of the reasons. near: the least mean squared speed of postures within the joint limits, near those
-    of the law, over the least anywhere; from whole walks (traced), or with several redundant joints from a search.
+    of the strategy, over the least anywhere; from whole walks (traced), or with several redundant joints from a search.
     """
 
     near: float
@@ -491,7 +494,7 @@ class Excess(Value):
 
 
 def beyond_limits(trial: Trial, which: Flags) -> Beyond:
-    """The limits that a law is beyond at some of its poses (k,)."""
+    """The limits that a strategy is beyond at some of its poses (k,)."""
     robot, found = trial.candidate.task.robot, []
     for side, over in (("lower", trial.q < robot.lower), ("upper", trial.q > robot.upper)):
         counts = over[which].sum(axis=0)
@@ -500,7 +503,7 @@ def beyond_limits(trial: Trial, which: Flags) -> Beyond:
 
 
 def rival_of(best: Trial, trials: Sequence[Trial], floor: Vector, within: Flags) -> Rival | None:
-    """The law that comes closest to the least where it serves, of those that serve less but more than `PARTLY`.
+    """The strategy that comes closest to the least where it serves, of those that serve less but more than `PARTLY`.
 
     Args:
         floor: the least squared speed (k,), NaN where it is not known. within: poses (k,) that any posture within the
@@ -521,7 +524,7 @@ def rival_of(best: Trial, trials: Sequence[Trial], floor: Vector, within: Flags)
 
 
 def ratio(trial: Trial, floor: Vector, *, limits: bool = True) -> float:
-    """The mean squared speed of a law over the least, where it serves, or, limits aside, where it gets."""
+    """The mean squared speed of a strategy over the least, where it serves, or, limits aside, where it gets."""
     known = (trial.served if limits else trial.reached) & np.isfinite(trial.speed) & np.isfinite(floor)
     return float(trial.speed[known].mean() / floor[known].mean()) if known.any() else np.nan
 
@@ -556,25 +559,26 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
     return values
 
 
-# --- Laws of different names that are one: the same joint rates at every pose of a workspace.
+# --- Strategies of different names that are one: the same joint rates at every pose of a workspace.
 
 SPEEDS = 1e-5
-"""Relative difference of squared joint speeds up to which two laws are looked at closely: those of `radial` come from
-differences, which are right to 1e-8."""
+"""Relative difference of squared joint speeds up to which two strategies are looked at closely: those of `radial` come
+from differences, which are right to 1e-8."""
 
 ALIKE = 1e-6
-"""Largest difference of the joint rates of two laws that are one, over the largest rate: round-off, and no rule."""
+"""Largest difference of the joint rates of two strategies that are one, over the largest rate: round-off, and no
+rule."""
 
 
 def strategy_of(trial: Trial) -> HolonomicStrategy:
-    """The law of a trial: its own, or `radial` of the pseudo-inverse round where it begins."""
+    """The strategy of a trial: its own, or `radial` of the pseudo-inverse round where it begins."""
     return trial.candidate.strategy or radial(moore_penrose(trial.candidate.task), trial.q0)
 
 
 def distinct(trials: Sequence[Trial]) -> list[Trial]:
-    """The trials without those whose law is that of an earlier one, whose names that one gets as `same`.
+    """The trials without those whose strategy is that of an earlier one, whose names that one gets as `same`.
 
-    Two laws are one if they serve the same poses of the workspace, and their G are equal up to round-off at each.
+    Two strategies are one if they serve the same poses of the workspace, and their G are equal up to round-off at each.
     """
     found: list[Trial] = []
     gains: dict[str, Array] = {}
@@ -589,7 +593,7 @@ def distinct(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _one_law(one: Trial, other: Trial, gains: dict[str, Array]) -> bool:
-    """Whether two trials are of one law."""
+    """Whether two trials are of one strategy."""
     if not one.served.any() or not np.array_equal(one.served, other.served):
         return False
     if not np.allclose(one.speed[one.served], other.speed[one.served], rtol=SPEEDS, atol=0.0):
@@ -610,23 +614,25 @@ MOST = 3
 """Limits that are named in one sentence."""
 
 
-def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, excess: Excess | None) -> tuple[str, ...]:
+def reasons(
+    strategies: Sequence[RatedStrategy], found: Coverage, part: Part | None, excess: Excess | None
+) -> tuple[str, ...]:
     """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
-    best = laws[0]
+    best = strategies[0]
     if not best.served.any():
         causes = "; ".join(f"{cause}: {count}" for cause, count in found.causes())
-        return (f"No law that was tried serves any of the {len(found)} poses. With {best.name!r}, {causes}.",)
+        return (f"No strategy that was tried serves any of the {len(found)} poses. With {best.name!r}, {causes}.",)
     said = [f"Take {best.name!r}: {best.sentence}."]
-    if len(laws) > 1:
-        said.append(_next(best, laws[1]))
+    if len(strategies) > 1:
+        said.append(_next(best, strategies[1]))
     if not best.served.all():
         said.append(_not_served(found, part, best))
     said += _speed(best, excess)
     return tuple(said)
 
 
-def _next(best: Law, other: Law) -> str:
-    """What speaks against the law after the best."""
+def _next(best: RatedStrategy, other: RatedStrategy) -> str:
+    """What speaks against the strategy after the best."""
     if best.coverage > other.coverage + EQUAL:
         return f"Next comes {other.name!r}, which reaches {other.coverage:.1%}."
     if best.clear > other.clear + EQUAL or best.clear == 1 > other.clear:
@@ -641,24 +647,25 @@ def _next(best: Law, other: Law) -> str:
     return f"Next comes {other.name!r}: its coverage and margins are as good, but {needs}."
 
 
-def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
+def _not_served(found: Coverage, part: Part | None, best: RatedStrategy) -> str:
     """Why the rest is not served, and what is."""
     rest = [f"{cause}: {count}" for cause, count in found.causes() if cause != "reached"]
     said = f"Of {len(found)} poses {best.name!r} does not serve {int((~best.served).sum())} ({'; '.join(rest)})."
     if part is None:
-        return f"{said} No box round the centre was found that a law serves from end to end."
-    whose = "it serves" if part.law.name == best.name else f"{part.law.name!r} serves"
+        return f"{said} No box round the centre was found that a strategy serves from end to end."
+    whose = "it serves" if part.strategy.name == best.name else f"{part.strategy.name!r} serves"
     sizes = f"its sizes {part.share:.0%} of those of the workspace"
     return f"{said} The largest part round the centre that {whose} is {part.workspace}, {sizes}."
 
 
-def _speed(best: Law, excess: Excess | None) -> list[str]:
+def _speed(best: RatedStrategy, excess: Excess | None) -> list[str]:
     """What keeps its joint speed above the least."""
     if not np.isfinite(best.speed):
         return ["Its joint speed was not compared."]
     if excess is None:
         least = f"at least {1 / best.speed:.1%} of the mean squared joint speed of {best.name!r}"
-        return [f"Lower bound: even a law that took the best of the postures found at each pose would have {least}."]
+        any_strategy = "even a strategy that took the best of the postures found at each pose"
+        return [f"Lower bound: {any_strategy} would have {least}."]
     said = [_limits(best, excess.free)]
     if excess.free is not None and excess.free.speed <= 1 + CLOSE:
         return said
@@ -667,36 +674,37 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
     if excess.rival is not None:
         said.append(_rival(excess.rival))
     elif excess.near > 1 + CLOSE:
-        said.append("Of the laws that were tried none comes closer, also of those that serve less.")
+        said.append("Of the strategies that were tried none comes closer, also of those that serve less.")
     if best.speed > excess.near + CLOSE:
         clear = "keeping clear and " if np.isfinite(best.clearance) else ""
-        said.append(f"The rest is what {clear}one smooth law for all poses needs, as far as those tried tell.")
+        said.append(f"The rest is what {clear}one smooth strategy for all poses needs, as far as those tried tell.")
     return said
 
 
 def _near(excess: Excess) -> str:
-    """How close to the least a law near the postures of the best may come."""
+    """How close to the least a strategy near the postures of the best may come."""
     which = f"this one's postures ({NEAR:g} rad of self-motion)"
     least = f"to the least than {excess.near - 1:.1%}"
     if excess.traced:
-        return f"no law within the joint limits that stays near {which} comes closer {least}"
+        return f"no strategy within the joint limits that stays near {which} comes closer {least}"
     return f"a search within the joint limits near {which} came no closer {least}"
 
 
-def _limits(best: Law, free: Free | None) -> str:
+def _limits(best: RatedStrategy, free: Free | None) -> str:
     """What the joint limits near its postures cost."""
     if free is None:
         return "Joint limits near its postures are not the reason: it keeps away from them."
-    above, beyond = f"{free.speed - 1:.1%} above the least", _beyond(free.beyond, f" of {free.poses}")
+    aside = f"the same strategy designed without limits is {free.speed - 1:.1%} above the least"
+    beyond = _beyond(free.beyond, f" of {free.poses}")
     if free.speed <= 1 + CLOSE:
-        return f"Joint limits keep it from the least: the same law designed without limits is {above}, but {beyond}."
+        return f"Joint limits keep it from the least: {aside}, but {beyond}."
     if free.speed < best.speed - CLOSE / 2 and free.beyond:
-        return f"Joint limits are part of the reason: the same law designed without limits is {above}, but {beyond}."
-    return f"Joint limits near its postures are not the reason: the same law designed without limits is {above}."
+        return f"Joint limits are part of the reason: {aside}, but {beyond}."
+    return f"Joint limits near its postures are not the reason: {aside}."
 
 
 def _rival(rival: Rival) -> str:
-    """What keeps a law that is closer to the least from being the best."""
+    """What keeps a strategy that is closer to the least from being the best."""
     why = [_beyond(rival.beyond)] if rival.beyond else []
     why += [f"its leaf ends before {rival.ends} poses"] if rival.ends else []
     return (

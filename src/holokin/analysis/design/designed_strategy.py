@@ -44,7 +44,7 @@ from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
 
 @dataclass(frozen=True, eq=False)
 class SectionMetrics(Value):
-    """What a law does over a workspace, on one leaf.
+    """What a strategy does over a workspace, on one leaf.
 
     poses: how many tool poses were asked for; reached: how many of them the leaf reaches; within_limits: how many of
     these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
@@ -101,7 +101,7 @@ def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matr
 def measured(
     strategy: HolonomicStrategy, coordinates: Coordinates, costs: Costs, Q: Matrix, poses: int, apart: Clearances | None
 ) -> SectionMetrics:
-    """The metrics of a law at postures (k, n) that it reaches, of so many poses. apart: the shapes to look at."""
+    """The metrics of a strategy at postures (k, n) that it reaches, of so many poses. apart: the shapes to look at."""
     robot = strategy.task.robot
     at = TiltedLeaves(strategy, coordinates).through(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
     off = np.abs(Q - costs.middle) / costs.half
@@ -128,8 +128,8 @@ def measured(
 # --- The least cost at each tool pose, over all postures that a search finds there and over all slopes.
 #
 # A section has at the pose x some posture and some right inverse; at best the cheapest of both. No integrability is
-# asked, so the mean of these least costs is a lower bound of every law with these postures, repeatable or not. They are
-# looked for from many starts (`pose_postures`), so that those of all branches are among them.
+# asked, so the mean of these least costs is a lower bound of every strategy with these postures, repeatable or not.
+# They are looked for from many starts (`pose_postures`), so that those of all branches are among them.
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
@@ -208,9 +208,9 @@ class LeastCosts(Value):
 
 @dataclass(frozen=True, eq=False)
 class Floor(Value):
-    """What no law at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
+    """What no strategy at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
 
-    Q: a law's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
+    Q: a strategy's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
     """
 
     coordinates: Coordinates
@@ -223,7 +223,7 @@ class Floor(Value):
 
     @cached_property
     def here(self) -> LeastCosts:
-        """The least costs over the self-motions of the law's postures."""
+        """The least costs over the self-motions of the strategy's postures."""
         return self._over(0)
 
     @cached_property
@@ -236,9 +236,9 @@ class Floor(Value):
         return LeastCosts(found, self.coordinates, self.costs, self.allowed)
 
     def of(self, least: LeastCosts) -> float:
-        """The weighted costs of these least ones: no law has less, since each of the costs is at its least there.
+        """The weighted costs of these least ones: no strategy has less, since each of the costs is at its least there.
 
-        Where the law's own self-motions leave the allowed limits, limits do not count.
+        Where the strategy's own self-motions leave the allowed limits, limits do not count.
         """
         if self.here.beyond.any():
             least = replace(least, allowed=np.full_like(self.allowed, np.inf))
@@ -281,7 +281,8 @@ def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
     return np.sqrt(best)
 
 
-# --- The problem that `design` solves: a base law, a workspace, an objective and hard limits; and a law of it, checked.
+# --- The problem that `design` solves: a base strategy, a workspace, an objective and hard limits; and a strategy of
+# it, checked.
 
 LEEWAY = 0.02
 """Share of half a joint's range, beyond the least violation, that a search may use where the limits cannot be kept."""
@@ -289,12 +290,12 @@ LEEWAY = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Problem(Value):
-    """A base law with the posture (n,) in the middle of a workspace; sections over it, and their limits.
+    """A base strategy with the posture (n,) in the middle of a workspace; sections over it, and their limits.
 
     poses, others: tool poses (k, 4, 4) at which sections are made, and at which they are checked.
     """
 
-    law: HolonomicStrategy
+    base: HolonomicStrategy
     center: Vector
     workspace: Workspace
     coordinates: Coordinates
@@ -307,8 +308,8 @@ class Problem(Value):
 
     @property
     def first(self) -> Matrix:
-        """Coefficients (r, 1) of the base law itself."""
-        return self.law.g(self.center)[:, None]
+        """Coefficients (r, 1) of the base strategy itself."""
+        return self.base.g(self.center)[:, None]
 
     def posed(
         self, Q: Matrix, there: Array, coefficients: Matrix, weights: dict[str, float] | None = None
@@ -316,7 +317,7 @@ class Problem(Value):
         """The search at poses (S, 4, 4), from postures (S, n) of a section of coefficients (r, t), and its floor."""
         c = self.coordinates
         p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
-        leaves = TiltedLeaves(self.law, c)
+        leaves = TiltedLeaves(self.base, c)
         section = SectionSamples(leaves, monomials_up_to(c.d, self.degree), p, R, c.at(Q))
         near = section.through(Q, coefficients)
         weights = weights or self._weights(near)
@@ -326,10 +327,11 @@ class Problem(Value):
         return Search(section, self.costs, weights, replace(self.hard, allowed=allowed), near), floor
 
     def checked(self, coefficients: Matrix, best: Sampled) -> Checked:
-        """The law of coefficients (r, t) at the other poses, reached on its leaf from the middle of the workspace."""
+        """The strategy of coefficients (r, t) at the other poses, reached on its leaf from the middle of the
+        workspace."""
         zeta = Polynomial(self.coordinates, coefficients)
-        constraint = tilted(self.law.constraint, zeta, chart=self.coordinates.chart)
-        strategy = holonomic(self.law.task, constraint, name="designed")
+        constraint = tilted(self.base.constraint, zeta, chart=self.coordinates.chart)
+        strategy = holonomic(self.base.task, constraint, name="designed")
         middle = ik(strategy, best.Q[0], limits=False)(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
         over, rconds, nearer = self.over(arrived), strategy.gain.batch(arrived)[1], self.hard.nearer(arrived)
@@ -347,7 +349,7 @@ class Problem(Value):
         return np.abs(Q - self.costs.middle) / self.costs.half - self.hard.allowed
 
     def measured(self, strategy: HolonomicStrategy, Q: Matrix, poses: int) -> SectionMetrics:
-        """The metrics of a law at postures (k, n) that it reaches, of so many poses."""
+        """The metrics of a strategy at postures (k, n) that it reaches, of so many poses."""
         return measured(strategy, self.coordinates, self.costs, Q, poses, self.hard.apart)
 
     def _weights(self, at: Sampled) -> dict[str, float]:
@@ -367,9 +369,9 @@ class Problem(Value):
 
 @dataclass(frozen=True, eq=False)
 class Checked(Value):
-    """A law of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits (k,),
-    by how much joints are beyond them at most (n,), by what share rcond falls short, and by how much pairs of shapes
-    are too near at most (P,).
+    """A strategy of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits
+    (k,), by how much joints are beyond them at most (n,), by what share rcond falls short, and by how much pairs of
+    shapes are too near at most (P,).
     """
 
     strategy: HolonomicStrategy
@@ -385,16 +387,15 @@ class Checked(Value):
 def based(
     task: Task, base: Constraint | None, q0: Vector, middle: Matrix, units: Vector
 ) -> tuple[HolonomicStrategy, Vector]:
-    """The base law, and its posture at the middle of the workspace. Raises: OutOfReachError."""
-    law = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
+    """The base strategy, and its posture at the middle of the workspace. Raises: OutOfReachError."""
+    strategy = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
     try:
-        center = ik(law, q0, limits=False)(middle)
+        center = ik(strategy, q0, limits=False)(middle)
     except PathError as problem:
-        fact = (
-            f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
-        )
-        raise OutOfReachError(fact, "give a start there, another base, or another workspace") from None
-    return (law, center) if base is not None else (_along_self_motion(task, center, units), center)
+        fact = f"the base strategy {strategy.name!r} does not lead from the start to the middle of the workspace"
+        cure = "give a start there, another base, or another workspace"
+        raise OutOfReachError(f"{fact}: {problem.args[0]}", cure) from None
+    return (strategy if base is not None else _along_self_motion(task, center, units)), center
 
 
 def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrategy:
@@ -413,8 +414,8 @@ HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
 
 ROUNDS = 3
-"""Searches at most: another one follows where the design reaches samples that the base law did not, and, with limits
-narrowed, where poses between the samples are beyond them."""
+"""Searches at most: another one follows where the design reaches samples that the base strategy did not, and, with
+limits narrowed, where poses between the samples are beyond them."""
 
 APART = 1e-3
 """Share by which the least of all postures is below that of the own self-motions where both are told."""
@@ -431,12 +432,13 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         section phi(q) = polynomial(x).
     objective: what was made less, with the `length` that turns counted as: a design over another base that is given
         this objective has costs and a bound to compare with these.
-    costs: the objective with the base law as it was, then after the search with each degree from 0 on. With one cost it
-        has the cost's unit, with several it is 1 to begin with. Where the search reaches samples that the base law does
-        not, the last one alone is of all of them.
-    broken: at how many samples the base law as it was breaks a hard limit: the search, which keeps them, may cost more.
-    floor: what no law with the postures found at the samples can have less of; see `bound`.
-    before, after: the base law and the designed one at the samples. checked: the designed one at other poses, four
+    costs: the objective with the base strategy as it was, then after the search with each degree from 0 on. With one
+    cost it
+        has the cost's unit, with several it is 1 to begin with. Where the search reaches samples that the base strategy
+        does not, the last one alone is of all of them.
+    broken: at how many samples the base strategy as it was breaks a hard limit: the search, which keeps them, may cost
+    more. floor: what no strategy with the postures found at the samples can have less of; see `bound`.
+    before, after: the base strategy and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold.
     looked_at: of a design that was to avoid cusps, those of the degrees tried, the highest first, of which one is this.
@@ -459,14 +461,14 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
 
     @cached_property
     def bound(self) -> float:
-        """The least objective of any law within the limits: the mean over the samples of the least cost of all postures
-        that a search finds there, of every branch. Where several joints are redundant it may be too high.
+        """The least objective of any strategy within the limits: the mean over the samples of the least cost of all
+        postures that a search finds there, of every branch. Where several joints are redundant it may be too high.
         """
         return self.floor.of(self.floor.anywhere)
 
     @cached_property
     def bound_here(self) -> float:
-        """The same of the laws on the same self-motions as this one at each sample."""
+        """The same of the strategies on the same self-motions as this one at each sample."""
         return self.floor.of(self.floor.here)
 
     @property
@@ -476,13 +478,13 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
 
     @cached_property
     def impossible(self) -> int:
-        """At how many samples no posture found is within the joint limits, whatever the law."""
+        """At how many samples no posture found is within the joint limits, whatever the strategy."""
         return int(np.sum(self.floor.anywhere.beyond > 0)) if self.impossible_here else 0
 
     @property
     def impossible_here(self) -> int:
-        """At how many samples no posture on the self-motions of this law is within the joint limits; there the search
-        asked for the least violation.
+        """At how many samples no posture on the self-motions of this strategy is within the joint limits; there the
+        search asked for the least violation.
         """
         return int(np.sum(self.floor.here.beyond > 0))
 
@@ -529,9 +531,9 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         """What the bounds are."""
         if not self.bound_traced:
             return f"a search over the postures found at these poses came down to {self.bound:.5g}"
-        said = f"lower bound: a law that uses only the postures that were found has at least {self.bound:.5g}"
+        said = f"lower bound: a strategy that uses only the postures that were found has at least {self.bound:.5g}"
         apart = self.bound_here > self.bound * (1 + APART)
-        return f"{said}, a law on these self-motions at least {self.bound_here:.5g}" if apart else said
+        return f"{said}, a strategy on these self-motions at least {self.bound_here:.5g}" if apart else said
 
     @property
     def _cause(self) -> str:
@@ -577,8 +579,8 @@ def design(
         scene: let the links keep their clearance from what is in it, and from each other, a hard limit too. The pairs
             are those of `certify`, and meshes count by their convex hulls. How far apart they are between the samples
             `certify` proves.
-        samples: tool poses of the workspace that the search looks at. Those that the base law does not reach from the
-            middle of the workspace are left out, and counted.
+        samples: tool poses of the workspace that the search looks at. Those that the base strategy does not reach from
+            the middle of the workspace are left out, and counted.
         avoid_cusps: where a cusp of the leaf lies in the workspace or near it, a design of a lower degree without such
             a cusp is taken, if it costs at most a tenth more and serves as much. It takes seconds for each degree.
 
@@ -606,15 +608,15 @@ def design(
         raise ArgumentError("the weight of clearance", goal.clearance, cure)
     poses, others = workspace.poses(whole("samples", samples), seed), workspace.poses(FINER * samples, seed + 1)
     check_metres(robot, poses, task.tip)
-    law, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
-    Q, there = reached(law, center, poses)
+    base_strategy, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
+    Q, there = reached(base_strategy, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
     goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
     if goal.clearance and scene is not None:
         near = clearances_of(robot, replace(scene, clearance=goal.enough_clearance))
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread, near)
     hard = _hard_limits(costs, margin if limits else None, rcond, apart)
-    problem = Problem(law, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
+    problem = Problem(base_strategy, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
     best = _solved(problem, Q, there)
     return _away_from_cusps(problem, best, Q, there) if avoid_cusps else best
 
@@ -639,10 +641,11 @@ def _serves_as_much(one: Design, other: Design) -> bool:
 
 
 def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
-    """The best section of a problem, from postures (S, n) of the base law at those poses (S, 4, 4) that it reaches."""
+    """The best section of a problem, from postures (S, n) of the base strategy at those poses (S, 4, 4) that it
+    reaches."""
     poses, degree = problem.poses, problem.degree
     search, floor = problem.posed(Q, there, problem.first)
-    near, before = search.near, problem.measured(problem.law, Q, len(poses))
+    near, before = search.near, problem.measured(problem.base, Q, len(poses))
     found, best, more = search.best(problem.first, degree)
     result, values = problem.checked(found, best), (search.cost(near).value, *more)
     for _ in range(ROUNDS - 1):
@@ -665,7 +668,7 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
         q0=result.middle,
         workspace=problem.workspace,
         objective=problem.goal,
-        base=problem.law,
+        base=problem.base,
         polynomial=result.zeta,
         costs=values,
         broken=problem.broken(near),
