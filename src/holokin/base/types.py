@@ -424,7 +424,15 @@ class Value(Shown):
             object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
 
 
-class NoTruthValue(Shown):
+class Result(Shown):
+    """The parent of what functions find: it can be written as JSON."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
+        return _plain_fields(self)
+
+
+class NoTruthValue(Result):
     """The parent of results and statuses that may say no: `bool` of one raises `AmbiguousTruthError`.
 
     `ask` says what to ask instead.
@@ -440,22 +448,17 @@ class NoTruthValue(Shown):
     def __bool__(self) -> NoReturn:
         raise AmbiguousTruthError(type(self).__name__, self.ask)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
-        return _plain_fields(self)
-
-
 def _plain_fields(value: Any) -> dict[str, Any]:
     """The fields of a dataclass as plain data, without functions."""
     parts = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
     return {
-        name: _plain_data(part)
+        name: plain_data(part)
         for name, part in parts.items()
         if not name.startswith("_") and (not callable(part) or isinstance(part, Shown))
     }
 
 
-def _plain_data(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
     """A value as JSON has it."""
     if isinstance(value, Enum):
         return value.name.lower()
@@ -464,11 +467,11 @@ def _plain_data(value: Any) -> Any:
     if isinstance(value, bool | int | str | np.generic | type(None)):
         return value.item() if isinstance(value, np.generic) else value
     if isinstance(value, np.ndarray):
-        return _plain_data(value.tolist())
+        return plain_data(value.tolist())
     if isinstance(value, Mapping):
-        return {str(key): _plain_data(part) for key, part in value.items()}
+        return {str(key): plain_data(part) for key, part in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
-        return [_plain_data(part) for part in value]
+        return [plain_data(part) for part in value]
     if isinstance(name := getattr(value, "name", None), str):  # a robot, a task, a strategy
         return name
     return _plain_fields(value) if is_dataclass(value) else str(value)

@@ -30,7 +30,7 @@ from ..coverage.starts import (
     proposed_workspace,
     reached,
 )
-from .designed_strategy import Design, design, least_costs
+from .designed_strategy import Design, Floor, design
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of
 from .objectives import Objective, costs_of
 from .trials import (
@@ -236,7 +236,7 @@ class Case:
         if best.reached.any():
             p, R = self._targets(best.reached)
             free = np.full(self.task.n, FREE)
-            known = least_costs(self.coordinates, self.costs, best.q[best.reached], p, R, free)
+            known = Floor(self.coordinates, self.costs, {}, free, best.q[best.reached], p, R).anywhere
             found[best.reached] = known.squared_speed
         return found
 
