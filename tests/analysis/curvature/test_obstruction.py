@@ -165,7 +165,9 @@ def test_no_law_of_an_iiwa_covers_all_directions_whichever_it_is(iiwa14: hk.Robo
     assert found.total == 2
     assert found.total
     assert found.clearance == pytest.approx(height, abs=1e-9)
-    assert found.sentence.startswith("no strategy of iiwa14 covers all directions") and "without a jump." in found.sentence
+    assert (
+        found.sentence.startswith("no strategy of iiwa14 covers all directions") and "without a jump." in found.sentence
+    )
 
 
 @pytest.mark.campaign

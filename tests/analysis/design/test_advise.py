@@ -245,14 +245,17 @@ def test_the_tip_is_the_palm_of_the_longest_arm(file: str, tip: str, joints: int
     assert not any(word in name for name in robot.joint_names for word in ("finger", "thumb", "leg", "head"))
 
 
-def test_the_answer_begins_with_the_arm_that_was_taken_and_the_tips_that_were_not(advice: Advice) -> None:
+def test_the_answer_begins_with_the_strategy_to_take_and_names_the_arm_and_the_tips_that_were_not_taken(
+    advice: Advice,
+) -> None:
     chain = chain_to_tool(urdf("pr2.urdf"))
     assert (chain.base, chain.tip, chain.chosen) == ("base_footprint", "r_gripper_tool_frame", True)
     assert chain.others == ("l_gripper_tool_frame",)
     given = chain_to_tool(urdf("pr2.urdf"), tip=chain.others[0], base="torso_lift_link")
     assert (given.robot.n, given.others, given.chosen) == (7, ("r_gripper_tool_frame",), False)
-    first = str(advice).splitlines()[0]
-    assert first.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
+    first, *_, last = str(advice).splitlines()
+    assert first.startswith(f"Take {advice.best.name!r}: it reaches 100.0% of the workspace")
+    assert last.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
     with pytest.raises(ArgumentError, match="only files of models"):
         chain_to_tool(arm(), base="world")
 

@@ -472,18 +472,9 @@ def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusp
         for order in (np.argsort(measures[:, 0] + TURN * measures[:, 1]), np.argsort(-measures[:, 2])):
             witnesses.append(first_witness(leafed, level, motions, order, limits))
     return Cusps(
-        strategy=leafed,
-        q0=start,
-        q=points.q,
-        level=level,
-        limits=limits,
-        starts=done,
-        outside=outside,
-        double=double,
-        corank=corank,
-        witnesses=tuple(witness for witness in witnesses if witness is not None),
-        stopped=done < starts,
-    )
+        strategy=leafed, q0=start, q=points.q, level=level, limits=limits, starts=done, outside=outside, double=double,
+        corank=corank, witnesses=tuple(witness for witness in witnesses if witness is not None), stopped=done < starts,
+    )  # fmt: skip
 
 
 def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limits: bool) -> Array:

@@ -164,19 +164,17 @@ def sphere_of(task: Task, q0: Vector, arm: Arm) -> ToolSphere:
     return ToolSphere(S, (W - S) / radius, radius, task.pose(q0), bool(np.ptp(wrist, axis=0).max() <= still))
 
 
+Correction = Callable[[Vector, Vector], Vector | None]
+"""(posture (n,), position of the tool (3,)) -> Newton's correction (n,) towards it; None where it is singular."""
+
+
 class ElbowField(TangentField):
     """u -> the part of the elbow's place, seen from the shoulder, that is perpendicular to u [m].
 
     The state is (q, u), the posture (n,) and where it is. It is carried by a strategy, dq = G dx, and corrected.
-
-    Args:
-        correction: (q, position of the tool) -> Newton's correction (n,) towards it; None where it is singular.
     """
 
-    def __init__(
-        self, strategy: Strategy, q0: Vector, sphere: ToolSphere, arm: Arm,
-        correction: Callable[[Vector, Vector], Vector | None],
-    ) -> None:  # fmt: skip
+    def __init__(self, strategy: Strategy, q0: Vector, sphere: ToolSphere, arm: Arm, correction: Correction) -> None:
         self.task, self.sphere, self.correction = strategy.task, sphere, correction
         self.start = q0, sphere.direction
         self._rate, self._places = checked_rate(strategy), arm.places(strategy.task)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, ShapeError, posture_text
-from ...base.types import ArrayLike, Matrix, NoTruthValue, Shown, Value, Vector, finite, whole
+from ...base.types import ArrayLike, Matrix, NoTruthValue, Result, Value, Vector, finite, whole
 from ...path.workspaces import sobol
 from ...strategies import Jump
 
@@ -122,7 +122,7 @@ class Evidence(Enum):
 
 
 @dataclass(frozen=True)
-class Accuracy(Shown):
+class Accuracy(Result):
     """How well curvature is known that was computed by differences of values.
 
     error: what a relative curvature [1/rad] may be wrong by, at the worst posture judged. noise: of the values of G,

@@ -67,30 +67,6 @@ POSES, SCREENED = 256, 4
 DEGREE, DESIGNED = 2, 128
 """Degree of the polynomials of strategies that are designed, and poses that they are made for."""
 
-FASTER = 0.95
-"""Mean squared joint speed, over that of the strategy designed from the best, of one from another leaf, where both
-serve, from which on a strategy is designed from that one, too: designs over two strategies from one start came out
-alike to 0.1 %."""
-
-GOALS = {
-    "": {"objective": Objective(squared_speed=1.0), "limits": True},
-    ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
-}
-"""What they are designed for: the least joint speed within the joint limits; where that covers less than the base does,
-a compromise between joint speed and distance to limits."""
-
-MOST = 3
-"""Strategies that serve alike whose cusps are looked for, until one has none near the workspace."""
-
-PARTS = 3
-"""Strategies whose part of the workspace is looked for where none serves the whole."""
-
-FAR = 2.0
-"""Margin of a designed strategy, over that which it was to keep at least, from which on limits have not held it."""
-
-FREE = 1e9
-"""Distance from the middle of a joint's range, over half of it, that no joint gets to."""
-
 
 class Case:
     """A task and a workspace, with what is found out of them on the way to an advice."""
@@ -120,23 +96,23 @@ class Case:
         """Start postures at the centre, or at the pose nearest to it that is reached."""
         center = self.workspace.center
         order = np.argsort(np.linalg.norm(T[:, :3, 3] - center[:3, 3], axis=1), kind="stable")
-        for at in [center, *T[order[self.reach.within[order]]]]:
-            found = postures_at(self.task, at)
-            free = found if self.apart is None else found[self.apart.clear(found)]
-            if len(free):
-                return free
+        for pose in [center, *T[order[self.reach.within[order]]]]:
+            postures = postures_at(self.task, pose)
+            clear = postures if self.apart is None else postures[self.apart.clear(postures)]
+            if len(clear):
+                return clear
         return self.Q[self.reach.within][:1]
 
     def ranked(self) -> tuple[RatedStrategy, ...]:
         """All strategies, on their best leaves, the best one looked at closely."""
+        # Each strategy from all starts at some of the poses, then its best leaf at all of them
         rough = self.poses.some(slice(None, None, SCREENED))
         trials: list[Trial] = []
         for candidate in candidates(self.task, self.starts):
             self.progress(candidate.name)
-            found = tried(candidate, self.starts, rough)
-            if found:
-                best = ranked(found)[0]
-                trials += tried(_there(candidate), best.q0[None], self.poses)
+            screened = tried(candidate, self.starts, rough)
+            if screened:  # its start is on its leaf already
+                trials += tried(replace(candidate, level=None), ranked(screened)[0].q0[None], self.poses)
         if not trials:
             raise ArgumentError(
                 "the strategies that fit", 0, "give another start posture: all are singular at this one"
@@ -145,42 +121,37 @@ class Case:
         trials += self._designed(trials)
         self.trials = {trial.candidate.name: trial for trial in trials}
         self.floor = self._floor(trials)
-        strategies = ranked(self._rated(trial) for trial in trials)
+        # The best is looked at pose by pose, and if it falls behind the next one
+        strategies = ranked([self._rated(trial) for trial in trials])
         while strategies[0].name not in self.checked:
             self.progress(f"{strategies[0].name}, pose by pose")
-            strategies[0] = self._looked_at(strategies[0])
-            strategies = ranked(strategies)
+            strategies = ranked([self._looked_at(strategies[0]), *strategies[1:]])
         return tuple(self._without_cusps(strategies))
 
     def _without_cusps(self, strategies: list[RatedStrategy]) -> list[RatedStrategy]:
-        """Other things equal, a strategy without a cusp near the workspace comes first."""
+        """Other things equal, a strategy without a cusp near the workspace comes first; three are looked at at most."""
         best = strategies[0]
         most = MORE_SPEED * best.squared_speed
-        equal = [one for one in strategies[1:] if alike(one, best) and one.squared_speed <= most]
-        for rated in [best, *equal][:MOST]:
+        equal = [rated for rated in strategies[1:] if alike(rated, best) and rated.squared_speed <= most]
+        for rated in [best, *equal][:3]:
             self.progress(f"{rated.name}, its cusps")
-            self.cusps[rated.name] = found = cusps_near(rated.strategy, rated.q0, self.workspace)
-            if found.clear:
+            self.cusps[rated.name] = cusps_near(rated.strategy, rated.q0, self.workspace)
+            if self.cusps[rated.name].clear:
                 rated = rated if rated.name in self.checked else self._looked_at(rated)
                 if alike(rated, best):
                     self.passed_over = None if rated.name == best.name else best
-                    return [rated, *(one for one in strategies if one.name != rated.name)]
+                    return [rated, *(other for other in strategies if other.name != rated.name)]
         return strategies
 
-    def levels(self, rated: RatedStrategy) -> tuple[LevelRange | None, Sequence[str]]:
+    def levels(self, rated: RatedStrategy) -> tuple[LevelRange | None, str]:
         """The levels of a strategy that serve the workspace; and what is said of them."""
         self.progress(f"{rated.name}, its levels")
         try:
-            found = level_range(rated.strategy, self.workspace, rated.q0, progress=self.progress)
+            levels = level_range(rated.strategy, self.workspace, rated.q0, progress=self.progress)
         except HolokinError as problem:  # of several rows
-            return None, [f"Levels were not looked for: {problem}."]
+            return None, f"Levels were not looked for: {problem}."
         blind = "" if self.apart is None else " Collisions were not looked at for them."
-        return found, [f"Of {rated.name!r}, {found.served}.{blind}"]
-
-    def of_cusps(self, rated: RatedStrategy) -> Sequence[str]:
-        """What is said of the cusps of the strategy that was chosen."""
-        first = self.passed_over or rated
-        return said_of(rated.name, first.name, self.cusps, rated.squared_speed / first.squared_speed - 1)
+        return levels, f"Of {rated.name!r}, {levels.served}.{blind}"
 
     def _designed(self, trials: list[Trial]) -> list[Trial]:
         """Strategies designed from the best of the others, and over the one that is faster from elsewhere."""
@@ -189,29 +160,45 @@ class Case:
         plain = [t for t in plain if t.coverage > PARTLY] or plain[:1]
         if not plain or not plain[0].served.any():
             return []
-        found = self._designed_over(plain[0])
-        best = ranked(found or plain[:1])[0]
-        gains = {i: _gain(t, best) for i, t in enumerate(plain[1:], 1)}
-        if gains and min(gains.values()) < FASTER:
-            found += self._designed_over(plain[min(gains, key=lambda i: gains[i])])
-        return found
+        designed = self._designed_over(plain[0])
+        best = ranked(designed or plain[:1])[0]
+
+        def gain(trial: Trial) -> float:
+            """Its mean squared joint speed over that of the best one, where both serve; infinite where they do not."""
+            both = trial.served & best.served
+            return float(trial.speed[both].mean() / best.speed[both].mean()) if both.any() else np.inf
+
+        # Designs over two strategies from one start came out alike to 0.1 %, so another one must be faster by 5 %
+        fastest = min(plain[1:], key=gain, default=None)
+        if fastest is not None and gain(fastest) < 0.95:
+            designed += self._designed_over(fastest)
+        return designed
 
     def _designed_over(self, trial: Trial) -> list[Trial]:
-        """Strategies designed from one, on its leaf, until one covers as much."""
-        base, found = trial.candidate, []
-        for words, goal in GOALS.items():
+        """Strategies designed from one, on its leaf, until one covers as much.
+
+        The goal is the least joint speed within the joint limits, which keeps what `easy` asks of the joint with the
+        least range; where that covers less than the base does, a compromise between joint speed and distance to limits.
+        """
+        base, designed = trial.candidate, []
+        room = ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
+        goals: dict[str, dict[str, Any]] = {
+            "": {"objective": Objective(squared_speed=1.0), "limits": True, "margin": room},
+            ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
+        }
+        for words, goal in goals.items():
             name = f"designed from {base.name}{words}"
             self.progress(name)
             try:
-                made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
+                made = self._design(trial, **goal)
             except HolokinError:  # no strategy where there is none: the others stay
                 continue
-            designed = Candidate(name, made.polynomial.keys_over(base.keys), self.task, made.strategy)
+            candidate = Candidate(name, made.polynomial.keys_over(base.keys), self.task, made.strategy)
             self.made[name] = made
-            found += tried(designed, made.q0[None], self.poses)
-            if found[-1].coverage >= trial.coverage - EQUAL:
+            designed += tried(candidate, made.q0[None], self.poses)
+            if designed[-1].coverage >= trial.coverage - EQUAL:
                 break
-        return found
+        return designed
 
     def _design(self, trial: Trial, **goal: Any) -> Design:
         """A design over a strategy, for the poses that it serves; where these are few, for all that any posture
@@ -224,50 +211,52 @@ class Case:
         space = self.workspace if which.all() else pose_cloud(self.poses.T[which])
         return design(self.task, space, trial.q0, base=base, degree=DEGREE, samples=DESIGNED, **goal)
 
-    @property
-    def _room(self) -> float:
-        """A distance to limits that designs keep [rad or m]: what `easy` asks of the joint with the least range."""
-        return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
-
     def _floor(self, trials: list[Trial]) -> Vector:
         """The least squared joint speed (k,) of the postures found at the poses that the best strategy reaches, else
         NaN."""
-        best, found = ranked(trials)[0], np.full(len(self.poses), np.nan)
+        best, floor = ranked(trials)[0], np.full(len(self.poses), np.nan)
         if best.reached.any():
-            p, R = self._targets(best.reached)
-            free = np.full(self.task.n, FREE)
-            known = Floor(self.coordinates, self.costs, {}, free, best.q[best.reached], p, R).anywhere
-            found[best.reached] = known.squared_speed
-        return found
+            free = np.full(self.task.n, 1e9)  # no joint gets there, in halves of its range
+            q, (p, R) = best.q[best.reached], self._targets(best.reached)
+            floor[best.reached] = Floor(self.coordinates, self.costs, {}, free, q, p, R).anywhere.squared_speed
+        return floor
 
     def _targets(self, which: Flags) -> tuple[Matrix, Array]:
         T = self.poses.T[which]
         return np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
 
     def _rated(self, trial: Trial) -> RatedStrategy:
-        c, robot = trial.candidate, self.task.robot
+        """What is known of a strategy after its trial: where it serves nothing, no margin and no rcond."""
+        c, served, margins, rcond, joint = trial.candidate, trial.served, np.zeros(self.task.n), 0.0, 0
+        if served.any():
+            margins, rcond = trial.margins[served].min(axis=0), float(trial.rcond[served].min())
+            joint = int(np.argmin(margins))
         return RatedStrategy(
-            c.name, trial.same, c.keys, strategy_of(trial), trial.q0, trial.coverage, trial.served, trial.easy,
-            trial.margin, robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed,
-            ratio(trial, self.floor), _least(trial.clearance), trial.clear,
+            name=c.name, same=trial.same, keys=c.keys, strategy=strategy_of(trial), q0=trial.q0,
+            coverage=trial.coverage, served=served, easy=trial.easy, margin=float(margins[joint]),
+            joint=self.task.robot.joint_names[joint], rcond=rcond, squared_speed=trial.squared_speed,
+            speed=ratio(trial, self.floor), clearance=_least(trial.clearance), clear=trial.clear,
         )  # fmt: skip
 
     def _looked_at(self, rated: RatedStrategy) -> RatedStrategy:
         """A strategy with its coverage as `coverage` finds it, pose by pose."""
-        found = coverage(rated.strategy, self.workspace, rated.q0, samples=POSES, reach=self.reach)
+        covered = coverage(rated.strategy, self.workspace, rated.q0, samples=POSES, reach=self.reach)
         clearance, wanted = None, 0.0
         if self.apart is not None:
-            clearance, wanted = np.full(len(found), np.nan), self.apart.wanted
-            clearance[found.reached] = near = self.apart.least(found.q[found.reached], wanted)
-            found = found.blocked(lambda _: keeps(near, wanted))
-        self.checked[rated.name] = found
-        served = found.reached
-        rcond = float(found.rcond[served].min()) if served.any() else 0.0
-        easy = rated.easy + found.share - rated.coverage
+            clearance, wanted = np.full(len(covered), np.nan), self.apart.wanted
+            clearance[covered.reached] = distances = self.apart.least(covered.q[covered.reached], wanted)
+            covered = covered.blocked(lambda _: keeps(distances, wanted))
+        self.checked[rated.name] = covered
+        served = covered.reached
         return replace(
-            rated, coverage=found.share, served=served, easy=easy, rcond=rcond, clearance=_least(clearance),
+            rated,
+            coverage=covered.share,
+            served=served,
+            easy=rated.easy + covered.share - rated.coverage,
+            rcond=float(covered.rcond[served].min()) if served.any() else 0.0,
+            clearance=_least(clearance),
             clear=clear_share(served, clearance, wanted),
-        )  # fmt: skip
+        )
 
     def floor_of(self, rated: RatedStrategy) -> float:
         """The mean of the floor where a strategy serves; NaN where it serves nothing."""
@@ -289,7 +278,8 @@ class Case:
     def _free(self, rated: RatedStrategy) -> Free | None:
         """The best strategy designed without the limits; None where it keeps away from them, or none is found."""
         made = self.made.get(rated.name)
-        if made is not None and rated.margin > FAR * ROOM:
+        # Limits have not held a design with over twice the margin that it was to keep at least
+        if made is not None and rated.margin > 2.0 * ROOM:
             return None
         self.progress(f"{rated.name}, joint limits aside")
         trial = self.trials[rated.name]
@@ -301,28 +291,29 @@ class Case:
             made = self._design(trial, limits=False)
         except HolokinError:
             return None
-        free = tried(Candidate(rated.name, {"kind": "designed"}, self.task, made.strategy), made.q0[None], self.poses)
-        which = free[0].reached & np.isfinite(self.floor)
-        return Free(ratio(free[0], self.floor, limits=False), beyond_limits(free[0], which), int(which.sum()))
+        candidate = Candidate(rated.name, {"kind": "designed"}, self.task, made.strategy)
+        (free,) = tried(candidate, made.q0[None], self.poses)
+        which = free.reached & np.isfinite(self.floor)
+        return Free(ratio(free, self.floor, limits=False), beyond_limits(free, which), int(which.sum()))
 
     def part(self, strategies: tuple[RatedStrategy, ...]) -> Part | None:
-        """The largest part of the workspace that one of the best strategies serves."""
+        """The largest part of the workspace that one of the three best strategies serves."""
         if not isinstance(self.workspace, PoseRange):
             return None
         best: Part | None = None
-        for rated in strategies[:PARTS]:
+        for rated in strategies[:3]:
             self.progress(f"the part of the workspace that {rated.name} serves")
             strategy = None if rated.keys["kind"] == "radial" else rated.strategy
             candidate = Candidate(rated.name, rated.keys, self.task, strategy)
 
-            def serves(T: Array, rated: RatedStrategy = rated, candidate: Candidate = candidate) -> bool:
+            def serves(T: Array, q0: Vector = rated.q0, candidate: Candidate = candidate) -> bool:
                 still = np.zeros((len(T), self.task.m, 0))
                 poses = Poses(T, still, self.costs.joints, self.apart)
-                return bool(tried(candidate, rated.q0[None], poses)[0].served.all())
+                return bool(tried(candidate, q0[None], poses)[0].served.all())
 
-            found = largest_part(self.workspace, serves)
-            if found is not None and (best is None or found[0] > best.share):
-                best = Part(rated, *found)
+            part = largest_part(self.workspace, serves)
+            if part is not None and (best is None or part[0] > best.share):
+                best = Part(rated, *part)
         return best
 
 
@@ -332,23 +323,12 @@ def _least(clearance: Vector | None) -> float:
 
 
 def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
+    """Why no pose of a workspace is served."""
     name = f"the workspace of {task.robot.name!r}, {workspace},"
     if reach.anyhow.any():
         return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
     cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
     return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
-
-
-def _gain(trial: Trial, best: Trial) -> float:
-    """The mean squared joint speed of a strategy over that of the best one, where both serve; infinite where they do
-    not."""
-    both = trial.served & best.served
-    return float(trial.speed[both].mean() / best.speed[both].mean()) if both.any() else np.inf
-
-
-def _there(candidate: Candidate) -> Candidate:
-    """The same, from a start that is on its leaf already."""
-    return replace(candidate, level=None)
 
 
 @typed
@@ -394,33 +374,45 @@ def advise(
 
 
 def advise_chain(
-    chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str],
-    scene: Scene | None, progress: Callable[[str], None], levels: bool = False,
-) -> Advice:  # fmt: skip
+    chain: Chain,
+    task: Task,
+    workspace: Workspace | None,
+    q0: ArrayLike | None,
+    *,
+    chosen: Sequence[str],
+    scene: Scene | None,
+    progress: Callable[[str], None],
+    levels: bool = False,
+) -> Advice:
     """The advice for a chain and its task, as of `advise`.
 
     Args:
         chosen: what nobody gave.
     """
-    began = time.perf_counter()
-    arm = chain.robot
+    # The start and the workspace, chosen if they are not given
+    began, robot = time.perf_counter(), chain.robot
     of_one_tool(task, "advice")
-    check_that_joints_move(arm)
-    start = None if q0 is None else arm.checked(q0, "the start posture")
+    check_that_joints_move(robot)
+    start = None if q0 is None else robot.checked(q0, "the start posture")
     if start is not None:
-        arm.check_limits(start)
-    at = start
+        robot.check_limits(start)
     if workspace is None:
-        at = first_start(task) if start is None else start
-        workspace = proposed_workspace(task, at)
+        workspace = proposed_workspace(task, first_start(task) if start is None else start)
+    # The strategies, and the reasons why the best is the best
     case = Case(task, workspace, start, scene, progress)
     strategies = case.ranked()
+    best = strategies[0]
     progress("the reasons")
-    part = case.part(strategies) if not strategies[0].served.all() else None
-    found = case.checked[strategies[0].name]
-    range_, said = case.levels(strategies[0]) if levels else (None, ())
+    part = None if best.served.all() else case.part(strategies)
+    sentences = list(reasons(strategies, case.checked[best.name], part, case.excess(strategies)))
+    first = case.passed_over or best
+    sentences += said_of(best.name, first.name, case.cusps, best.squared_speed / first.squared_speed - 1)
+    level_interval = None
+    if levels:
+        level_interval, sentence = case.levels(best)
+        sentences.append(sentence)
     return Advice(
-        chain, task, workspace, tuple(chosen), strategies, case.floor_of(strategies[0]), found,
-        (*reasons(strategies, found, part, case.excess(strategies)), *case.of_cusps(strategies[0]), *said),
-        case.cusps[strategies[0].name], part, time.perf_counter() - began, range_, scene,
+        chain=chain, task=task, workspace=workspace, proposed=tuple(chosen), strategies=strategies,
+        floor=case.floor_of(best), coverage=case.checked[best.name], reasons=tuple(sentences),
+        cusps=case.cusps[best.name], part=part, seconds=time.perf_counter() - began, levels=level_interval, scene=scene,
     )  # fmt: skip

@@ -25,7 +25,7 @@ import numpy as np
 from ...base.arguments import made, typed
 from ...base.errors import ArgumentError, SingularityError, posture_text
 from ...base.poses import pose_from
-from ...base.types import Array, Matrix, Value, Vector, frozen, whole
+from ...base.types import Array, Matrix, Result, Value, Vector, frozen, whole
 from ...motion.ik import ik
 from ...path.workspaces import Cylinder, Sphere, sobol
 from ...robot import Kinematics
@@ -248,7 +248,7 @@ BOUND = 16
 
 
 @dataclass(frozen=True, eq=False)
-class ClosestHolonomic(Value):
+class ClosestHolonomic(Result, Value):
     """The nearest repeatable strategy that was found, and how near others are.
 
     strategy: an ordinary one; start (n,): the posture in the middle of the region.

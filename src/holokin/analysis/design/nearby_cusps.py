@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, HolokinError
-from ...base.types import ArrayLike, Matrix, NoTruthValue, Shown, Value, Vector, positive
+from ...base.types import ArrayLike, Matrix, NoTruthValue, Result, Value, Vector, positive
 from ...motion.ik import ik, move_to_leaf
 from ...path.workspaces import Workspace
 from ...robot import start_posture
@@ -34,7 +34,7 @@ most."""
 
 
 @dataclass(frozen=True, eq=False)
-class NearbyCusps(Value):
+class NearbyCusps(Result, Value):
     """The cusps found on a strategy's leaf, and their least distance [m] from a workspace, infinite where none was
     found.
 
@@ -86,6 +86,9 @@ class NearbyCusps(Value):
             f"{turns}; after it a joint is {least.apart:.2g} (rad or m) from where it was"
         )
 
+    def __str__(self) -> str:
+        return self.sentence
+
 
 def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
     """Those of the leaf through q0, and how far they are from a workspace; or why they cannot be looked for."""
@@ -128,12 +131,15 @@ def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more:
 
 
 @dataclass(frozen=True)
-class DegreeTried(Shown):
+class DegreeTried(Result):
     """A design with polynomials of one degree: its objective, and the cusps of its leaf."""
 
     degree: int
     cost: float
     cusps: NearbyCusps
+
+    def __str__(self) -> str:
+        return f"degree {self.degree}: {self.cost:.5g}; {self.cusps}"
 
 
 def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], found: NearbyCusps) -> str:
