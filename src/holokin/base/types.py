@@ -78,7 +78,7 @@ class Shown:
         return f"{name}({', '.join(parts)})"
 
     def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if not isinstance(getattr_static(type(self), name, None), _Absent)]
+        return [name for name in super().__dir__() if not isinstance(getattr_static(type(self), name, None), Absent)]
 
     def _repr_html_(self) -> str:
         return _table(type(self).__name__, self._shown_rows())
@@ -95,7 +95,7 @@ class Shown:
         return rows
 
 
-class _Absent:
+class Absent:
     """A name that a noun does not have, under which people look for something else: reading it says what to write.
 
     A class with `__getattr__` would do this for all names, but then reading any takes longer.
@@ -111,7 +111,7 @@ class _Absent:
 
 for _form, _names in FORMS.items():
     for _name in _names.split():
-        setattr(Shown, _name, _Absent(_name, _form))
+        setattr(Shown, _name, Absent(_name, _form))
 
 
 def _bounded(written: Callable[[Any], str]) -> Any:
@@ -419,15 +419,15 @@ class Value(Shown):
             object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
 
 
-class Reported(Shown):
-    """The parent of results: `str` says the verdict first, `to_dict` gives the facts."""
+class Result(Shown):
+    """The parent of what functions find: it can be written as JSON."""
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
         return _plain_fields(self)
 
 
-class NoTruthValue(Reported):
+class NoTruthValue(Result):
     """The parent of results and statuses that may say no: `bool` of one raises `AmbiguousTruthError`.
 
     `ask` says what to ask instead.
@@ -448,13 +448,13 @@ def _plain_fields(value: Any) -> dict[str, Any]:
     """The fields of a dataclass as plain data, without functions."""
     parts = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
     return {
-        name: _plain_data(part)
+        name: plain_data(part)
         for name, part in parts.items()
         if not name.startswith("_") and (not callable(part) or isinstance(part, Shown))
     }
 
 
-def _plain_data(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
     """A value as JSON has it."""
     if isinstance(value, Enum):
         return value.name.lower()
@@ -463,11 +463,11 @@ def _plain_data(value: Any) -> Any:
     if isinstance(value, bool | int | str | np.generic | type(None)):
         return value.item() if isinstance(value, np.generic) else value
     if isinstance(value, np.ndarray):
-        return _plain_data(value.tolist())
+        return plain_data(value.tolist())
     if isinstance(value, Mapping):
-        return {str(key): _plain_data(part) for key, part in value.items()}
+        return {str(key): plain_data(part) for key, part in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
-        return [_plain_data(part) for part in value]
+        return [plain_data(part) for part in value]
     if isinstance(name := getattr(value, "name", None), str):  # a robot, a task, a strategy
         return name
     return _plain_fields(value) if is_dataclass(value) else str(value)

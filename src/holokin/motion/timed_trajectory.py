@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.files import write_csv
-from ..base.types import Matrix, Reported, Shown, Value, Vector, number_or_none
+from ..base.types import Matrix, Result, Shown, Value, Vector, number_or_none
 from ..base.units import SI, PrintedUnits
 from .trajectory import Trajectory
 
@@ -78,7 +78,7 @@ class JointLoad(Shown):
 
 
 @dataclass(frozen=True, eq=False)
-class TimedTrajectory(Reported, Value):
+class TimedTrajectory(Result, Value):
     """Joint motion at k instants, a step `dt` apart, from rest to rest.
 
     Attributes:

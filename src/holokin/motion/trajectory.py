@@ -14,7 +14,7 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.errors import ArgumentError, NotFiniteError, ShapeError
 from ..base.files import write_csv
-from ..base.types import Indices, Matrix, NoTruthValue, Reported, Value, Vector, frozen, numbers
+from ..base.types import Indices, Matrix, NoTruthValue, Result, Value, Vector, frozen, numbers
 from ..base.units import SI, PrintedUnits
 from ..robot import Robot
 from ..strategies.tasks.task import Task
@@ -274,7 +274,7 @@ GAP = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(Reported, Value):
+class Recording(Result, Value):
     """Joint positions as logged: t (k,) [s], rising; q (k, n) [rad or m] in the order of `joint_names`.
 
     `notes` says what was changed or left out in reading. unknown_turns (p, 2): rows (i, joint), where from sample i to

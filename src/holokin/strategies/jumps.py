@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.errors import SingularityError
-from ..base.types import Array, Matrix, Reported, Value, Vector, kept
+from ..base.types import Array, Matrix, Result, Value, Vector, kept
 from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
 from .strategy import HolonomicStrategy, Strategy
 
@@ -34,7 +34,7 @@ NEAR = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Jump(Reported, Value):
+class Jump(Result, Value):
     """A place q (n,) where the formula of a strategy turns over, by the operation `what`, and jumps.
 
     level: jump of g [its unit], of a constraint; 0 of another strategy. planes: how far the two sides disagree on where

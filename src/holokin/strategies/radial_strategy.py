@@ -18,7 +18,7 @@ import numpy as np
 from ..base.arguments import made, typed
 from ..base.errors import ArgumentError, SingularityError, SingularityKind
 from ..base.tolerances import TOLERANCES
-from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Reported, Value, Vector, finite, frozen, whole
+from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Result, Value, Vector, finite, frozen, whole
 from ..robot import Robot, start_posture
 from ..symbolic import (
     SX,
@@ -64,7 +64,7 @@ class CurveEnd(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class SelfMotion(Reported, Value):
+class SelfMotion(Result, Value):
     """Postures (k, n) with one tool pose, in order, s (k,) [joint units] their arc length from the given posture.
 
     `endings`: why it stops at its first and at its last posture; both CLOSED when it comes back to itself.

@@ -165,7 +165,9 @@ def test_no_law_of_an_iiwa_covers_all_directions_whichever_it_is(iiwa14: hk.Robo
     assert found.total == 2
     assert found.total
     assert found.clearance == pytest.approx(height, abs=1e-9)
-    assert found.sentence.startswith("no law of iiwa14 covers all directions") and "without a jump." in found.sentence
+    assert (
+        found.sentence.startswith("no strategy of iiwa14 covers all directions") and "without a jump." in found.sentence
+    )
 
 
 @pytest.mark.campaign
@@ -228,7 +230,7 @@ def test_round_a_pole_the_redundant_joint_makes_as_many_turns_as_its_index(
     assert abs(found.total) == turns
     assert bool(found.total) == (turns > 0)
     assert found.largest < np.pi / 2
-    assert ("any law with the same postures on the path has a jump" in found.sentence) == (turns > 0)
+    assert ("any strategy with the same postures on the path has a jump" in found.sentence) == (turns > 0)
     sign = "+" if found.total > 0 else "-"
     often = {0: "no turn", 1: f"{sign}1 turn", 2: f"{sign}2 turns"}[turns]
     assert f" makes {often} along the self-motion" in found.sentence

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
@@ -19,8 +20,8 @@ from benchmarks.fuzz.methods import things
 
 import holokin as hk
 from holokin.analysis.design import OwnCost
-from holokin.base.errors import AmbiguousTruthError
-from holokin.base.types import LONGEST, NoTruthValue, Shown
+from holokin.base.errors import AmbiguousTruthError, NoAttributeError
+from holokin.base.types import LONGEST, NoTruthValue, Result, Shown
 from public_nouns import public_classes
 
 EVIL = "<script>alert(1)</script><img src=x onerror=alert(2)>'\"&\x1b[2J\n\u202e" + 2000 * "long"
@@ -167,7 +168,7 @@ NO_QUESTION = {
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
-    "PostureTask", "Recording", "Robot", "RowStrategy", "SelfMotion",
+    "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "FrameTask", "StackedTask", "Segment", "Samples",
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
@@ -235,3 +236,83 @@ def test_what_verbs_answer_is_neither_true_nor_false(planar_3r: hk.Robot) -> Non
             if answer:
                 pass
     assert not verdict.holonomic
+
+
+# --- What functions of analysis find says its verdict first, and can be written as JSON.
+
+
+@cache
+def results() -> dict[str, Any]:
+    """Each public result of curvature, coverage and design: by its name an instance."""
+    robot, q0 = hk.load("planar-3r"), np.array([0.3, 0.6, 0.5])
+    task, curvature = hk.position(robot), hk.analysis.curvature
+    law, given = hk.holonomic(task, hk.lock(2)), hk.moore_penrose(task)
+    tool = robot.pose(q0)[:3, 3]
+    loop, space = hk.circle(tool, tool - [0.05, 0, 0]), hk.workspace(box=(tool[:2], [0.05, 0.05]))
+    design, function = hk.design(task, space, q0, degree=1, samples=8), hk.strategies.numeric(task, given)
+    advised = hk.advise(task, hk.workspace(box=(tool[:2] * 1.2, [0.4, 0.4])), q0=q0)
+    arm = hk.holonomic(hk.pose(hk.load("iiwa14")), hk.lock(2))
+    obstruction = curvature.obstruction(arm, curvature.Directions(fineness=0), [0.3, 0.6, 0.2, -1.4, 0.3, 0.8, 0.2])
+    cusps = hk.cusps(law, q0, starts=100)
+    found = [
+        hk.involutivity(given, hk.around(q0, 0.1), samples=4), curvature.predicted_drift(given, loop, q0),
+        hk.involutivity(function, hk.around(q0, 0.1), samples=2).accuracy, curvature.measured_curvature(function, q0),
+        curvature.filtration(given, q0), curvature.general_form(law, q0), obstruction, *obstruction.witnesses[:1],
+        curvature.distance_to_repeatable(given, curvature.ball(q0, 0.05), law, samples=8), cusps, *cusps.witnesses[:1],
+        curvature.deviation(given, law, q0[None]), hk.coverage(law, space, q0, samples=8),
+        hk.analysis.coverage.posture_reach(task, space, q0, samples=8), advised, advised.best, advised.part,
+        *hk.analysis.coverage.coverage_slices(law, space, q0, steps=4), design, design.after, design.cusps,
+        *hk.design(task, space, q0, degree=0, samples=8, avoid_cusps=True).looked_at,
+        hk.analysis.design.level_range(law, space, q0), hk.analysis.design.closest_holonomic(
+            given, hk.around(q0, 0.1), degree=1, samples=64),
+    ]  # fmt: skip
+    return {type(result).__name__: result for result in found if result is not None}
+
+
+VERDICT_FIRST = {
+    "Accuracy": r"by differences of values with a noise of \S+, over steps down to \S+, it is known to",
+    "Advice": r"Take '.+': it reaches [\d.]+% of the workspace",
+    "ClosestHolonomic": r"difference from the joint rates of the given strategy",
+    "Coverage": r".+: reaches \d+ of 8 poses",
+    "CuspWitness": r"round a closed tool path of \S+ m .* the joints do not come back",
+    "Cusps": r"(no cusp|cuspidal|\d+ cusps?)\b",
+    "DegreeTried": r"degree 0: \S+; ",
+    "Design": r"all hard limits of the design .* are kept at \d+ of \d+ poses",
+    "Deviation": r"[\d.]+% rms, [\d.]+% at most",
+    "DriftPrediction": r"one cycle is predicted to carry the joints by \S+ at most",
+    "Filtration": r"completely non-holonomic: .*: 2 -> 3 of 3",
+    "GeneralForm": r"what is 0 in the general form",
+    "LevelRange": r"(levels of .* serve|no level serves)",
+    "MeasuredCurvature": r"the largest curvature is \S+ \+- ",
+    "NearbyCusps": r"(no cusp|a cusp|the nearest cusp|cusps? of|its leaf)",
+    "Obstruction": r"'lock' over all directions .* (has the indices|undecided)",
+    "Part": r"'.+' serves ",
+    "RatedStrategy": r".+: it reaches [\d.]+% of the workspace",
+    "Reach": r"\d of 8 poses are reached within the joint limits",
+    "RepeatableDistance": r"difference from the joint rates of the given strategy",
+    "SectionMetrics": r"the leaf reaches \d+ of \d+ poses",
+    "Slice": r"[\d.]+% of the plane x-y at z = 0 m is reached",
+    "Verdict": r".* is NOT holonomic: ",
+    "Witness": r"[+-]\d (at|in a hole of)",
+}
+"""How `str` of each result begins."""
+
+
+def test_every_result_of_analysis_says_its_verdict_first_and_is_plain_data() -> None:
+    rooms = ("analysis.curvature.", "analysis.coverage.", "analysis.design.")
+    public = {name.rpartition(".")[2] for name, one in public_classes().items()
+              if name.startswith(rooms) and issubclass(one, Result) and not issubclass(one, Enum)}  # fmt: skip
+    assert public == set(VERDICT_FIRST)
+    for name, result in results().items():
+        assert re.match(VERDICT_FIRST[name], str(result)), str(result)
+        assert json.loads(json.dumps(result.to_dict(), allow_nan=False)), name
+    assert set(VERDICT_FIRST) - set(results()) <= {"CuspWitness", "Part"}  # where there is none
+
+
+@pytest.mark.parametrize(("old", "new"), [("laws", "advice.strategies"), ("Law", "analysis.design.RatedStrategy")])
+def test_an_old_name_of_design_says_the_new_one(old: str, new: str) -> None:
+    noun = results()["Advice"] if old == "laws" else hk.analysis.design
+    with pytest.raises(NoAttributeError) as told:
+        getattr(noun, old)
+    assert str(told.value).endswith(f"write {'' if old == 'laws' else 'holokin.'}{new}")
+    assert not hasattr(noun, "laws_of_nobody")

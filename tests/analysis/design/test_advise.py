@@ -76,17 +76,17 @@ def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) 
     found = least_anywhere(advice.task, PLANE)
     assert advice.floor == pytest.approx(found, rel=0.02)
     assert 1.0 <= best.speed < 1.03
-    assert all(law.speed > 0.999 for law in advice.laws if law.coverage > 0.5)
+    assert all(law.speed > 0.999 for law in advice.strategies if law.coverage > 0.5)
 
 
 def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice: Advice) -> None:
-    names = {law.name for law in advice.laws}
+    names = {law.name for law in advice.strategies}
     expected = {"lock q1", "lock q2", "lock q3", "radial", "stationary centring", "stationary manipulability"}
     assert expected <= names
     assert any(" - " in name or " + " in name for name in names)
     assert any(name.startswith("designed from") for name in names)
-    assert [law.name for law in ranked(advice.laws)] == [law.name for law in advice.laws]
-    shares = [law.easy for law in advice.laws]
+    assert [law.name for law in ranked(advice.strategies)] == [law.name for law in advice.strategies]
+    shares = [law.easy for law in advice.strategies]
     assert all(b <= a + EASY + EQUAL for a, b in pairwise(shares))
     assert advice.reasons[0].startswith(f"Take {advice.best.name!r}")
     assert advice.best.name in str(advice) and advice.part is None
@@ -95,7 +95,7 @@ def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice
 @pytest.mark.campaign
 def test_the_same_advice_is_given_twice() -> None:
     advice, again = (hk.advise(hk.position(arm()), PLANE) for _ in range(2))
-    assert [law.name for law in again.laws] == [law.name for law in advice.laws]
+    assert [law.name for law in again.strategies] == [law.name for law in advice.strategies]
     assert np.array_equal(again.q0, advice.q0)
     assert again.to_dict() == advice.to_dict()
 
@@ -105,7 +105,7 @@ def test_a_narrow_limit_is_avoided_and_named() -> None:
     """Joint 3 may turn by 0.2 rad alone: a law that turns it more loses poses, and the advice does not take it."""
     far = hk.workspace(box=([1.9, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
     narrow = hk.advise(hk.position(arm({2: 0.2})), far)
-    at = {law.name: law.coverage for law in narrow.laws}
+    at = {law.name: law.coverage for law in narrow.strategies}
     assert at[narrow.best.name] == at["lock q3"] == 1.0
     assert at["lock q2"] < 0.9
     assert narrow.best.speed > 1.5
@@ -188,7 +188,7 @@ def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
     assert any("out of reach" in sentence for sentence in found.reasons)
     part = found.part
     assert part is not None and 0.1 < part.share < 1.0
-    assert hk.coverage(part.law.strategy, part.workspace, part.law.q0, samples=200, seed=3).share > 0.985
+    assert hk.coverage(part.strategy.strategy, part.workspace, part.strategy.q0, samples=200, seed=3).share > 0.985
     farthest = np.linalg.norm(part.workspace.solid.center[:2] + part.workspace.solid.half[:2])
     assert farthest < 3.0
 
@@ -245,14 +245,17 @@ def test_the_tip_is_the_palm_of_the_longest_arm(file: str, tip: str, joints: int
     assert not any(word in name for name in robot.joint_names for word in ("finger", "thumb", "leg", "head"))
 
 
-def test_the_answer_begins_with_the_arm_that_was_taken_and_the_tips_that_were_not(advice: Advice) -> None:
+def test_the_answer_begins_with_the_strategy_to_take_and_names_the_arm_and_the_tips_that_were_not_taken(
+    advice: Advice,
+) -> None:
     chain = chain_to_tool(urdf("pr2.urdf"))
     assert (chain.base, chain.tip, chain.chosen) == ("base_footprint", "r_gripper_tool_frame", True)
     assert chain.others == ("l_gripper_tool_frame",)
     given = chain_to_tool(urdf("pr2.urdf"), tip=chain.others[0], base="torso_lift_link")
     assert (given.robot.n, given.others, given.chosen) == (7, ("r_gripper_tool_frame",), False)
-    first = str(advice).splitlines()[0]
-    assert first.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
+    first, *_, last = str(advice).splitlines()
+    assert first.startswith(f"Take {advice.best.name!r}: it reaches 100.0% of the workspace")
+    assert last.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
     with pytest.raises(ArgumentError, match="only files of models"):
         chain_to_tool(arm(), base="world")
 

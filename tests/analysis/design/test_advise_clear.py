@@ -56,7 +56,7 @@ def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(pla
     assert 0.05 <= clear.best.clearance <= from_post(found.q).min() + 1e-9
     assert np.isinf(plain.best.clearance) and plain.best.clear == 1.0
     assert f"come to {clear.best.clearance:.3f} m of each other" in str(clear)
-    assert clear.to_dict()["laws"][0]["clearance"] == clear.best.clearance
+    assert clear.to_dict()["strategies"][0]["clearance"] == clear.best.clearance
 
 
 @pytest.mark.campaign
@@ -93,7 +93,7 @@ def test_where_no_law_keeps_clear_the_advice_says_so_and_names_no_proof() -> Non
         hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0))])
     )
     assert found.best.coverage == 0.0 and found.best.clearance < 0 and found.certify_by == ""
-    assert found.reasons[0].startswith("No law that was tried serves any of the 256 poses. With ")
+    assert found.reasons[0].startswith("No strategy that was tried serves any of the 256 poses. With ")
     assert "too near" in found.reasons[0] and found.to_dict()["floor"] is None
 
 

@@ -206,7 +206,7 @@ def test_laws_with_the_same_joint_rates_everywhere_are_one_and_others_are_not() 
     assert len(distinct([bent[0], other])) == 2
 
 
-def test_the_direction_of_a_designed_law_counts_from_the_middle_of_the_workspace() -> None:
+def test_the_direction_of_a_designed_strategy_counts_from_the_middle_of_the_workspace() -> None:
     """In a job the reference of the axis is the tool at the start, in Python straight down: the law must not change."""
     robot = hk.load("ur5e")
     at = robot.pose(UR5E)[:3, :3]

@@ -109,7 +109,7 @@ def test_a_design_says_how_many_metres_a_turn_counted_as(task: hk.Task) -> None:
     assert again.objective.length == 0.5
 
 
-def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.analysis.design.Design) -> None:
+def test_a_designed_strategy_is_holonomic_and_as_regular_as_its_base(found: hk.analysis.design.Design) -> None:
     """det [J; J_g] = det [J; J_phi]: zeta adds no singularity (theory 2e)."""
     assert hk.involutivity(found.strategy, hk.around(found.q0, 0.2)).holonomic
     for q in hk.around(found.q0, 0.3).sample(5):
@@ -134,7 +134,7 @@ def test_a_design_says_the_same_after_pickling(swift: hk.analysis.design.Design)
 
 
 @pytest.mark.campaign
-def test_exported_c_of_a_designed_law_is_python(found: hk.analysis.design.Design, tmp_path: Path) -> None:
+def test_exported_c_of_a_designed_strategy_is_python(found: hk.analysis.design.Design, tmp_path: Path) -> None:
     Q = hk.around(found.q0, 0.2).sample(20)
     dx = np.random.default_rng(1).normal(size=(20, 6))
     dq, _ = rates(

@@ -7,7 +7,7 @@ import pytest
 
 import holokin as hk
 from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
-from holokin.analysis.design.designed_law import Floor
+from holokin.analysis.design.designed_strategy import Floor
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.base.types import Array, Flags, Matrix
 from holokin.motion.ik.pose_paths import nearest_postures
@@ -65,8 +65,8 @@ def test_no_law_is_below_the_bound_of_a_law_on_another_branch(task: hk.Task) -> 
             assert law.bound <= cost
     assert up.bound == pytest.approx(down.bound, rel=1e-5)
     assert down.costs[-1] < 1.001 * down.bound
-    assert "a law on these self-motions at least" in str(up)
-    assert "a law on these self-motions" not in str(down)
+    assert "a strategy on these self-motions at least" in str(up)
+    assert "a strategy on these self-motions" not in str(down)
 
 
 @pytest.mark.campaign

@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled
-from holokin.analysis.design import advice_case, designed_law, nearby_cusps
+from holokin.analysis.design import advice_case, designed_strategy, nearby_cusps
 from holokin.analysis.design.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
 from holokin.analysis.design.trials import ranked
 from holokin.app.studio.states import leaf_cusps
@@ -86,7 +86,7 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
     bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
     advice = hk.advise(hk.position(hk.from_dh(bars, name="planar")), space)
-    order = [law.name for law in ranked(advice.laws)]
+    order = [law.name for law in ranked(advice.strategies)]
     assert len(seen) == min(len(near) + 1, advice_case.MOST)
     assert advice.best.strategy is seen[0 if len(near) == advice_case.MOST else len(near)]
     assert advice.best.name == order[0 if len(near) == advice_case.MOST else len(near)]
@@ -111,9 +111,9 @@ def test_of_designs_that_cost_alike_one_without_a_cusp_nearby_is_taken(
         away = 0.0 if 3 - len(seen) in near else 0.4
         return NearbyCusps(hk.cusps(law, q0, starts=1), away)
 
-    monkeypatch.setattr(designed_law, "cusps_near", given)
+    monkeypatch.setattr(designed_strategy, "cusps_near", given)
     task, words = hk.position(hk.from_dh(BARS, name="planar")), {"samples": 16, "objective": "travel"}
-    monkeypatch.setattr(designed_law, "MORE_SPEED", 3.0)
+    monkeypatch.setattr(designed_strategy, "MORE_SPEED", 3.0)
     found = hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words)
     assert found.degree == taken and [one.degree for one in found.looked_at] == [2, 1, 0][: len(seen)]
     assert len(seen) == min(len(near) + 1, 3) and found.strategy is seen[2 - taken]
@@ -124,7 +124,7 @@ def test_of_designs_that_cost_alike_one_without_a_cusp_nearby_is_taken(
         assert f"Degree {taken} was taken" in said[0] and "0.4 m from the workspace" in said[1]
     else:
         assert ("so does one with degree 1, 0" in said[0]) is bool(near)
-    monkeypatch.setattr(designed_law, "MORE_SPEED", 1.0)
+    monkeypatch.setattr(designed_strategy, "MORE_SPEED", 1.0)
     seen.clear()
     assert hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words).degree == 2 and len(seen) == 1
 

@@ -1,4 +1,5 @@
-"""How much of a workspace a leaf covers: where to begin, the laws that fit, many poses reached side by side, slices.
+"""How much of a workspace a leaf covers: where to begin, the strategies that fit, many poses reached side by side,
+slices.
 
 Uses `motion/checks`. Read first: `cover_workspace.py`, `starts.py`.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
@@ -17,7 +18,21 @@ from ...base.errors import ArgumentError, ShapeError, brief
 from ...base.files import write_csv
 from ...base.progress import progress
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen, numbers, whole
+from ...base.types import (
+    Array,
+    ArrayLike,
+    Flags,
+    Indices,
+    Matrix,
+    NoTruthValue,
+    Result,
+    Value,
+    Vector,
+    frozen,
+    numbers,
+    some,
+    whole,
+)
 from ...motion.checks import Clear
 from ...motion.ik import InverseStatus, ik, leaf_value
 from ...motion.ik.inverse_function import leads_to
@@ -29,52 +44,39 @@ from ...robot import check_metres, start_posture
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 
-FAR_TURN = np.pi / 2
-"""Turn [rad] from the tool at the start to the workspace's middle orientation from which on it is told: so far, wrists
-use up most of their ranges."""
-
-POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
-"""Columns of the pose in a file of coverage."""
-
 
 class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
     """What becomes of a tool pose on the straight path from the start; `text` says it in words."""
 
-    REACHED = 0
-    LIMIT = 1
-    ALGORITHMIC = 2
-    KINEMATIC = 3
-    REPRESENTATION = 4
-    STOPPED = 5
-    BEYOND_LIMITS = 6
-    OUT_OF_REACH = 7
-    BLOCKED = 8
+    text: str
 
-    @property
-    def text(self) -> str:
-        """The cause in words."""
-        return _TEXTS[self]
+    REACHED = 0, "reached"
+    LIMIT = 1, "a joint is beyond its limit on this leaf"
+    ALGORITHMIC = 2, "the leaf ends before: the strategy is singular there, the arm is not"
+    KINEMATIC = 3, "the leaf ends before: the arm is singular there"
+    REPRESENTATION = 4, "the leaf ends before: a representation, the task's or the rule's, ends there"
+    STOPPED = 5, "no path could be shown to keep to the leaf"
+    BEYOND_LIMITS = 6, "every posture found is beyond the joint limits"
+    OUT_OF_REACH = 7, "out of reach: no posture was found"
+    BLOCKED = 8, "a link is too near to an obstacle, the floor or another link on this leaf"
 
-
-_TEXTS = {
-    PoseStatus.REACHED: "reached",
-    PoseStatus.LIMIT: "a joint is beyond its limit on this leaf",
-    PoseStatus.ALGORITHMIC: "the leaf ends before: the strategy is singular there, the arm is not",
-    PoseStatus.KINEMATIC: "the leaf ends before: the arm is singular there",
-    PoseStatus.REPRESENTATION: "the leaf ends before: a representation, the task's or the rule's, ends there",
-    PoseStatus.STOPPED: "no path could be shown to keep to the leaf",
-    PoseStatus.BEYOND_LIMITS: "every posture found is beyond the joint limits",
-    PoseStatus.OUT_OF_REACH: "out of reach: no posture was found",
-    PoseStatus.BLOCKED: "a link is too near to an obstacle, the floor or another link on this leaf",
-}
+    def __new__(cls, value: int, text: str) -> PoseStatus:
+        """A status with its text."""
+        status = int.__new__(cls, value)
+        status._value_, status.text = value, text
+        return status
 
 
 @dataclass(frozen=True, eq=False)
-class Reach(Value):
+class Reach(Result, Value):
     """Which of k poses the arm reaches by any posture that was found: at all, and within its joint limits."""
 
     anyhow: Flags
     within: Flags
+
+    def __str__(self) -> str:
+        k, within, anyhow = len(self.within), int(self.within.sum()), int(self.anyhow.sum())
+        return f"{within} of {k} poses are reached within the joint limits, {anyhow} at all"
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +118,8 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     @typed
     def blocked(self, clear: Clear) -> Coverage:
         """The same without the poses whose posture does not keep clear of what stands round the robot."""
-        status = self.status.copy()
-        here = np.flatnonzero(self.reached)
-        status[here[~clear(self.q[here])]] = PoseStatus.BLOCKED
+        status, reached = self.status.copy(), np.flatnonzero(self.reached)
+        status[reached[~clear(self.q[reached])]] = PoseStatus.BLOCKED
         return replace(self, status=status)
 
     @property
@@ -155,13 +156,11 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
 
     def at_limits(self) -> dict[tuple[str, str], int]:
         """(joint, "lower" or "upper") -> poses at which it is the one farthest beyond its limit, most first."""
-        found: dict[tuple[str, str], int] = {}
+        counts: Counter[tuple[str, str]] = Counter()
         for i in np.flatnonzero(self.status == PoseStatus.LIMIT):
             j = self.nearest[i]
-            side = "lower" if self.q[i, j] < self.lower[j] else "upper"
-            key = (self.joint_names[j], side)
-            found[key] = found.get(key, 0) + 1
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
+            counts[self.joint_names[j], "lower" if self.q[i, j] < self.lower[j] else "upper"] += 1
+        return dict(counts.most_common())
 
     def causes(self) -> list[tuple[str, int]]:
         """(what becomes of them, number of poses), for every cause that occurs; limits by joint."""
@@ -177,25 +176,26 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     def sentence(self) -> str:
         """The share in one sentence, with the quality of what is reached."""
         k, within, size = int(self.reached.sum()), " within its limits" if self.limits else "", self.workspace.size
-        whole = "" if size is None else ", all of the cloud," if size == len(self) else f", drawn from {size},"
-        said = f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){whole}{within}"
+        drawn = "" if size is None else ", all of the cloud," if size == len(self) else f", drawn from {size},"
+        facts = [f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){drawn}{within}"]
         if self.explained and self.reachable < 1:
-            said += f", {'none' if not k else f'{self.share / self.reachable:.1%}'} of the "
-            said += f"{round(self.reachable * len(self))} for which a posture was found"
-        if not k:
-            return said
-        rcond = self.rcond[self.reached]
-        said += f"; rcond at least {rcond.min():.2g}, median {np.median(rcond):.2g}"
-        i = int(np.argmin(np.where(self.reached, self.margin, np.inf)))
-        if np.isfinite(self.margin[i]):
-            j = int(self.nearest[i])
-            said += f"; {self.joint_names[j]} comes to {self.margin[i]:.2g} {self.joint_units[j]} from its limit"
-        return said
+            share = f"{self.share / self.reachable:.1%}" if k else "none"
+            facts[0] += f", {share} of the {round(self.reachable * len(self))} for which a posture was found"
+        if k:
+            rcond = self.rcond[self.reached]
+            facts.append(f"rcond at least {rcond.min():.2g}, median {np.median(rcond):.2g}")
+            i = int(np.argmin(np.where(self.reached, self.margin, np.inf)))
+            if np.isfinite(self.margin[i]):
+                j = int(self.nearest[i])
+                facts.append(
+                    f"{self.joint_names[j]} comes to {self.margin[i]:.2g} {self.joint_units[j]} from its limit"
+                )
+        return "; ".join(facts)
 
     @property
     def remark(self) -> str:
         """A sentence on the middle orientation where that may be why poses are not reached; else empty."""
-        if self.turn < FAR_TURN or self.reached.all():
+        if self.turn < np.pi / 2 or self.reached.all():  # from a right angle on wrists use up most of their ranges
             return ""
         return (
             f"The workspace's middle orientation is {np.degrees(self.turn):.0f} degrees from the tool at the start; "
@@ -221,33 +221,28 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
         turns = Rotation.from_matrix(self.poses[:, :3, :3]).as_quat()
         rows = np.column_stack([self.poses[:, :3, 3], turns, self.q, self.rcond, self.margin]).tolist()
         words = [PoseStatus(status).name.lower() for status in self.status]
-        header = [*POSE_COLUMNS, "status", *self.joint_names, "rcond", "margin"]
+        header = [*["x", "y", "z", "qx", "qy", "qz", "qw", "status"], *self.joint_names, "rcond", "margin"]
         write_csv(path, header, ([*row[:7], word, *row[7:]] for row, word in zip(rows, words, strict=True)))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
-        r = self.reached
+        reached = self.reached
         return {
-            "name": self.name, "workspace": str(self.workspace), "poses": len(self), "share": self.share,
+            "name": self.name,
+            "workspace": str(self.workspace),
+            "poses": len(self),
+            "share": self.share,
             "reachable": self.reachable if self.explained else None,
-            "rcond": float(self.rcond[r].min()) if r.any() else None,
-            "causes": dict(self.causes()), "turn": self.turn, "remark": self.remark,
-        }  # fmt: skip
+            "rcond": float(self.rcond[reached].min()) if reached.any() else None,
+            "causes": dict(self.causes()),
+            "turn": self.turn,
+            "remark": self.remark,
+        }
 
 
 SAMPLES = 1024
 """Poses by default: shares of two known sets were then right to 0.3 % in a plane and 0.6 % in six dimensions (rms over
 200 seeds), where random poses have 1.4 %."""
-
-BEHIND = 1e-6
-"""How far behind the end of a way [joint units] a change of sign is looked for: ways end nearer to a singularity."""
-
-PIECE = 256
-"""Poses between two reports of progress."""
-
-KINEMATIC = 1e-3
-"""Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is singular: in a
-Panda's box it was 5e-4 at most where the arm is stretched, and 4e-3 at least where a law alone is singular."""
 
 
 @typed
@@ -266,7 +261,8 @@ def coverage(
 
     Each pose is gone to on the straight path from the tool pose at q0, as `ik` does. Where the leaf does not get
     there within the limits, other postures of the arm are searched for, by least squares from random postures: so it
-    shows whether the law fails there or no law can serve. A workspace that is out of reach altogether has the share 0.
+    shows whether the strategy fails there or no strategy can serve. A workspace that is out of reach altogether has the
+    share 0.
 
     A task of positions looks at the positions of the poses alone.
 
@@ -278,21 +274,23 @@ def coverage(
         reach: of the same poses, as `posture_reach` found it, to spare the search.
 
     Raises:
-        JointLimitError: q0 is beyond its limits, unless limits is False. SingularityError: the law is singular there.
+        JointLimitError: q0 is beyond its limits, unless limits is False. SingularityError: the strategy is singular
+            there.
         ArgumentError: a strategy without leaves; rotations out of the plane for the pose task of a planar robot.
         ShapeError, NotFiniteError.
     """
+    # The poses
     task, robot = strategy.task, strategy.task.robot
     of_one_tool(task, "coverage")
     start = start_posture(robot, q0, limits)
-    count = samples if samples is not None else workspace.size or SAMPLES
-    poses = workspace.poses(count, seed)
+    poses = workspace.poses(samples if samples is not None else workspace.size or SAMPLES, seed)
     check_metres(robot, poses, task.tip)
     if reach is not None and len(reach.within) != len(poses):
         raise ShapeError("the reach", (len(poses),), reach.within.shape, "give that of the same poses")
     _check_planar(task, start, poses)
-    q, last, found = _gone_to(strategy, start, poses)
-    on_leaf = found == InverseStatus.REACHED
+    # Where the leaf leads at each of them, on the straight path from the start
+    q, last, ends = _on_straight_paths(strategy, start, poses)
+    on_leaf = ends == InverseStatus.REACHED
     rcond, margins = np.full(len(poses), np.nan), np.full(q.shape, np.nan)
     if on_leaf.any():
         rcond[on_leaf] = strategy.gain.batch(q[on_leaf])[1]
@@ -301,40 +299,38 @@ def coverage(
     if limits:
         status[on_leaf & (margins < -TOLERANCES.limit).any(axis=1)] = PoseStatus.LIMIT
     ended = np.flatnonzero(~on_leaf)
-    status[ended] = _endings(strategy, poses[ended], last[ended], found[ended])
+    status[ended] = _endings(strategy, poses[ended], last[ended], ends[ended])
+    # Whether any other posture would reach the rest
     if explain:
         rest = np.flatnonzero(status != PoseStatus.REACHED)
         if reach is None:
             known = _search(task, poses[rest], np.where(np.isfinite(last[rest]), last[rest], start), limits)
         else:
-            known = Reach(reach.anyhow[rest], reach.within[rest])
+            known = some(reach, rest)
         status[rest[~(known.within if limits else known.anyhow)]] = PoseStatus.BEYOND_LIMITS
         status[rest[~known.anyhow & ~on_leaf[rest]]] = PoseStatus.OUT_OF_REACH
-    tool, units = task.pose(start), tuple("rad" if hinge else "m" for hinge in robot.hinges)
+    # The turn to the middle orientation is 0 for given poses, and where the task leaves it free
+    tool, turn = task.pose(start), 0.0
+    if isinstance(workspace, PoseRange) and any(row >= 3 for row in task.rows):
+        turn = float(np.linalg.norm(turn_between(tool[:3, :3], workspace.rotation)))
+    units = tuple("rad" if hinge else "m" for hinge in robot.hinges)
     return Coverage(
-        strategy.name, workspace, robot.joint_names, units, robot.lower, robot.upper, start, tool,
-        _turn(task, tool, workspace), poses, status, q, last, rcond, margins, limits, explain,
+        name=strategy.name, workspace=workspace, joint_names=robot.joint_names, joint_units=units, lower=robot.lower,
+        upper=robot.upper, q0=start, tool=tool, turn=turn, poses=poses, status=status, q=q, last=last, rcond=rcond,
+        margins=margins, limits=limits, explained=explain,
     )  # fmt: skip
 
 
-def _gone_to(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
+def _on_straight_paths(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
     """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its paths end (k, n), statuses."""
-    solver, n = ik(strategy, q0, limits=False), strategy.task.n
-    q, last, found = np.empty((len(poses), n)), np.empty((len(poses), n)), np.empty(len(poses), dtype=int)
+    solver, parts, piece = ik(strategy, q0, limits=False), [], 256
     with progress(f"coverage: {strategy.name}", len(poses)) as report:
-        for first in range(0, len(poses), PIECE):
-            some = slice(first, first + PIECE)
-            solutions = solver.batch(poses[some])
-            q[some], last[some], found[some] = solutions.q, solutions.last, solutions.status
-            report(first + len(solutions.status))
-    return q, last, found
-
-
-def _turn(task: Task, tool: Matrix, workspace: Workspace) -> float:
-    """From a tool pose to the middle orientation [rad]; 0 for given poses, and where the task leaves it free."""
-    if not isinstance(workspace, PoseRange) or all(row < 3 for row in task.rows):
-        return 0.0
-    return float(np.linalg.norm(turn_between(tool[:3, :3], workspace.rotation)))
+        for first in range(0, len(poses), piece):
+            solutions = solver.batch(poses[first : first + piece])
+            parts.append((solutions.q, solutions.last, solutions.status))
+            report(min(first + piece, len(poses)))
+    q, last, status = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return q, last, status
 
 
 @typed
@@ -363,21 +359,23 @@ def _search(task: Task, poses: Array, near: Matrix, limits: bool) -> Reach:
     return Reach(anyhow, within)
 
 
-def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, found: Indices) -> Indices:
+def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, ends: Indices) -> Indices:
     """Why the paths to some poses ended at some postures."""
     status = np.full(len(last), int(PoseStatus.STOPPED))
     known = np.flatnonzero(np.isfinite(last).all(axis=1))
     if not len(known):
         return status
+    # The arm is singular where the singular values of J, in m and rad as they come, are over 1,000 times apart: in a
+    # Panda's box the ratio was 5e-4 at most where it is stretched, and 4e-3 at least where a strategy alone is singular
     s = np.linalg.svd(strategy.task.jacobian_batch(last[known])[0], compute_uv=False)
-    margin = strategy.gain.batch(last[known])[2]
-    kind = np.where(s[:, -1] > KINEMATIC * s[:, 0], PoseStatus.ALGORITHMIC, PoseStatus.KINEMATIC)
-    undefined = margin < 2 * TOLERANCES.representation
+    kind = np.where(s[:, -1] > 1e-3 * s[:, 0], PoseStatus.ALGORITHMIC, PoseStatus.KINEMATIC)
+    undefined = strategy.gain.batch(last[known])[2] < 2 * TOLERANCES.representation
     kind = np.where(undefined, PoseStatus.REPRESENTATION, kind)
-    ends = undefined | np.isin(found[known], (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR))
-    for i in np.flatnonzero(~ends):
-        ends[i] = _folds(strategy, poses[known[i]], last[known[i]])
-    status[known[ends]] = kind[ends]
+    # The leaf ends there, or folds just behind
+    singular = undefined | np.isin(ends[known], (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR))
+    for i in np.flatnonzero(~singular):
+        singular[i] = _folds(strategy, poses[known[i]], last[known[i]])
+    status[known[singular]] = kind[singular]
     return status
 
 
@@ -386,13 +384,14 @@ def _folds(strategy: HolonomicStrategy, pose: Matrix, q: Vector) -> bool:
 
     It may be regular beside that place, where two sheets of a leaf cross.
     """
-    gain, step, c = strategy.gain(q)[0], leaf_step(strategy), leaf_value(strategy, q)
+    gain, step, level = strategy.gain(q)[0], leaf_step(strategy), leaf_value(strategy, q)
     dq = np.reshape(gain, (len(q), -1)) @ strategy.task.error(q, pose[:3, 3], pose[:3, :3])
     size = float(np.abs(dq).max())
     if not 0 < size < np.inf:
         return False
-    sides = [step(p, pose[:3, 3], pose[:3, :3], c)[3] for p in (q, q + BEHIND / size * dq)]
-    return bool(sides[0] * sides[1] < 0)
+    # Ways end nearer to a singularity than 1e-6 joint units
+    before, behind = (step(p, pose[:3, 3], pose[:3, :3], level)[3] for p in (q, q + 1e-6 / size * dq))
+    return bool(before * behind < 0)
 
 
 def _check_planar(task: Task, q0: Vector, poses: Array) -> None:
@@ -407,15 +406,9 @@ def _check_planar(task: Task, q0: Vector, poses: Array) -> None:
 
 # --- Slices: what a leaf reaches in the planes through a workspace's centre, at the middle orientation of the tool.
 
-JUMP = 0.2
-"""Difference of joints [joint units] between neighbouring cells from which it is looked whether a path joins them."""
-
-STEPS = 31
-"""Cells along the longest side: pixels of two millimetres in a picture on a page."""
-
 
 @dataclass(frozen=True, eq=False)
-class Slice(Value):
+class Slice(Result, Value):
     """Coverage on a grid of positions in a plane through a workspace's centre.
 
     cuts (c, 2): neighbouring cells, by their place among the poses of `coverage`, between which `ik(pose)` jumps: the
@@ -441,6 +434,11 @@ class Slice(Value):
         cells = np.full(self.inside.shape, np.nan)
         cells[self.inside] = given
         return cells
+
+    def __str__(self) -> str:
+        i, j = self.axes
+        plane = f"{'xyz'[i]}-{'xyz'[j]} at {'xyz'[3 - i - j]} = {self.at:.4g} m"
+        return f"{self.coverage.share:.1%} of the plane {plane} is reached, with {len(self.cuts)} jumps between cells"
 
 
 @dataclass(frozen=True, eq=False)
@@ -475,23 +473,24 @@ def plane_through(workspace: PoseRange, axes: tuple[int, int], steps: int, place
 
 @typed
 def coverage_slices(
-    strategy: HolonomicStrategy, workspace: PoseRange, q0: ArrayLike, *, steps: int = STEPS, limits: bool = True
+    strategy: HolonomicStrategy, workspace: PoseRange, q0: ArrayLike, *, steps: int = 31, limits: bool = True
 ) -> tuple[Slice, ...]:
     """Coverage of the planes x-y, x-z and y-z through a workspace's centre; of a flat one only of its plane.
 
     Args:
-        steps: cells along the longest side, at least 2; they are squares, or nearly.
+        steps: cells along the longest side, at least 2; they are squares, or nearly. 31 are pixels of two millimetres
+            in a picture on a page.
 
     Raises:
         JointLimitError, SingularityError, ArgumentError, ShapeError, NotFiniteError: as `coverage`.
     """
-    found: list[Slice] = []
+    slices: list[Slice] = []
     for plane in grid_planes(workspace, steps):
         cells = pose_cloud(workspace.at(plane.points[plane.inside.ravel()]), f"a slice of {workspace}")
-        of = coverage(strategy, cells, q0, limits=limits)
-        cuts = _cuts(strategy, plane.inside, of)
-        found.append(Slice(plane.axes, plane.at, plane.u, plane.v, plane.inside, of, cuts))
-    return tuple(found)
+        covered = coverage(strategy, cells, q0, limits=limits)
+        cuts = _cuts(strategy, plane.inside, covered)
+        slices.append(Slice(plane.axes, plane.at, plane.u, plane.v, plane.inside, covered, cuts))
+    return tuple(slices)
 
 
 def neighbouring_cells(inside: Flags) -> Indices:
@@ -499,62 +498,54 @@ def neighbouring_cells(inside: Flags) -> Indices:
     place = np.full(inside.shape, -1)
     place[inside] = np.arange(int(inside.sum()))
     sides = [(place[:, :-1], place[:, 1:]), (place[:-1], place[1:])]
-    pairs = np.concatenate([np.column_stack([one.ravel(), other.ravel()]) for one, other in sides])
+    pairs = np.concatenate([np.column_stack([a.ravel(), b.ravel()]) for a, b in sides])
     return pairs[(pairs >= 0).all(axis=1)]
 
 
-def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indices:
-    """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins."""
+def _cuts(strategy: HolonomicStrategy, inside: Flags, covered: Coverage) -> Indices:
+    """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins.
+
+    It is looked whether a path joins them where the joints differ by more than 0.2.
+    """
     pairs = neighbouring_cells(inside)
-    apart = np.abs(found.q[pairs[:, 0]] - found.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
-    solver, poses = ik(strategy, found.q0, limits=False), found.poses
-    far = pairs[apart > JUMP]
-    return far[[not leads_to(solver, poses[j], found.q[i], found.q[j]) for i, j in far]]
+    apart = np.abs(covered.q[pairs[:, 0]] - covered.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
+    solver, poses, q = ik(strategy, covered.q0, limits=False), covered.poses, covered.q
+    far = pairs[apart > 0.2]
+    return far[[not leads_to(solver, poses[j], q[i], q[j]) for i, j in far]]
 
 
-# --- The largest part of a workspace, round its centre, that a law serves from end to end.
-
-HALVINGS = 7
-"""Halvings of the share that is looked for: it is right to 1 %."""
-
-TESTED = 128
-"""Poses of a part that must all be served; as many others, drawn anew, confirm the last one."""
-
-LEAST = 0.05
-"""Share of the sides below which a part is of no use, and turns are shrunk as well."""
-
-SAFER = 0.95
-"""By which a part shrinks as long as poses drawn anew are not all served."""
-
-Serves = Callable[[Array], bool]
-"""Whether all of some poses (k, 4, 4) are served."""
+# --- The largest part of a workspace, round its centre, that a strategy serves from end to end.
 
 
-def largest_part(workspace: PoseRange, serves: Serves) -> tuple[float, PoseRange] | None:
+def largest_part(workspace: PoseRange, serves: Callable[[Array], bool]) -> tuple[float, PoseRange] | None:
     """(share of its sizes, the part): positions shrunk about the centre, turns kept; both shrunk if these do not allow
     any positions. None where not even that leaves a part.
+
+    Args:
+        serves: whether all of some poses (k, 4, 4) are served.
     """
+    corners = np.array(list(product((0.0, 1.0), repeat=3)))
+
+    def served(part: PoseRange, seed: int) -> bool:
+        """Whether 128 even poses are served, and the corners of a box with the middle orientation."""
+        return serves(np.concatenate([part.poses(128, seed), part.at(part.solid.points(corners))]))
+
     for turns_too in (False, True):
+        # Seven halvings make the share right to 1 %
         low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
+        for _ in range(7):
             middle = (low + high) / 2
-            fits = serves(tested(shrunk(workspace, middle, turns_too), 0))
-            low, high = (middle, high) if fits else (low, middle)
-        while low > LEAST:
-            part = shrunk(workspace, low, turns_too)
-            if serves(tested(part, 1)):
+            low, high = (middle, high) if served(_shrunk(workspace, middle, turns_too), 0) else (low, middle)
+        # Poses drawn anew confirm it, or it shrinks; below a twentieth of the sides a part is of no use
+        while low > 0.05:
+            part = _shrunk(workspace, low, turns_too)
+            if served(part, 1):
                 return low, part
-            low *= SAFER
+            low *= 0.95
     return None
 
 
-def tested(part: PoseRange, seed: int) -> Array:
-    """Poses (k, 4, 4) of a part: even ones, and the corners of a box with the middle orientation."""
-    corners = np.array(list(product((0.0, 1.0), repeat=3)))
-    return np.concatenate([part.poses(TESTED, seed), part.at(part.solid.points(corners))])
-
-
-def shrunk(workspace: PoseRange, share: float, turns_too: bool) -> PoseRange:
+def _shrunk(workspace: PoseRange, share: float, turns_too: bool) -> PoseRange:
     """A workspace whose positions, and its turns as well if asked for, reach only so far from its centre."""
     solid = workspace.solid
     lengths = {f.name: share * getattr(solid, f.name) for f in fields(solid) if f.name != "center"}

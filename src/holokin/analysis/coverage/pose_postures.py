@@ -303,11 +303,12 @@ class Polynomial(Value):
         """zeta as an expression of the tool pose in the chart."""
         return SX(self.coefficients) @ monomials(self.coordinates.of(x), self.terms)
 
-    def keys_over(self, law: Mapping[str, Any]) -> dict[str, Any]:
-        """What a job file says of a law's constraint less this polynomial, `law` what it says of the law."""
+    def keys_over(self, strategy: Mapping[str, Any]) -> dict[str, Any]:
+        """What a job file says of a strategy's constraint less this polynomial, `strategy` what it says of the
+        strategy."""
         u = self.coordinates
         return {
-            "kind": "designed", "base": {key: value for key, value in law.items() if key != "level"},
+            "kind": "designed", "base": {key: value for key, value in strategy.items() if key != "level"},
             "reference": u.chart.reference.tolist(), "directions": u.P.tolist(), "middle": u.middle.tolist(),
             "scale": u.scale.tolist(), "coefficients": self.coefficients.tolist(),
         }  # fmt: skip
@@ -419,8 +420,8 @@ def _rank(link: str) -> int:
 
 # --- Many tool poses at once: from start postures along straight lines, all lines side by side in arrays.
 #
-# It is how laws and their leaves are compared before a few are looked at closely: a hundred times faster than one pose
-# after the other, but a step is judged by Newton's own convergence alone, so that it may, rarely, change branches.
+# It is how strategies and their leaves are compared before a few are looked at closely: a hundred times faster than one
+# pose after the other, but a step is judged by Newton's own convergence alone, so that it may, rarely, change branches.
 
 FIRST = 0.35
 """Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""

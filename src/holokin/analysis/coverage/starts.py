@@ -1,16 +1,17 @@
-"""What somebody would begin with: a task, start postures, the laws that fit, a workspace."""
+"""What somebody would begin with: a task, start postures, the strategies that fit, a workspace."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from ...base.errors import ArgumentError, NoArmError, NotFiniteError
-from ...base.types import Array, Flags, Matrix, Value, Vector
+from ...base.types import Array, Matrix, Value, Vector
 from ...motion.ik.pose_paths import nearest_postures, surely_beyond
 from ...path.workspaces import PoseRange
 from ...path.workspaces import workspace as pose_range
@@ -34,26 +35,11 @@ from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import pose, position
 from .cover_workspace import Reach
 
-POSTURES = 2000
-"""Postures looked at for a start: among so many random ones of seven joints some are far from singular."""
-
-SHARE = 0.5
-"""Share of a joint's range, about its middle, in which a start posture lies: a quarter is left on either side."""
-
 FREE = 1.2
 """Range [rad or m] on either side of zero for a joint without limits."""
 
 SPREAD = 8
-"""Postures at one tool pose from which laws are tried: with more, no better leaf was found on five arms."""
-
-SEEDS = 96
-"""Random postures from which those of a tool pose are searched for."""
-
-CENTRED, STEP = (2, 5, 12), 0.3
-"""Steps after which postures on the way to the middle of the joints' ranges are kept; share of the way of a step."""
-
-EXACT = 1e-3
-"""Error [m or rad] of a start's tool pose that does not matter: the start itself says which leaf it is."""
+"""Postures at one tool pose from which strategies are tried: with more, no better leaf was found on five arms."""
 
 
 def fitting_task(robot: Robot, tip: str | None = None) -> Task:
@@ -71,7 +57,7 @@ def fitting_task(robot: Robot, tip: str | None = None) -> Task:
     return position(robot, tip, rows=range(robot.n - 1))
 
 
-def task_of_kind(robot: Robot, tip: str | None, kind: str | None) -> Task:
+def task_of_kind(robot: Robot, tip: str | None, kind: Literal["pose", "axis", "position"] | None) -> Task:
     """The task of a kind, "pose", "axis" (the tool may spin about its z axis) or "position", or one that fits.
 
     Raises:
@@ -79,12 +65,9 @@ def task_of_kind(robot: Robot, tip: str | None, kind: str | None) -> Task:
     """
     if kind is None:
         return fitting_task(robot, tip)
-    if kind == "position":
-        found = position(robot, tip)
-    else:
-        found = pose(robot, "axis", tip=tip) if kind == "axis" else pose(robot, tip=tip)
-    check_redundant(found)
-    return found
+    task = position(robot, tip) if kind == "position" else pose(robot, "axis" if kind == "axis" else "twist", tip=tip)
+    check_redundant(task)
+    return task
 
 
 def check_redundant(task: Task) -> None:
@@ -112,8 +95,10 @@ def regular_starts(task: Task) -> Matrix:
     """Start postures (k, n) in the middle of the joint limits, rounded to a hundredth, the most regular first."""
     robot = task.robot
     check_that_joints_move(robot)
+    # Among 2,000 random postures of seven joints some are far from singular; a quarter of each range is left on either
+    # side
     lower, upper = robot.ranges(FREE)
-    shares = np.random.default_rng(0).uniform((1 - SHARE) / 2, (1 + SHARE) / 2, (POSTURES, robot.n))
+    shares = np.random.default_rng(0).uniform(0.25, 0.75, (2000, robot.n))
     Q = np.round(unwound(robot, lower + shares * (upper - lower)), 2)
     Q = Q[robot.within(Q)]
     return Q[np.argsort([-regular(task, q) for q in Q], kind="stable")]
@@ -126,14 +111,16 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     Searched for from random postures, so that they are of all branches and all over the self-motions, and moved from
     there by self-motion towards the middle of the joints' ranges. No hinge has a whole turn too many.
     """
-    p, R = pose[:3, 3], pose[:3, :3]
+    p, R, seeds = pose[:3, 3], pose[:3, :3], 96
     lower, upper = task.robot.ranges(FREE)
-    near = np.random.default_rng(0).uniform(lower, upper, (SEEDS, task.n))
+    near = np.random.default_rng(0).uniform(lower, upper, (seeds, task.n))
     if not nearest_postures(task, p[None], R[None], near[:1], limits=True).reached[0]:
         return np.zeros((0, task.n))
-    found = nearest_postures(task, np.tile(p, (SEEDS, 1)), np.tile(R, (SEEDS, 1, 1)), near, limits=True)
-    Q = unwound(task.robot, _centred(task, found.q[found.reached], p, R))
+    # Postures of all branches, and others on their ways to the middle of the ranges
+    nearest = nearest_postures(task, np.tile(p, (seeds, 1)), np.tile(R, (seeds, 1, 1)), near, limits=True)
+    Q = unwound(task.robot, _centred(task, nearest.q[nearest.reached], p, R))
     Q = Q[task.robot.within(Q)]
+    # The most comfortable, then those that are comfortable and far from all before
     values = np.array([_comfort(task, q) for q in Q])
     chosen = [int(np.argmax(values))]
     away = np.full(len(Q), np.inf)
@@ -145,19 +132,18 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
 
 def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:
     """Postures (k, n) with the tool at a pose, and others behind them (j k, n) on their ways to the middle of the
-    joints' ranges.
+    joints' ranges, after 2, 5 and 12 steps of 0.3 of the way.
     """
     lower, upper = task.robot.ranges(FREE)
-    middle, found = (lower + upper) / 2, [Q]
-    for k in range(max(CENTRED)):
+    middle, postures = (lower + upper) / 2, [Q]
+    for k in range(1, 13):
         J = task.jacobian_batch(Q)[0]
-        off = STEP * (middle - Q)
+        off = 0.3 * (middle - Q)
         e = task.error(Q, p, R) - np.einsum("kmn,kn->km", J, off)
         Q = Q + off + least_motion(J, e[:, :, None])[:, :, 0]
-        if k + 1 in CENTRED:
-            sound = np.abs(task.error(Q, p, R)).max(axis=1, initial=0.0) < EXACT
-            found.append(Q[sound])
-    return np.vstack(found)
+        if k in (2, 5, 12):  # an error of 1e-3 does not matter: the start itself says which leaf it is
+            postures.append(Q[np.abs(task.error(Q, p, R)).max(axis=1, initial=0.0) < 1e-3])
+    return np.vstack(postures)
 
 
 def _comfort(task: Task, q: Vector) -> float:
@@ -174,18 +160,14 @@ def unwound(robot: Robot, Q: Matrix) -> Matrix:
     """The same postures (k, n) with every hinge turned back by whole turns, as near to the middle of its range as that
     brings it; left as it is where the limits do not allow this.
     """
-    lower, upper = robot.ranges(FREE)
-    turns = np.where(_returns(robot), np.round((Q - (lower + upper) / 2) / (2 * np.pi)), 0.0)
-    found = Q - 2 * np.pi * turns
-    return np.where(robot.beyond(found) <= 0, found, Q)
-
-
-def _returns(robot: Robot) -> Flags:
-    """Which coordinates (n,) bring the robot back to where it was by a whole turn: angles without a broken gear."""
-    whole = robot.hinges.copy()
+    # Angles without a broken gear bring the robot back to where it was by a whole turn
+    returns = robot.hinges.copy()
     for joint in robot.joints:
-        whole[joint.coordinate] &= float(joint.multiplier).is_integer()
-    return whole
+        returns[joint.coordinate] &= float(joint.multiplier).is_integer()
+    lower, upper = robot.ranges(FREE)
+    turns = np.where(returns, np.round((Q - (lower + upper) / 2) / (2 * np.pi)), 0.0)
+    back = Q - 2 * np.pi * turns
+    return np.where(robot.beyond(back) <= 0, back, Q)
 
 
 def regular(task: Task, q: Vector) -> float:
@@ -211,26 +193,13 @@ def locked_joints(task: Task, q: Vector) -> list[int]:
     return sorted(chosen)
 
 
-# --- The laws that fit a robot and its task: what `advise` compares.
-
-TURNED = 1e-3
-"""Angle [rad] from which two axes are not parallel."""
-
-TRANSVERSAL = 0.03
-"""Least singular value of A N, rows of A and basis N orthonormal, from which a law is tried: below it the tool must
-hardly move before the law's joints do."""
-
-MOST_LOCKS, MOST_PAIRS = 10, 4
-"""Sets of joints to lock, and linear laws, that are tried: those that fix the self-motion best. All seven joints of a
-7R arm fit in; of the 84 sets of an arm of nine joints the others are worse at the start already."""
-
-LEVEL_OF_COST = 0.0
-"""The level of a stationary constraint at which its cost is stationary."""
+# --- The strategies that fit a robot and its task: what `advise` compares.
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate(Value):
-    """A law to try: a name, what a job file says of it, and its constraint, None for `radial` of the pseudo-inverse.
+    """A strategy to try: a name, what a job file says of it, and its constraint, None for `radial` of the
+    pseudo-inverse.
 
     `level`: the leaf that it asks for, None where any will do.
     """
@@ -248,81 +217,59 @@ class Candidate(Value):
 
 
 def candidates(task: Task, starts: Matrix) -> list[Candidate]:
-    """The laws that fit: each has r = n - m rows and fixes the self-motion at one of the starts (k, n) at least.
+    """The strategies that fit: each has r = n - m rows and fixes the self-motion at one of the starts (k, n) at least.
 
     One redundant joint: each joint locked, differences or sums of parallel joints, the arm angle (both definitions),
     the elbow's height, stationary costs, radial. Several: sets of joints locked; the trunk locked (all joints before
-    those of an arm of seven) over each law of the arm; stationary costs by Chang's basis; radial.
+    those of an arm of seven) over each strategy of the arm; stationary costs by Chang's basis; radial.
     """
-    r = task.n - task.m
-    bases = [_basis(task, q) for q in starts]
-    found = list(_locks(task, bases))
-    trunk = _trunk(task)
-    inner = [] if len(trunk) != r - 1 else [*_pairs(task, starts, trunk), *_arms(task)]
-    for name, keys, constraint in inner:
+    bases = [np.linalg.qr(task.null_space(q))[0] for q in starts]
+    rules = [*_locks(task, bases)]
+    # The trunk: the joints that come before those of an arm of as many joints as the task has rows, and one more
+    trunk = sorted({joint.coordinate for joint in task.robot.joints})[: task.n - task.m - 1]
+    names = [task.robot.joint_names[i] for i in trunk]
+    arm_rules = [*_pairs(task, bases, trunk), *_arms(task)] if len(trunk) == task.n - task.m - 1 else []
+    for name, keys, constraint in arm_rules:
         if trunk:
-            names = [task.robot.joint_names[i] for i in trunk]
             name = f"lock {', '.join(names)} over {name}"
             keys = {"kind": "stack", "constraints": [{"kind": "lock", "joints": names}, dict(keys)]}
             constraint = stack(lock(*names), constraint)
-        found.append(_candidate(task, name, keys, constraint))
-    found += _stationary(task, starts)
-    return [c for c in found if _fixes(c, starts, bases)] + [Candidate("radial", {"kind": "radial"}, task)]
+        rules.append((name, keys, constraint))
+    fitting = [Candidate(name, keys, task, holonomic(task, rule, name=name)) for name, keys, rule in rules]
+    # A cost is stationary at level 0 of its constraint
+    for name, keys, rule in _stationary(task, starts):
+        fitting.append(Candidate(name, keys, task, holonomic(task, rule, name=name), level=0.0))
+    return [c for c in fitting if _fixes(c, starts, bases)] + [Candidate("radial", {"kind": "radial"}, task)]
 
 
 Named = tuple[str, Mapping[str, Any], Constraint]
 
 
-def _candidate(
-    task: Task, name: str, keys: Mapping[str, Any], constraint: Constraint, level: float | None = None
-) -> Candidate:
-    return Candidate(name, keys, task, holonomic(task, constraint, name=name), level)
-
-
-def _locks(task: Task, bases: list[Matrix]) -> Iterator[Candidate]:
-    """Sets of r joints to lock, those that fix the self-motion best first."""
-    names = task.robot.joint_names
+def _locks(task: Task, bases: list[Matrix]) -> Iterator[Named]:
+    """The ten sets of r joints to lock that fix the self-motion best, these first: all seven joints of a 7R arm; of the
+    84 sets of an arm of nine joints the others are worse at the start already.
+    """
     sets = list(combinations(range(task.n), task.n - task.m))
     sizes = [max(_least(N[list(joints)]) for N in bases) for joints in sets]
-    for i in np.argsort(-np.array(sizes), kind="stable")[:MOST_LOCKS]:
-        joints = [names[j] for j in sets[i]]
-        yield _candidate(task, f"lock {', '.join(joints)}", {"kind": "lock", "joints": joints}, lock(*joints))
+    for i in np.argsort(-np.array(sizes), kind="stable")[:10]:
+        names = [task.robot.joint_names[j] for j in sets[i]]
+        yield f"lock {', '.join(names)}", {"kind": "lock", "joints": names}, lock(*names)
 
 
-def _pairs(task: Task, starts: Matrix, trunk: list[int]) -> Iterator[Named]:
-    """Differences or sums of two parallel hinges, whichever fixes the self-motion better."""
-    names, n = task.robot.joint_names, task.n
-    free = [i for i in range(n) if i not in trunk]
-    rows: list[tuple[float, Vector]] = []
-    N = [_basis(task, q) for q in starts]
-    for i, j in _parallel(task, free):
-        best = max(((_size_of(row, N), row) for row in (_row(n, i, j, -1.0), _row(n, i, j, 1.0))), key=lambda e: e[0])
-        rows.append(best)
-    rows.sort(key=lambda entry: -entry[0])
-    for _, row in rows[:MOST_PAIRS]:
-        i, j = np.flatnonzero(row)
-        name = f"{names[i]} {'-' if row[j] < 0 else '+'} {names[j]}"
-        yield name, {"kind": "linear", "matrix": [row.tolist()]}, linear(row, name=name)
-
-
-def _row(n: int, i: int, j: int, sign: float) -> Vector:
-    row = np.zeros(n)
-    row[i], row[j] = 1.0, sign
-    return row
-
-
-def _size_of(row: Vector, bases: Iterable[Matrix]) -> float:
-    return max(float(np.linalg.norm(row @ N)) / 2**0.5 for N in bases)
-
-
-def _parallel(task: Task, among: list[int]) -> Iterator[tuple[int, int]]:
-    """Pairs of hinges whose axes are parallel where all joints stand at zero."""
-    robot = task.robot
+def _pairs(task: Task, bases: list[Matrix], trunk: list[int]) -> Iterator[Named]:
+    """Differences or sums of two parallel hinges, whichever fixes the self-motion better; the four best of these."""
+    robot, rows = task.robot, []
     axes = robot.jacobian(np.zeros(task.n), task.tip)[3:]
-    for i, j in combinations(among, 2):
-        both = robot.hinges[i] and robot.hinges[j] and axes[:, i].any() and axes[:, j].any()
-        if both and np.linalg.norm(np.cross(axes[:, i], axes[:, j])) < TURNED:
-            yield i, j
+    for i, j in combinations([i for i in range(task.n) if i not in trunk and robot.hinges[i]], 2):
+        # Parallel to a thousandth, where all joints stand at zero
+        if axes[:, i].any() and axes[:, j].any() and np.linalg.norm(np.cross(axes[:, i], axes[:, j])) < 1e-3:
+            both = np.eye(task.n)[i] + np.array([[-1.0], [1.0]]) * np.eye(task.n)[j]
+            sizes = [max(float(np.linalg.norm(row @ N)) for N in bases) for row in both]
+            rows.append((max(sizes), both[int(np.argmax(sizes))]))
+    for _, row in sorted(rows, key=lambda entry: -entry[0])[:4]:
+        i, j = np.flatnonzero(row)
+        name = f"{robot.joint_names[i]} {'-' if row[j] < 0 else '+'} {robot.joint_names[j]}"
+        yield name, {"kind": "linear", "matrix": [row.tolist()]}, linear(row, name=name)
 
 
 def _arms(task: Task) -> Iterator[Named]:
@@ -337,30 +284,20 @@ def _arms(task: Task) -> Iterator[Named]:
     yield f"height of {name}", {"kind": "height", "joints": [name]}, height(name)
 
 
-def _trunk(task: Task) -> list[int]:
-    """The joints that come before those of an arm of as many joints as the task has rows, and one more."""
-    order = sorted({joint.coordinate for joint in task.robot.joints})
-    return order[: task.n - task.m - 1]
-
-
-def _stationary(task: Task, starts: Matrix) -> Iterator[Candidate]:
+def _stationary(task: Task, starts: Matrix) -> Iterator[Named]:
     """Costs that are stationary under self-motions: joint centring, manipulability, gravity."""
-    r, robot = task.n - task.m, task.robot
-    free = None if r == 1 else tuple(robot.joint_names[i] for i in locked_joints(task, starts[0]))
+    robot, free = task.robot, None
+    if task.n - task.m > 1:
+        free = tuple(robot.joint_names[i] for i in locked_joints(task, starts[0]))
     more = {} if free is None else {"free": list(free)}
-    costs = {"centring": centring_cost(), "manipulability": manipulability_cost(), "gravity": gravity_cost()}
-    if not (np.isfinite(robot.lower) & np.isfinite(robot.upper)).any():
-        del costs["centring"]
-    if not robot.bodies or robot.planar:
-        del costs["gravity"]
+    costs = {"manipulability": manipulability_cost()}
+    if (np.isfinite(robot.lower) & np.isfinite(robot.upper)).any():
+        costs = {"centring": centring_cost(), **costs}
+    if robot.bodies and not robot.planar:
+        costs["gravity"] = gravity_cost()
     for word, cost in costs.items():
-        keys = {"kind": "stationary", "cost": word, **more, "level": LEVEL_OF_COST}
-        yield _candidate(task, f"stationary {word}", keys, stationary(cost, free=free), LEVEL_OF_COST)
-
-
-def _basis(task: Task, q: Vector) -> Matrix:
-    """An orthonormal basis (n, r) of the self-motions at q."""
-    return np.linalg.qr(task.null_space(q))[0]
+        keys = {"kind": "stationary", "cost": word, **more, "level": 0.0}
+        yield f"stationary {word}", keys, stationary(cost, free=free)
 
 
 def _least(rows: Matrix) -> float:
@@ -369,68 +306,57 @@ def _least(rows: Matrix) -> float:
 
 
 def _fixes(candidate: Candidate, starts: Matrix, bases: list[Matrix]) -> bool:
-    """Whether at some start the rows of its constraint, made unit, tell every self-motion."""
+    """Whether at some start the rows of its constraint, made unit, tell every self-motion.
+
+    Least singular values of 0.03 or less are too few: the tool must hardly move before the strategy's joints do.
+    """
     if candidate.strategy is None:
         return True
     for q, N in zip(starts, bases, strict=True):
-        try:
+        with suppress(NotFiniteError):
             A = candidate.strategy.rows(q)
-        except NotFiniteError:
-            continue
-        sizes = np.linalg.norm(A, axis=1, keepdims=True)
-        if (sizes > 0).all() and _least(A / sizes @ N) > TRANSVERSAL:
-            return True
+            sizes = np.linalg.norm(A, axis=1, keepdims=True)
+            if (sizes > 0).all() and _least(A / sizes @ N) > 0.03:
+                return True
     return False
 
 
 # --- What `advise` proposes where it is not told: a start, a workspace; and which poses of one any posture reaches.
 
-POSES = 64
-"""Poses by which a workspace is proposed."""
-
-SIDES = (0.15, 0.1, 0.07, 0.05)
-"""Half sides of a workspace that is proposed, over the length of the arm: the first one nearly all in reach."""
-
-NEARLY = 0.97
-"""Share of its poses that are reached then within the joint limits, by some posture."""
-
-TILT, SPIN = 0.25, 0.5
-"""Its turns [rad]: those of a tool that follows a gently curved surface."""
-
 
 def first_start(task: Task) -> Vector:
     """The most comfortable of the regular start postures."""
-    found = regular_starts(task)
-    return found[int(np.argmax([_comfort(task, q) for q in found]))]
+    return max(regular_starts(task), key=lambda q: _comfort(task, q))
 
 
 def proposed_workspace(task: Task, q0: Vector) -> PoseRange:
-    """A box round the tool at a start posture, with turns about its orientation there."""
-    robot, at = task.robot, task.pose(q0)
+    """A box round the tool at a start posture, with turns about its orientation there as of a tool that follows a
+    gently curved surface: the largest of four that is nearly all in reach within the joint limits, by some posture.
+    """
+    robot, tool = task.robot, task.pose(q0)
     length = sum(float(np.linalg.norm(joint.step)) for joint in robot.joints[1:]) or 1.0
-    tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (TILT, SPIN)
+    tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (0.25, 0.5)
 
     def box(side: float) -> PoseRange:
         half = side * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
-        return pose_range(box=(at[:3, 3].round(3), half.round(3)), rotation=at[:3, :3], tilt=tilt, spin=spin)
+        return pose_range(box=(tool[:3, 3].round(3), half.round(3)), rotation=tool[:3, :3], tilt=tilt, spin=spin)
 
-    for side in SIDES[:-1]:
-        if reached(task, box(side).poses(POSES), q0)[1].within.mean() >= NEARLY:
-            return box(side)
-    return box(SIDES[-1])
+    # Half sides over the length of the arm; 97 % of 64 poses are nearly all
+    sides = (side for side in (0.15, 0.1, 0.07) if reached(task, box(side).poses(64), q0)[1].within.mean() >= 0.97)
+    return box(next(sides, 0.05))
 
 
 def reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:
     """Postures (k, n) at poses (k, 4, 4), within the limits if there are such, NaN where there are none."""
     p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
     near = np.tile(regular_starts(task)[0] if start is None else start, (len(T), 1))
-    Q, found_with = np.full_like(near, np.nan), {}
+    Q, known = np.full_like(near, np.nan), {}
     rest = np.flatnonzero(~surely_beyond(task, p, R))
     for limits in (True, False):
-        found_with[limits] = np.isfinite(Q).all(axis=1)
+        known[limits] = np.isfinite(Q).all(axis=1)
         if len(rest):
-            found = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits)
-            Q[rest[found.reached]] = found.q[found.reached]
-            found_with[limits][rest] = found.reached
-            rest = rest[~found.reached]
-    return Q, Reach(found_with[False], found_with[True])
+            nearest = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits)
+            Q[rest[nearest.reached]] = nearest.q[nearest.reached]
+            known[limits][rest] = nearest.reached
+            rest = rest[~nearest.reached]
+    return Q, Reach(known[False], known[True])

@@ -1,4 +1,4 @@
-"""Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable law.
+"""Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable strategy.
 
 Uses `motion`. Read first: `curvature_of_planes.py`, `involutive.py`.
 """

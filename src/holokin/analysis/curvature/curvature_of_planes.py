@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, FunctionError, NotFiniteError, OpenPathError, SingularityError
+from ...base.errors import ArgumentError, FunctionError, NotFiniteError, OpenPathError, SingularityError, posture_text
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Matrix, Value, Vector, kept
+from ...base.types import Array, ArrayLike, Matrix, Result, Value, Vector, kept
 from ...motion.ik.plan import make_plan
 from ...path import Path
-from ...strategies import Brackets, Expressions, FrameStrategy, NumericStrategy, Strategy, checked_rate
-from ...strategies.tasks.task import Task
+from ...strategies import FrameStrategy, NumericStrategy, Strategy, checked_rate
 from ...symbolic import SX, Evaluator, Function, as_expression, densify, factorise, horzcat, runge_kutta, vertcat
 from ...symbolic.linear import null_space_expression
 
@@ -29,25 +28,6 @@ from ...symbolic.linear import null_space_expression
 # Central differences over steps h, h/2, h/4, ... are extrapolated to 0 [Rid82]. Long steps leave a remainder, short
 # ones enlarge the noise of the values. Of all extrapolations the one is taken whose remainder, estimated by its
 # neighbours, and noise are least together. The noise is what a polynomial leaves of values near the posture.
-
-LONGEST = 0.1
-"""First step [joint units]: about the size of the regions that are judged."""
-
-HALVINGS = 8
-"""Steps, each half the one before, down to 8e-4: with values of 16 digits the fourth or fifth is the best."""
-
-REACH = 4e-3
-"""Distance [joint units] of the values from which noise is measured: longer than the digits of single precision, and so
-short that a smooth function is a polynomial there: a sine that turns once in 1 rad is one to (4e-3)^6 / 6! = 6e-18."""
-
-DEGREE = 5
-"""Of this polynomial."""
-
-AROUND = 16
-"""Values from which noise is measured, at uneven distances, so that no periodic noise looks smooth."""
-
-ROUND_OFF = 2.0**-52
-"""Least noise, as a share of the largest value: the last digit."""
 
 Values = Callable[[Vector], Array]
 """A function of postures (n,) whose values have any one shape."""
@@ -64,19 +44,18 @@ class Slope:
 
 def noise_of(f: Values, q: Vector, direction: Vector) -> float:
     """The standard deviation of the noise of f about q, at least its last digit; infinite where f is not finite."""
-    places = _uneven()
-    values = np.array([f(q + REACH * place * direction).ravel() for place in places])
+    # Values at 16 uneven distances, so that no periodic noise looks smooth. They lie within 4e-3 joint units: that is
+    # longer than the digits of single precision, and a sine that turns once in 1 rad is a polynomial there to 6e-18
+    count, degree, reach = 16, 5, 4e-3
+    places = np.linspace(-1.0, 1.0, count) + np.random.default_rng(0).uniform(-0.4, 0.4, count) * 2 / count
+    values = np.array([f(q + reach * place * direction).ravel() for place in places])
     if not np.isfinite(values).all():
         return np.inf
-    basis, _ = np.linalg.qr(np.polynomial.chebyshev.chebvander(places, DEGREE))
-    left = values - basis @ (basis.T @ values)
-    measured = float(np.sqrt((left**2).sum(axis=0).max() / (AROUND - DEGREE - 1)))
-    return max(measured, ROUND_OFF * float(np.abs(values).max()))
-
-
-def _uneven() -> Vector:
-    """Places (AROUND,) from -1 to 1."""
-    return np.linspace(-1.0, 1.0, AROUND) + np.random.default_rng(0).uniform(-0.4, 0.4, AROUND) * 2 / AROUND
+    # Noise is what the polynomial of least squares leaves, and at least the last digit of the largest value
+    basis, _ = np.linalg.qr(np.polynomial.chebyshev.chebvander(places, degree))
+    residual = values - basis @ (basis.T @ values)
+    deviation = float(np.sqrt((residual**2).sum(axis=0).max() / (count - degree - 1)))
+    return max(deviation, 2.0**-52 * float(np.abs(values).max()))
 
 
 def slope(f: Values, q: Vector, direction: Vector, noise: float) -> Slope:
@@ -86,25 +65,23 @@ def slope(f: Values, q: Vector, direction: Vector, noise: float) -> Slope:
     """
     best = Slope(np.full(f(q).shape, np.nan), np.full(f(q).shape[1], np.inf), np.nan)
     row: list[tuple[Array, float]] = []  # (extrapolation, its factor of the noise)
-    for h in LONGEST * 0.5 ** np.arange(HALVINGS):
+    # From about the size of the regions that are judged down to 8e-4: of 16 digits the fourth or fifth step is the best
+    for h in 0.1 * 0.5 ** np.arange(8):
         central = (f(q + h * direction) - f(q - h * direction)) / (2 * h)
         if not np.isfinite(central).all():
             row = []
             continue
+        # Extrapolate with all steps before, and keep the value with the least remainder and noise
         new = [(central, 1.0 / (np.sqrt(2.0) * h))]
         for k, (before, gain) in enumerate(row):
             better, c = new[-1], 4.0 ** (k + 1)
             new.append(((c * better[0] - before) / (c - 1), (c * better[1] + gain) / (c - 1)))
-            remainder = np.maximum(_lengths(new[-1][0] - better[0]), _lengths(new[-1][0] - before))
-            error = remainder + new[-1][1] * noise * np.sqrt(len(central))
+            gaps = (np.linalg.norm(new[-1][0] - other, axis=0) for other in (better[0], before))
+            error = np.maximum(*gaps) + new[-1][1] * noise * np.sqrt(len(central))
             if error.max() < best.error.max():
                 best = Slope(new[-1][0], error, float(h))
         row = new
     return best
-
-
-def _lengths(columns: Matrix) -> Vector:
-    return np.linalg.norm(columns, axis=0)
 
 
 # --- Curvature of a strategy that is a Python function, from differences of its values, with what it may be wrong by.
@@ -114,7 +91,7 @@ OUTSIDE = (FunctionError, NotFiniteError, SingularityError)
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredCurvature(Value):
+class MeasuredCurvature(Result, Value):
     """F (n, m, m) at a posture, as `hk.curvature`, with `error` (m, m): how long what is wrong of F_ij may be.
 
     noise: standard deviation of the values of G [their units]. step: the shortest one that was used [joint units].
@@ -130,6 +107,13 @@ class MeasuredCurvature(Value):
         """|F_ij| (m, m)."""
         return np.linalg.norm(self.F, axis=0)
 
+    def __str__(self) -> str:
+        i, j = np.unravel_index(int(self.sizes.argmax()), self.sizes.shape)
+        return (
+            f"the largest curvature is {self.sizes[i, j]:.3g} +- {self.error[i, j]:.1e}, of the task rows {i} and {j}; "
+            f"by differences of values with a noise of {self.noise:.0e}, over steps down to {self.step:.0e}"
+        )
+
 
 @typed
 def measured_curvature(strategy: NumericStrategy, q: ArrayLike) -> MeasuredCurvature:
@@ -140,8 +124,8 @@ def measured_curvature(strategy: NumericStrategy, q: ArrayLike) -> MeasuredCurva
     Raises:
         FunctionError, NotFiniteError, ShapeError, ArgumentError: as a call of the strategy at q.
     """
-    at = strategy.task.robot.checked(q)
-    G, m = strategy(at), strategy.task.m
+    q = strategy.task.robot.checked(q)
+    G = strategy(q)
     lengths = np.linalg.norm(G, axis=0)
 
     def value(q: Vector) -> Array:
@@ -150,23 +134,23 @@ def measured_curvature(strategy: NumericStrategy, q: ArrayLike) -> MeasuredCurva
         except OUTSIDE:
             return np.full(G.shape, np.nan)
 
-    noise = max(noise_of(value, at, G[:, i] / lengths[i]) for i in range(m))
-    slopes = [slope(value, at, G[:, i] / lengths[i], noise) for i in range(m)]
-    vertical = np.eye(len(G)) - G @ strategy.task.jacobian(at)
-    along = np.stack([one.value * length for one, length in zip(slopes, lengths, strict=True)])  # (i, n, j): DG_j[G_i]
-    wrong = np.stack([one.error * length for one, length in zip(slopes, lengths, strict=True)])
+    noise = max(noise_of(value, q, column) for column in (G / lengths).T)
+    slopes = [slope(value, q, column, noise) for column in (G / lengths).T]
+    vertical = np.eye(len(G)) - G @ strategy.task.jacobian(q)
+    along = np.stack([d.value * length for d, length in zip(slopes, lengths, strict=True)])  # (i, n, j): DG_j[G_i]
+    errors = np.stack([d.error * length for d, length in zip(slopes, lengths, strict=True)])
     brackets = along.transpose(1, 0, 2) - along.transpose(1, 2, 0)
-    error = float(np.linalg.norm(vertical, 2)) * (wrong + wrong.T)
+    error = float(np.linalg.norm(vertical, 2)) * (errors + errors.T)
     np.fill_diagonal(error, 0.0)
-    return MeasuredCurvature(np.einsum("ab,bij->aij", vertical, brackets), error, noise, min(s.step for s in slopes))
+    return MeasuredCurvature(np.einsum("ab,bij->aij", vertical, brackets), error, noise, min(d.step for d in slopes))
 
 
 Method = Literal["auto", "hessian", "ad"]
 """How derivatives are made: by forward-kinematics Hessians, by automatic differentiation, or as the strategy allows."""
 
 MOST_JOINTS = 100
-"""Joints of a robot whose laws are judged. Time and memory to write the curvature out grow with the third power of
-their number, for a position on one core: 60 joints 2.4 s and 0.1 GB, 100 joints 7.7 s and 0.5 GB, 140 joints 17 s
+"""Joints of a robot whose strategies are judged. Time and memory to write the curvature out grow with the third power
+of their number, for a position on one core: 60 joints 2.4 s and 0.1 GB, 100 joints 7.7 s and 0.5 GB, 140 joints 17 s
 and 1.3 GB."""
 
 
@@ -185,20 +169,14 @@ def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> A
         SingularityError: the strategy is not defined at q, of many at the first such posture. ArgumentError: no
             Hessian form of this strategy. ShapeError, NotFiniteError: q is not n finite numbers.
     """
-    if isinstance(strategy, NumericStrategy):
-        return _measured(strategy, q, method)
-    return _evaluator(strategy, _by_hessians(strategy, method)).call(q)
-
-
-def _measured(strategy: NumericStrategy, q: ArrayLike, method: Method) -> Array:
-    """The same by differences. Raises: as `curvature`."""
+    if not isinstance(strategy, NumericStrategy):
+        return _evaluator(strategy, _by_hessians(strategy, method)).call(q)
     if method != "auto":
         cure = f"{strategy.name!r} is a Python function without a formula: use 'auto'"
         raise ArgumentError("method", method, cure)
-    robot = strategy.task.robot
     if np.ndim(q) == 2:
-        return np.array([measured_curvature(strategy, robot.checked(one)).F for one in np.asarray(q)])
-    return measured_curvature(strategy, robot.checked(q)).F
+        return np.array([measured_curvature(strategy, posture).F for posture in np.asarray(q)])
+    return measured_curvature(strategy, q).F
 
 
 def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
@@ -208,13 +186,12 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
 
 def _by_hessians(strategy: Strategy, method: Method) -> bool:
     """Whether the Hessians of the arm give the curvature. Raises: ArgumentError."""
-    if method not in ("auto", "hessian", "ad"):
+    if method not in get_args(Method):
         raise ArgumentError("method", method, "use 'auto', 'hessian' or 'ad'")
     weight = _constant_inverse_weight(strategy)
     if method == "hessian" and weight is None:
-        raise ArgumentError(
-            "method", method, f"{strategy.name!r} needs a constant weight and a position or twist task for it: use 'ad'"
-        )
+        cure = f"{strategy.name!r} needs a constant weight and a position or twist task for it: use 'ad'"
+        raise ArgumentError("method", method, cure)
     return weight is not None and method != "ad"
 
 
@@ -260,26 +237,22 @@ def _columns(strategy: Strategy, by_hessians: bool) -> Function:
 @kept
 def _written(strategy: Strategy, by_hessians: bool) -> tuple[SX, dict[str, SX]]:
     """q, and the outputs of `curvature_function` as expressions of it."""
-    task = strategy.task
+    task, m = strategy.task, strategy.task.m
     if task.n > MOST_JOINTS:
         cure = f"its curvature is written out for at most {MOST_JOINTS}: lock some joints, or take a part of the arm"
         raise ArgumentError(f"the number of joints of {task.robot.name!r}", task.n, cure)
-    e, m = strategy.expressions, task.m
-    found = e.rate(SX.eye(m), written_out=True)
-    closed = _hessian_brackets(task, e, _constant_inverse_weight(strategy)) if by_hessians else None
-    A, brackets = e.brackets(found.X, closed)
+    e = strategy.expressions
+    G, closed = e.rate(SX.eye(m), written_out=True), None
+    if by_hessians:  # [W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)
+        H, W = task._hessians(e.q), as_expression(_constant_inverse_weight(strategy))
+        closed = {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(m)}
+    A, brackets = e.brackets(G.X, closed)
     N = null_space_expression(e.J)  # (30)
     along = factorise(A @ N)  # F_ij = N (A N)^-1 A [G_i, G_j]: the vertical part
     # (4): what of [G_i, G_j] lies outside range G
     columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
     packed = horzcat(*columns) if columns and brackets else SX.zeros(task.n, max(1, len(columns)))
-    return e.q, {"F": packed, "G": found.X, "rcond": found.rcond, "margin": strategy._margin_expression}
-
-
-def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:
-    """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
-    H, W = task._hessians(e.q), as_expression(weight)
-    return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
+    return e.q, {"F": packed, "G": G.X, "rcond": G.rcond, "margin": strategy._margin_expression}
 
 
 # --- Carrying a posture along a straight line in task coordinates by a strategy: dq = G(q) dx.
@@ -311,15 +284,9 @@ def straight_postures(strategy: Strategy, q: Vector, dx: Vector, steps: int = TR
 # its relative error then falls with the second power of the loop's size (measured on Panda, iiwa14 and the PPR arm,
 # loops of 8 to 1 cm); for others, and for area times curvature without the carrying, with the first.
 
-SAMPLES = 400
-"""Samples of a loop: the area of a circle is then right to 1e-9."""
-
-AREA = 1e-6
-"""Area of a loop, as a share of its extent squared, below which it has no centre of area."""
-
 
 @dataclass(frozen=True, eq=False)
-class DriftPrediction(Value):
+class DriftPrediction(Result, Value):
     """drift (n,) of one cycle at the start [joint units].
 
     area (m, m): area_ij that the loop encloses in the task plane (i, j), counter-clockwise positive, antisymmetric;
@@ -337,6 +304,9 @@ class DriftPrediction(Value):
         """Largest joint's drift a cycle [joint units]."""
         return float(np.abs(self.drift).max())
 
+    def __str__(self) -> str:
+        return f"one cycle is predicted to carry the joints by {self.largest:.3g} at most: {posture_text(self.drift)}"
+
 
 @typed
 def predicted_drift(strategy: Strategy, path: Path, q0: ArrayLike) -> DriftPrediction:
@@ -352,7 +322,8 @@ def predicted_drift(strategy: Strategy, path: Path, q0: ArrayLike) -> DriftPredi
     start = task.robot.checked(q0, "the start posture")
     if not path.closed:
         raise OpenPathError("predicting drift", path.gap)
-    plan = make_plan(task, path, SAMPLES, task.pose(start)[:3, :3])
+    # The loop in task coordinates, from its rates; with 400 samples the area of a circle is right to 1e-9
+    plan = make_plan(task, path, 400, task.pose(start)[:3, :3])
     x0, x1, x2 = plan.rates
     steps = plan.h[:, None] / 6 * (x0 + 4 * x1 + x2)
     x = np.vstack([np.zeros(task.m), np.cumsum(steps, axis=0)])
@@ -363,6 +334,7 @@ def predicted_drift(strategy: Strategy, path: Path, q0: ArrayLike) -> DriftPredi
         moment += np.einsum("k,ki,kj->ij", weight * plan.h, place, rate)
         first += np.einsum("k,ka,ki,kj->aij", weight * plan.h, place, place, rate)
     area = (moment - moment.T) / 2
+    # Area times curvature at the centre of area, carried back to the start by a central difference
     middle = _center_of_area(x, area, first)
     center = transport(strategy, start, middle)
     F = curvature(strategy, center)
@@ -374,9 +346,10 @@ def predicted_drift(strategy: Strategy, path: Path, q0: ArrayLike) -> DriftPredi
 def _center_of_area(x: Matrix, area: Matrix, first: Array) -> Vector:
     """Where a loop's area is (m,), from x (k, m) and first_aij, its integral of x_a x_i dx_j: exact for a plane loop.
 
-    1/3 (first_aij - first_aji) = c_a area_ij, by least squares over the planes; within the loop's own extent.
+    1/3 (first_aij - first_aji) = c_a area_ij, by least squares over the planes; within the loop's own extent. A loop
+    whose area is less than 1e-6 of its extent squared has none: there it is the middle of the extent.
     """
     moments, size = (first - np.swapaxes(first, 1, 2)) / 3, np.sum(area**2)
-    if not size > (AREA * np.ptp(x, axis=0).max() ** 2) ** 2:
+    if not size > (1e-6 * np.ptp(x, axis=0).max() ** 2) ** 2:
         return (x.min(axis=0) + x.max(axis=0)) / 2
     return np.clip(np.einsum("aij,ij->a", moments, area) / size, x.min(axis=0), x.max(axis=0))

@@ -24,30 +24,18 @@ from ...strategies import HolonomicStrategy
 from ...strategies.radial_strategy import joint_gap
 from ...symbolic import Function, directional, gradient, jacobian, symbol, vertcat
 
-STEPS = 40
-"""Newton steps from one start: of 1,000 on a Panda that get anywhere, all but two take less than 30."""
-
-LONGEST = 0.3
-"""Largest joint motion [joint units] of one step."""
-
-EXACT = 1e-10
-"""Last correction [joint units] of a cusp that counts as found."""
+LONGEST, EXACT = 0.3, 1e-10
+"""Largest joint motion of a Newton step, and last correction of a cusp that counts as found [joint units]."""
 
 RESIDUAL = 1e-8
 """g - c [rows of g over their slopes: joint units], sigma and kappa, the rows of E of size one, up to which a posture
 counts as a cusp. They are measured before the last correction, by which they only fall: below `EXACT` times slopes."""
-
-SINGULAR = 1e-6
-"""The same of a start that came to crossing sheets, where Newton's method converges slowly."""
 
 CORANK = 1e-3
 """Second least singular value over the largest, below which the corank may be 2."""
 
 SLOPE = 1e-3
 """Change of sigma along the leaf [1 / joint unit] below which two singular sheets may cross."""
-
-THIRD = 1e-5
-"""Change of kappa along v [1 / joint unit^2] below which the point may be more degenerate than a cusp."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +58,8 @@ def cusp_functions(strategy: HolonomicStrategy) -> tuple[Function, Function]:
     e, n = turning(strategy), strategy.task.n
     E, u, v = vertcat(e.J, e.planes), symbol("u", n), symbol("v", n)
     kappa = u.T @ directional(E @ v, e.q, v)
-    slopes = {
-        "Ev": jacobian(E @ v, e.q), "Eu": jacobian(E.T @ u, e.q), "kappa": kappa, "slope": gradient(kappa, e.q).T,
-    }  # fmt: skip
+    slopes = {"Ev": jacobian(E @ v, e.q), "Eu": jacobian(E.T @ u, e.q)}
+    slopes |= {"kappa": kappa, "slope": gradient(kappa, e.q).T}
     extended = Function("cusp_rows", {"q": e.q}, {"E": E, "g": strategy.constraint_expression})
     return extended, Function("cusp_slopes", {"q": e.q, "u": u, "v": v}, slopes)
 
@@ -91,17 +78,18 @@ class CuspEquations:
         self._sizes = 1.0 / np.sqrt(np.where(rows > 0, rows, 1.0))
         k, n = q.shape
         self.second, self.slope, self.third = (np.full(k, np.inf) for _ in range(3))
-        self._left = np.full((k, n - self._m + 2), np.inf)
+        self._residuals = np.full((k, n - self._m + 2), np.inf)
         self.down, self.along, self.normals = np.zeros((k, n)), np.zeros((k, n)), np.zeros((k, n - self._m + 2, n))
 
     @property
     def off(self) -> Vector:
         """By how much the equations failed (k,) when they were measured last, see `RESIDUAL`."""
-        return np.abs(self._left * np.append(self._sizes[self._m :], [1.0, 1.0])).max(axis=1)
+        return np.abs(self._residuals * np.append(self._sizes[self._m :], [1.0, 1.0])).max(axis=1)
 
     def correct(self, q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
         """Least-norm steps (k, n) of Newton's method, and whether they are finite (k,). It keeps what it measures."""
         k, n, m = *q.shape, self._m
+        # E = U S V^T, its rows of about size one; u and v belong to the least singular value sigma
         E, g = self._extended.batch(q)
         sound = np.isfinite(E).all(axis=(1, 2)) & np.isfinite(g.reshape(k, -1)).all(axis=1)
         E = np.where(sound[:, None, None], E * self._sizes[:, None], np.eye(n))
@@ -110,31 +98,27 @@ class CuspEquations:
         Ev, Eu, kappa, slope = self._slopes.batch(q, u * self._sizes, v)
         Ev, kappa, slope = Ev * self._sizes[:, None], kappa.reshape(k, 1), slope.reshape(k, n)
         of_sigma = np.einsum("ki,kij->kj", u, Ev)
-        of_kappa = slope + self._of_vectors(U, S, Vt, Ev, Eu, of_sigma)
-        gap = self._strategy.constraint.nearest(g.reshape(k, -1) - self._level)
-        A = np.concatenate([E[:, m:] / self._sizes[m:, None], of_sigma[:, None], of_kappa[:, None]], axis=1)
-        b = np.concatenate([gap, S[:, -1:], kappa], axis=1)
-        self._left[i] = b
-        self._measure(i, S, of_sigma, of_kappa, E[:, m:], v)
-        step, self.normals[i] = _least_norm(A, b)
-        return step, sound & np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
 
-    def _of_vectors(self, U: Array, S: Matrix, Vt: Array, Ev: Array, Eu: Array, of_sigma: Matrix) -> Matrix:
-        """What the turning of u and v adds to the slope of kappa: E dv = -dE v and E^T du = -dE^T u across them."""
-        v, inverse = Vt[:, -1], 1.0 / np.maximum(S[:, :-1, None], 1e-300)
+        # The slope of kappa, with what the turning of u and v adds: E dv = -dE v and E^T du = -dE^T u across them
+        inverse = 1.0 / np.maximum(S[:, :-1, None], 1e-300)
         dv = -np.swapaxes(Vt[:, :-1], 1, 2) @ (inverse * (np.swapaxes(U[:, :, :-1], 1, 2) @ Ev))
         du = -U[:, :, :-1] @ (inverse * (Vt[:, :-1] @ Eu))
         by_v = np.einsum("kij,kj->ki", Eu, v) + of_sigma
         by_u = np.einsum("kij,kj->ki", Ev, v)
-        return np.einsum("ki,kij->kj", by_v, dv) + np.einsum("ki,kij->kj", by_u, du)
+        of_kappa = slope + np.einsum("ki,kij->kj", by_v, dv) + np.einsum("ki,kij->kj", by_u, du)
+
+        # The step, and what is kept of it
+        gap = self._strategy.constraint.nearest(g.reshape(k, -1) - self._level)
+        A = np.concatenate([E[:, m:] / self._sizes[m:, None], of_sigma[:, None], of_kappa[:, None]], axis=1)
+        b = self._residuals[i] = np.concatenate([gap, S[:, -1:], kappa], axis=1)
+        self._measure(i, S, of_sigma, of_kappa, E[:, m:], v)
+        step, self.normals[i] = _least_norm(A, b)
+        return step, sound & np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
 
     def _measure(self, i: Indices, S: Matrix, of_sigma: Matrix, of_kappa: Matrix, planes: Array, v: Matrix) -> None:
         """Keep how regular the point is, and the directions in which two postures of one pose lie and part."""
-        r = planes.shape[1]
-        along = of_sigma
-        if r:
-            rows = np.linalg.svd(planes)[2][:, :r]
-            along = of_sigma - np.einsum("kji,kj->ki", rows, np.einsum("kij,kj->ki", rows, of_sigma))
+        rows = np.linalg.svd(planes)[2][:, : planes.shape[1]]
+        along = of_sigma - np.einsum("kji,kj->ki", rows, np.einsum("kij,kj->ki", rows, of_sigma))
         size = np.linalg.norm(along, axis=1)
         third = np.einsum("ki,ki->k", of_kappa, v)
         self.second[i], self.slope[i], self.third[i] = S[:, -2] / S[:, 0], size, np.abs(third)
@@ -159,12 +143,15 @@ def seek_cusps(strategy: HolonomicStrategy, level: Vector, starts: Matrix) -> tu
         none = np.zeros((0, strategy.task.n))
         return CuspPoints(none, none, none), 0, 0
     equations = CuspEquations(strategy, level, starts)
-    q, arrived = newton(equations.correct, starts, steps=STEPS, longest=LONGEST, exact=EXACT)
+    # 40 steps: of 1,000 starts on a Panda that get anywhere, all but two take less than 30
+    q, arrived = newton(equations.correct, starts, steps=40, longest=LONGEST, exact=EXACT)
     flat, low = ~(equations.slope >= SLOPE), ~(equations.second >= CORANK)
-    there = equations.off <= np.where(arrived, RESIDUAL, SINGULAR)
-    good = arrived & there & ~flat & ~low & (equations.third > THIRD)
-    found = CuspPoints(q[good], equations.down[good], equations.along[good])
-    return found, int(np.sum(there & flat & ~low)), int(np.sum(there & low))
+    # Newton's method converges slowly to where sheets cross, so that more may be left of the equations there
+    singular = equations.off <= np.where(arrived, RESIDUAL, 1e-6)
+    # Where kappa changes along v by less than 1e-5 per joint unit^2 the point may be more degenerate than a cusp
+    regular = arrived & singular & ~flat & ~low & (equations.third > 1e-5)
+    cusps = CuspPoints(q[regular], equations.down[regular], equations.along[regular])
+    return cusps, int(np.sum(singular & flat & ~low)), int(np.sum(singular & low))
 
 
 # --- Which cusps of a leaf are of one family: cusps lie on sets of dimension m - 2. Theory 7.3
@@ -177,23 +164,11 @@ def seek_cusps(strategy: HolonomicStrategy, level: Vector, starts: Matrix) -> tu
 SAME = 1e-6
 """Difference of the joints [joint units] up to which two cusps are one."""
 
-SHIFTS = (0.7, -1.9)
-"""Motions [joint units] of a joint after which a cusp must be one again: two of no special size."""
-
-TESTED = 8
-"""Cusps that are moved so."""
-
-MOVED = 10 * RESIDUAL
-"""What is left of their equations then: the rows of E have other sizes there."""
-
-STEP, SHORTEST = 0.1, 0.1 / 64
-"""Joint motion [joint units] of a step along a curve of cusps; and of the shortest one, before the curve ends."""
+STEP = 0.1
+"""Joint motion [joint units] of a step along a curve of cusps."""
 
 ACROSS = 0.3
 """Share of a step by which the next cusp may lie beside it: another curve of cusps lies beside it altogether."""
-
-LENGTH = 200.0
-"""Joint motion [joint units] after which a curve is followed no farther: some 30 turns."""
 
 
 def distinct(strategy: HolonomicStrategy, q: Matrix) -> Indices:
@@ -217,19 +192,18 @@ def families(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> Indices |
 
 def symmetric_joints(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> Flags:
     """Joints (n,) by whose motion alone, and by that of several of them, cusps q (k, n) become other cusps."""
-    n, tested = q.shape[1], q[:TESTED]
-    alone = tested + np.array(SHIFTS)[:, None, None, None] * np.eye(n)[:, None, :]
-    off = _residuals(strategy, level, alone.reshape(-1, n)).reshape(len(SHIFTS), n, len(tested))
-    found = np.asarray((off <= MOVED).all(axis=(0, 2)))
-    together = tested + found * np.linspace(*SHIFTS, n)
-    return found if (_residuals(strategy, level, together) <= MOVED).all() else np.zeros(n, dtype=bool)
 
+    def are_cusps(q: Array) -> Flags:
+        """Which postures (..., n) fulfil the equations; the rows of E have other sizes than at the cusps."""
+        equations = CuspEquations(strategy, level, postures := q.reshape(-1, q.shape[-1]))
+        equations.correct(postures, np.arange(len(postures)))
+        return np.asarray(equations.off <= 10 * RESIDUAL).reshape(q.shape[:-1])
 
-def _residuals(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> Vector:
-    """By how much postures (k, n) fail the equations of cusps, see `RESIDUAL`."""
-    equations = CuspEquations(strategy, level, q)
-    equations.correct(q, np.arange(len(q)))
-    return equations.off
+    # Move a few cusps by each joint alone, by two motions of no special size, then by all these joints together
+    n, some, shifts = q.shape[1], q[:8], np.array([0.7, -1.9])
+    symmetric = are_cusps(some + shifts[:, None, None, None] * np.eye(n)[:, None, :]).all(axis=(0, 2))
+    together = are_cusps(some + symmetric * np.linspace(*shifts, n))
+    return symmetric if together.all() else np.zeros(n, dtype=bool)
 
 
 def _circles(strategy: HolonomicStrategy, q: Matrix, without: Flags) -> Matrix:
@@ -257,14 +231,14 @@ def _by_curves(strategy: HolonomicStrategy, level: Vector, q: Matrix, moving: Fl
     from scipy.spatial import KDTree
 
     family, count = np.full(len(q), -1), 0
-    while (left := np.flatnonzero(family < 0)).size:
-        curve, normals = _curve(strategy, level, q[left[0]], moving)
-        away, near = KDTree(_circles(strategy, curve, moving)).query(_circles(strategy, q[left], moving))
-        gap = np.where(moving, 0.0, joint_gap(strategy.task.robot, q[left], curve[near]))
-        beside = np.linalg.norm(np.einsum("kij,kj->ki", normals[near], gap), axis=1)
-        on = (away <= STEP) & (beside <= ACROSS * np.linalg.norm(gap, axis=1) + SAME)
-        on[0] = True
-        family[left[on]] = count
+    while (rest := np.flatnonzero(family < 0)).size:
+        curve, normals = _curve(strategy, level, q[rest[0]], moving)
+        distance, nearest = KDTree(_circles(strategy, curve, moving)).query(_circles(strategy, q[rest], moving))
+        gap = np.where(moving, 0.0, joint_gap(strategy.task.robot, q[rest], curve[nearest]))
+        beside = np.linalg.norm(np.einsum("kij,kj->ki", normals[nearest], gap), axis=1)
+        on_curve = (distance <= STEP) & (beside <= ACROSS * np.linalg.norm(gap, axis=1) + SAME)
+        on_curve[0] = True
+        family[rest[on_curve]] = count
         count += 1
     return family
 
@@ -273,33 +247,38 @@ def _curve(strategy: HolonomicStrategy, level: Vector, start: Vector, moving: Fl
     """(cusps (p, n) along the curve through one, (p, r + 2, n) their normals): both ways, until it closes or ends."""
     equations = CuspEquations(strategy, level, start[None])
     equations.correct(start[None], np.zeros(1, dtype=int))
-    first, axes = equations.normals[0].copy(), np.eye(len(start))[moving]
-    points, normals = [start], [first]
+    axes = np.eye(len(start))[moving]
+    points, normals = [start], [equations.normals[0].copy()]
     for sign in (1.0, -1.0):
-        q, rows, before, gone = start, first, None, 0.0
-        while gone < LENGTH:
-            along = np.linalg.svd(np.vstack([rows, axes]))[2][-1]
-            along = sign * along if before is None else np.copysign(1.0, along @ before) * along
-            found = _next(equations, q, along)
-            if found is None:
+        q, rows, before, length = start, normals[0], None, 0.0
+        while length < 200.0:  # joint units, some 30 turns: a curve is followed no farther
+            # Along the curve, which is normal to the slopes and to the joints that make cusps of cusps
+            tangent = np.linalg.svd(np.vstack([rows, axes]))[2][-1]
+            tangent = sign * tangent if before is None else np.copysign(1.0, tangent @ before) * tangent
+            cusp = _next(equations, q, tangent)
+            if cusp is None:
                 break
-            gone, before, q, rows = gone + float(np.linalg.norm(found - q)), along, found, equations.normals[0].copy()
+            length, before, q, rows = (
+                length + float(np.linalg.norm(cusp - q)),
+                tangent,
+                cusp,
+                equations.normals[0].copy(),
+            )
             points.append(q)
             normals.append(rows)
+            # It closes where it comes back to the start in its direction
             back = np.where(moving, 0.0, joint_gap(strategy.task.robot, start, q))
-            if gone > 4 * STEP and np.linalg.norm(back) <= STEP and back @ along >= 0:
+            if length > 4 * STEP and np.linalg.norm(back) <= STEP and back @ tangent >= 0:
                 return np.array(points), np.array(normals)
     return np.array(points), np.array(normals)
 
 
-def _next(equations: CuspEquations, q: Vector, along: Vector) -> Vector | None:
+def _next(equations: CuspEquations, q: Vector, tangent: Vector) -> Vector | None:
     """The next cusp (n,) in a direction; None where the curve ends, or is no curve of cusps any more."""
-    length = STEP
-    while length >= SHORTEST:
-        wanted = q + length * along
-        found, arrived = newton(equations.correct, wanted[None], steps=8, longest=LONGEST, exact=EXACT)
-        sound = arrived[0] and equations.off[0] <= RESIDUAL and np.linalg.norm(found[0] - wanted) <= ACROSS * length
+    for length in STEP * 0.5 ** np.arange(7):
+        ahead = q + length * tangent
+        (cusp,), arrived = newton(equations.correct, ahead[None], steps=8, longest=LONGEST, exact=EXACT)
+        sound = arrived[0] and equations.off[0] <= RESIDUAL and np.linalg.norm(cusp - ahead) <= ACROSS * length
         if sound and equations.second[0] >= CORANK and equations.slope[0] >= SLOPE:
-            return found[0]
-        length /= 2
+            return cusp
     return None

@@ -25,6 +25,7 @@ from ...base.types import (
     Indices,
     Matrix,
     NoTruthValue,
+    Result,
     Value,
     Vector,
     joined,
@@ -44,7 +45,7 @@ from ...motion.ik.posture_search import (
     nearest_equivalent,
     newton,
     spread,
-)  # fmt: skip
+)
 from ...motion.trajectory import Status, Trajectory, whole_turns
 from ...path import Path
 from ...path.curves import spline
@@ -61,44 +62,18 @@ from .cusp_search import CuspPoints, distinct, families, seek_cusps
 # two lie on one side of the singular sheet det E ~ 3 s^2 + y = 0 and are joined round y > 0. The tool path of that
 # motion is closed, but the joints do not come back, though the curvature is zero and no posture on it is singular.
 
-DEPTHS = np.geomspace(0.02, 0.6, 6)
-"""How far [joint units] beyond the cusp the two postures are looked for, along the leaf."""
-
-PARTS = np.geomspace(0.05, 0.8, 7)
-"""How far [joint units] apart from the middle they are looked for."""
-
-ROUNDS = np.geomspace(0.03, 0.6, 5)
-"""How far before the cusp the motion between them turns."""
-
 APART = 0.02
 """Difference of the joints [joint units] from which two postures are two."""
 
 LEGS = 12
 """Pieces of each half of a motion that is looked at; its tool path goes through the poses at their ends."""
 
-SAMPLES = 300
-"""Samples of that path that are followed."""
-
-LEAST = 1e-4
-"""rcond of [J; J_g] that a motion must keep: nearer to singular postures no arm goes its path."""
-
-TRIED = 12
-"""Motions that are followed in full until one is shown to end at the other posture."""
-
-ENDS = 1e-9
-"""How near [joint units] to the other posture a motion must end."""
-
 TURN = 0.1
 """Metres of a tool path that a turn of one radian counts as, where paths are compared."""
 
-SAME = 1e-6
-"""Difference of two tool poses [m, rad], or levels, up to which they are one."""
-
-_STEPS, _LONGEST, _EXACT = 30, 0.3, 1e-11
-
 
 @dataclass(frozen=True, eq=False)
-class CuspWitness(Value):
+class CuspWitness(Result, Value):
     """Two postures `first`, `second` (n,) of one leaf at one tool pose; `path`: closed, it leads from one to the other.
 
     apart: the largest joint's difference [joint units], whole turns of hinges left out. length [m], turn [rad]: of the
@@ -120,6 +95,12 @@ class CuspWitness(Value):
         """Length of the path [m], a turn of one radian counted as 0.1 m."""
         return self.length + TURN * self.turn
 
+    def __str__(self) -> str:
+        return (
+            f"round a closed tool path of {self.length:.2g} m that turns by {self.turn:.2g} rad the joints do not come "
+            f"back: they end {self.apart:.3g} apart, with no singular posture on it (rcond {self.rcond:.1g} at least)"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Motions(Value):
@@ -129,13 +110,9 @@ class Motions(Value):
     middle: Matrix
     second: Matrix
 
-    def at(self, which: Indices | Flags) -> Motions:
-        """Some of them."""
-        return Motions(self.first[which], self.middle[which], self.second[which])
-
-    def lines(self, count: int) -> Matrix:
-        """Postures (k, 2 count + 1, n) on the two straight lines of joints."""
-        s = np.linspace(0.0, 1.0, count + 1)[:, None]
+    def lines(self) -> Matrix:
+        """Postures (k, 2 LEGS + 1, n) on the two straight lines of joints."""
+        s = np.linspace(0.0, 1.0, LEGS + 1)[:, None]
         there = self.first[:, None] + s * (self.middle - self.first)[:, None]
         back = self.middle[:, None] + s * (self.second - self.middle)[:, None]
         return np.concatenate([there, back[:, 1:]], axis=1)
@@ -145,13 +122,8 @@ class Motions(Value):
 def _to_leaf(strategy: HolonomicStrategy) -> Function:
     """q -> (g (r,), J_g (r, n))."""
     s = strategy.looped
-    return Function(
-        "leaf_rows",
-        {"q": s.expressions.q},
-        {"g": s.constraint_expression, "Jg": s.expressions.planes},
-        None,
-        s.transport,
-    )
+    rows = {"g": s.constraint_expression, "Jg": s.expressions.planes}
+    return Function("leaf_rows", {"q": s.expressions.q}, rows, None, s.transport)
 
 
 def on_leaf(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> tuple[Matrix, Flags]:
@@ -168,67 +140,70 @@ def on_leaf(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> tuple[Matr
         Jg, gap = np.where(sound[:, None, None], Jg, 0.0), np.where(sound[:, None], gap, 0.0)
         return np.einsum("kij,kj->ki", np.linalg.pinv(Jg), gap), sound
 
-    return newton(correct, q, steps=_STEPS, exact=_EXACT, longest=_LONGEST)
+    return newton(correct, q, steps=30, exact=1e-11, longest=0.3)
 
 
 def sides(strategy: HolonomicStrategy, q: Matrix) -> tuple[Vector, Vector]:
     """(sign of det E (k,), rcond of E (k,)) at postures; the sign is 0 where E or a representation is singular."""
-    if not len(q):
+    k = len(q)
+    if not k:
         return np.zeros(0), np.zeros(0)
-    p, R = strategy.task._poses(q)
-    step = leaf_step(strategy)
-    level = strategy.constraint_value.batch(q).reshape(len(q), -1)
-    shapes = step.input_shapes
-    _, rcond, margin, side = step.batch(q, p.reshape(len(q), *shapes["p"]), R.reshape(len(q), *shapes["R"]), level)
-    rcond, side = np.ravel(rcond), np.ravel(side)
-    return np.where((rcond > TOLERANCES.singular) & (np.ravel(margin) > TOLERANCES.representation), side, 0.0), rcond
+    step, (p, R) = leaf_step(strategy), strategy.task._poses(q)
+    shapes, level = step.input_shapes, strategy.constraint_value.batch(q).reshape(k, -1)
+    outputs = step.batch(q, p.reshape(k, *shapes["p"]), R.reshape(k, *shapes["R"]), level)
+    rcond, margin, side = (np.ravel(output) for output in outputs[1:])
+    return np.where((rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation), side, 0.0), rcond
 
 
-def candidates(strategy: HolonomicStrategy, level: Vector, found: CuspPoints, limits: bool) -> tuple[Motions, Matrix]:
+def candidates(strategy: HolonomicStrategy, level: Vector, cusps: CuspPoints, limits: bool) -> tuple[Motions, Matrix]:
     """(motions between two postures of one pose about cusps, seen to keep to one side of the singular set at some
     postures, (length, turn, least rcond) of each (k, 3))."""
-    a, t = (grid.ravel()[:, None] for grid in np.meshgrid(DEPTHS, PARTS))
-    q, down, along = found.q[:, None], found.down[:, None], found.along[:, None]
-    n = found.q.shape[1]
-    cusp = np.repeat(np.arange(len(found.q)), len(a))
-    first, good = on_leaf(strategy, level, (q + a * down + t * along).reshape(-1, n))
-    second = (q + a * down - t * along).reshape(-1, n)
-    which = np.flatnonzero(good)
+    # Pairs of postures on both sides of each cusp: so far down the leaf and so far apart from the middle [joint units]
+    depths, parts = np.geomspace(0.02, 0.6, 6), np.geomspace(0.05, 0.8, 7)
+    depth, part = (grid.ravel()[:, None] for grid in np.meshgrid(depths, parts))
+    q, down, along = cusps.q[:, None], cusps.down[:, None], cusps.along[:, None]
+    n = cusps.q.shape[1]
+    cusp = np.repeat(np.arange(len(cusps.q)), len(depth))
+    first, arrived = on_leaf(strategy, level, (q + depth * down + part * along).reshape(-1, n))
+    second = (q + depth * down - part * along).reshape(-1, n)
+
+    # Those that are two postures of one pose, on one side of the singular set and within the limits
+    which = np.flatnonzero(arrived)
     p, R = strategy.task._poses(first[which])
     other, _, arrived = leaf_postures(strategy, second[which], p, R, level)
-    apart = _apart(strategy, first[which], other) > APART
-    which, other = which[arrived & apart], other[arrived & apart]
+    pairs = arrived & (_apart(strategy, first[which], other) > APART)
+    which, other = which[pairs], other[pairs]
     same = sides(strategy, first[which])[0] * sides(strategy, other)[0] > 0
     if limits:
         robot = strategy.task.robot
         same &= robot.within(first[which]) & robot.within(other)
     which, other = which[same], other[same]
-    b = np.repeat(ROUNDS, len(which))
-    each = np.tile(np.arange(len(which)), len(ROUNDS))
-    at = cusp[which][each]
-    middle, good = on_leaf(strategy, level, found.q[at] - b[:, None] * found.down[at])
-    return _seen(strategy, level, Motions(first[which][each], middle, other[each]).at(good), limits)
+
+    # The motions between them turn so far before the cusp [joint units]
+    rounds = np.geomspace(0.03, 0.6, 5)
+    each, back = np.tile(np.arange(len(which)), len(rounds)), np.repeat(rounds, len(which))[:, None]
+    of = cusp[which][each]
+    middle, arrived = on_leaf(strategy, level, cusps.q[of] - back * cusps.down[of])
+    return _seen(strategy, level, some(Motions(first[which][each], middle, other[each]), arrived), limits)
 
 
 def _seen(strategy: HolonomicStrategy, level: Vector, motions: Motions, limits: bool) -> tuple[Motions, Matrix]:
     """Those motions that keep to one side of the singular set and within the limits, at LEGS postures a half; and what
     their tool paths are like."""
-    k, n = len(motions.first), motions.first.shape[1]
+    k, n = motions.first.shape
     if not k:
         return motions, np.zeros((0, 3))
-    Q = motions.lines(LEGS)
-    flat, good = on_leaf(strategy, level, Q.reshape(-1, n))
-    side, rcond = sides(strategy, flat)
-    side = side.reshape(k, -1)
-    ok = good.reshape(k, -1).all(axis=1) & (side == side[:, :1]).all(axis=1) & (side[:, 0] != 0)
+    Q, arrived = on_leaf(strategy, level, motions.lines().reshape(-1, n))
+    side, rcond = (values.reshape(k, -1) for values in sides(strategy, Q))
+    sound = arrived.reshape(k, -1).all(axis=1) & (side == side[:, :1]).all(axis=1) & (side[:, 0] != 0)
     if limits:
-        ok &= strategy.task.robot.within(flat).reshape(k, -1).all(axis=1)
-    p, R = strategy.task._poses(flat)
-    p, R = p.reshape(k, -1, 3), R.reshape(k, -1, 3, 3)
-    length = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
-    turn, least = _turned(R) if strategy.task._rotations else np.zeros(k), rcond.reshape(k, -1).min(axis=1)
-    ok &= least > LEAST
-    return motions.at(ok), np.column_stack([length, turn, least])[ok]
+        sound &= strategy.task.robot.within(Q).reshape(k, -1).all(axis=1)
+    p, R = strategy.task._poses(Q)
+    length = np.linalg.norm(np.diff(p.reshape(k, -1, 3), axis=1), axis=2).sum(axis=1)
+    turn = _turned(R.reshape(k, -1, 3, 3)) if strategy.task._rotations else np.zeros(k)
+    least = rcond.min(axis=1)
+    sound &= least > 1e-4  # nearer to singular postures no arm goes its path
+    return some(motions, sound), np.column_stack([length, turn, least])[sound]
 
 
 def _apart(strategy: HolonomicStrategy, q: Array, others: Array) -> Array:
@@ -257,53 +232,54 @@ def witness_between(
     """
     of_one_tool(strategy.task, "a path between two postures")
     leafed, robot = with_leaves(strategy), strategy.task.robot
+    # Two postures of one leaf with one tool pose
     a, b = start_posture(robot, first, limits), start_posture(robot, second, limits)
     level = leaf_value(leafed, a)
     off = np.abs(leafed.task.error(b, *leafed.task._place(a))).max()
     gap = np.abs(leafed.constraint.nearest(leaf_value(leafed, b) - level)).max(initial=0.0)
     apart = _apart(leafed, a, b)
-    if max(off, gap) > SAME or apart <= APART:
+    if max(off, gap) > 1e-6 or apart <= APART:
         turned = ", whole turns left out" if apart < np.abs(a - b).max() else ""
         fact = f"{b.tolist()}: tool {off:.2g}, level {gap:.2g}, joints {apart:.2g} from the first{turned}"
         raise ArgumentError("the second posture", fact, "give another posture of the same tool pose and the same leaf")
-    middle, good = on_leaf(leafed, level, np.vstack([(a + b) / 2, spread(robot, whole("via", via))]))
-    k = int(good.sum())
-    motions, measures = _seen(leafed, level, Motions(np.tile(a, (k, 1)), middle[good], np.tile(b, (k, 1))), limits)
+    # Motions by third postures, the one with the shortest tool path first
+    middle, arrived = on_leaf(leafed, level, np.vstack([(a + b) / 2, spread(robot, whole("via", via))]))
+    k = int(arrived.sum())
+    motions, measures = _seen(leafed, level, Motions(np.tile(a, (k, 1)), middle[arrived], np.tile(b, (k, 1))), limits)
     return first_witness(leafed, level, motions, np.argsort(measures[:, 0] + TURN * measures[:, 1]), limits)
 
 
 def first_witness(
     strategy: HolonomicStrategy, level: Vector, motions: Motions, order: Indices, limits: bool
 ) -> CuspWitness | None:
-    """The first of the motions, in an order, whose tool path `follow` goes from the one posture to the other."""
-    for i in order[:TRIED]:
-        found = _witness(strategy, level, motions.at(np.array([i])), limits)
-        if found is not None:
-            return found
-    return None
+    """The first of at most 12 motions, in an order, whose tool path `follow` goes from the one posture to the other."""
+    witnesses = (_witness(strategy, level, some(motions, [i]), limits) for i in order[:12])
+    return next((witness for witness in witnesses if witness is not None), None)
 
 
 def _witness(strategy: HolonomicStrategy, level: Vector, motion: Motions, limits: bool) -> CuspWitness | None:
     """The witness that a motion gives; None where its tool path, followed on the leaf, ends at no other posture."""
     robot, first, second = strategy.task.robot, motion.first[0], motion.second[0]
-    Q, good = on_leaf(strategy, level, motion.lines(LEGS)[0])
-    if not good.all():
+    # The closed tool path, through the poses of the motion
+    Q, arrived = on_leaf(strategy, level, motion.lines()[0])
+    if not arrived.all():
         return None
     p, R = strategy.task._poses(Q)
     poses = pose_from(p, R)
     poses[-1] = poses[0]
     turns = bool(strategy.task._rotations)
+    # It must lead to the other posture when it is followed
     try:
         path = spline(poses if turns else p)
-        walk = follow(strategy, path, first, samples=SAMPLES, limits=limits)
+        walk = follow(strategy, path, first, samples=300, limits=limits)
     except HolokinError:
         return None
-    if not (walk.status is Status.COMPLETE and np.abs(walk.q[-1] - second).max() < ENDS):
+    if not (walk.status is Status.COMPLETE and np.abs(walk.q[-1] - second).max() < 1e-9):
         return None
     turn = _turned(R[None])[0] if turns else 0.0
-    room = np.minimum(walk.q - robot.lower, robot.upper - walk.q).min() if limits else np.inf
+    margin = np.minimum(walk.q - robot.lower, robot.upper - walk.q).min() if limits else np.inf
     apart, rcond = _apart(strategy, first, second), sides(strategy, walk.q)[1].min()
-    return CuspWitness(first, second, path, float(apart), path.length, float(turn), float(rcond), float(room))
+    return CuspWitness(first, second, path, float(apart), path.length, float(turn), float(rcond), float(margin))
 
 
 def _turned(R: Array) -> Vector:
@@ -314,9 +290,6 @@ def _turned(R: Array) -> Vector:
 
 CHUNK = 256
 """Starts between two looks at the keyboard."""
-
-NEAREST = 60
-"""Cusps about which loops are looked for: those nearest to the posture that is asked about."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,12 +328,12 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
     @property
     def witness(self) -> CuspWitness | None:
         """That with the smallest tool path; None where there is none."""
-        return min(self.witnesses, key=lambda one: one.size, default=None)
+        return min(self.witnesses, key=lambda witness: witness.size, default=None)
 
     @property
     def most_regular(self) -> CuspWitness | None:
         """That whose least rcond is the greatest; None where there is none."""
-        return max(self.witnesses, key=lambda one: one.rcond, default=None)
+        return max(self.witnesses, key=lambda witness: witness.rcond, default=None)
 
     @cached_property
     def families(self) -> tuple[Indices, ...] | None:
@@ -369,8 +342,8 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
         Cusps of a task of m rows lie on sets of dimension m - 2: they are alone for m = 2. Joints whose motion alone
         leads from cusps to cusps are left out; curves that remain are followed.
         """
-        of = families(self.strategy, self.level, self.q)
-        return None if of is None else tuple(np.flatnonzero(of == k) for k in range(int(of.max(initial=-1)) + 1))
+        family = families(self.strategy, self.level, self.q)
+        return None if family is None else tuple(np.flatnonzero(family == k) for k in range(family.max(initial=-1) + 1))
 
     @property
     def excluded(self) -> str:
@@ -397,34 +370,25 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
         """What was found, by which search, and what that says."""
         if self.excluded:
             return f"no cusp: {self.excluded}"
+        count, m = len(self), self.strategy.task.m
         ranged = np.isfinite(self.strategy.task.robot.lower).any()
         within = " within the joint limits" if self.limits and ranged else ""
         ended = ", where Ctrl-C ended the search" if self.stopped else ""
-        searched = f"{self.starts:,} starts spread over the joint ranges{ended}"
-        if not len(self):
-            crossed = (
-                f"; {self.double:,} starts came to crossings of singular sheets, which are none" if self.double else ""
-            )
-            return f"no cusp found{within} from {searched}{crossed}: a search, no proof that there is none"
-        many = f"{len(self):,} cusp{'' if len(self) == 1 else 's'} found{within} from {searched}{self._of_families}"
+        search = f"found{within} from {self.starts:,} starts spread over the joint ranges{ended}"
+        if not count:
+            crossings = f"; {self.double:,} starts came to crossings of singular sheets, which are none"
+            return f"no cusp {search}{crossings if self.double else ''}: a search, no proof that there is none"
+        families = ""
+        if m > 2 and self.families is None:
+            families = f", samples of surfaces of dimension {m - 2}"
+        elif m > 2 and self.families is not None:
+            families = f", of {len(self.families)} famil{'y' if len(self.families) == 1 else 'ies'}"
+        cusps = f"{count:,} cusp{'' if count == 1 else 's'} {search}{families}"
         near = f"the nearest is {self.joints_away[0]:.2g} (largest joint) and {self.tool_away[0]:.2g} m (tool) from q0"
-        least = self.witness
-        if least is None:
-            return f"{many}; {near}; no loop of the tool round one of them was found that keeps to the leaf"
-        return (
-            f"cuspidal: {many}; {near}. Round a closed tool path of {least.length:.2g} m that turns by "
-            f"{least.turn:.2g} rad the joints do not come back: they end {least.apart:.3g} apart, "
-            f"with no singular posture on it (rcond {least.rcond:.1g} at least)"
-        )
-
-    @property
-    def _of_families(self) -> str:
-        """How many families the cusps are of, where they are not alone."""
-        if self.strategy.task.m == 2:
-            return ""
-        if self.families is None:
-            return f", samples of surfaces of dimension {self.strategy.task.m - 2}"
-        return f", of {len(self.families)} famil{'y' if len(self.families) == 1 else 'ies'}"
+        if self.witness is None:
+            return f"{cusps}; {near}; no loop of the tool round one of them was found that keeps to the leaf"
+        witness = str(self.witness)
+        return f"cuspidal: {cusps}; {near}. {witness[:1].upper()}{witness[1:]}"
 
     def __str__(self) -> str:
         return self.sentence
@@ -449,23 +413,24 @@ def cusps(
         limits: cusps and loops beyond the joint limits do not count.
 
     Raises:
-        ArgumentError: a law without leaves; a task of several frames; too many starts; no q0, or one beside an inverse
-            kinematics. SingularityError: it is singular at q0. JointLimitError: with limits, q0 is beyond them.
+        ArgumentError: a strategy without leaves; a task of several frames; too many starts; no q0, or one beside an
+            inverse kinematics. SingularityError: it is singular at q0. JointLimitError: with limits, q0 is beyond them.
         ShapeError.
     """
-    if isinstance(strategy, InverseKinematics):
-        if q0 is not None:
-            raise ArgumentError("q0", q0, "leave it out: an inverse kinematics has its own")
-        known = _kept_cusps(strategy)
-        if (starts, limits) not in known:
-            found = _cusps(strategy.strategy, strategy.q0, starts, limits)
-            if found.stopped:  # another call shall search again
-                return found
-            known[starts, limits] = found
+    if not isinstance(strategy, InverseKinematics):
+        if q0 is None:
+            raise ArgumentError("q0", None, "give the posture whose leaf is meant")
+        return _cusps(strategy, q0, starts, limits)
+    # Of an inverse kinematics what was found is kept, unless Ctrl-C ended the search: then another call searches again
+    if q0 is not None:
+        raise ArgumentError("q0", q0, "leave it out: an inverse kinematics has its own")
+    known = _kept_cusps(strategy)
+    if (starts, limits) in known:
         return known[starts, limits]
-    if q0 is None:
-        raise ArgumentError("q0", None, "give the posture whose leaf is meant")
-    return _cusps(strategy, q0, starts, limits)
+    result = _cusps(strategy.strategy, strategy.q0, starts, limits)
+    if not result.stopped:
+        known[starts, limits] = result
+    return result
 
 
 @kept
@@ -483,13 +448,32 @@ def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusp
     start = start_posture(robot, q0, limits)
     leafed(start)
     level = leaf_value(leafed, start)
-    search = _searched(leafed, level, start, starts, limits)
-    near = some(search.points, slice(NEAREST))
-    motions, measures = candidates(leafed, level, near, limits) if len(near.q) else (None, np.zeros((0, 3)))
-    found = [] if motions is None else [first_witness(leafed, level, motions, i, limits) for i in _orders(measures)]
+    # Newton's method from the starts, a part after the other, until Ctrl-C; from none where there can be no cusp
+    starts = starts if leafed.task.m >= 2 else 0
+    postures, done, parts = spread(robot, starts), 0, []
+    with progress("cusps", starts) as report, suppress(KeyboardInterrupt):  # what was found is kept
+        while done < starts:
+            parts.append(seek_cusps(leafed, level, postures[done : done + CHUNK]))
+            done = min(done + CHUNK, starts)
+            report(done)
+    none = np.zeros((0, robot.n))
+    points = joined(CuspPoints(none, none, none), *(points for points, _, _ in parts))
+    double, corank = (sum(part[k] for part in parts) for k in (1, 2))
+    # Each once, at those of its whole turns that are nearest to the start, and the nearest first
+    q, inside = _at_turns(leafed, points.q, start, limits)
+    each = distinct(leafed, q)
+    points, inside = some(replace(points, q=q), each), inside[each]
+    outside, points = int(np.sum(~inside)), some(points, inside)
+    points = some(points, np.argsort(np.abs(points.q - start).max(axis=1, initial=0.0), kind="stable"))
+    # Loops about the 60 nearest: one with a short tool path, and one that is regular
+    near, witnesses = some(points, slice(60)), []
+    if len(near.q):
+        motions, measures = candidates(leafed, level, near, limits)
+        for order in (np.argsort(measures[:, 0] + TURN * measures[:, 1]), np.argsort(-measures[:, 2])):
+            witnesses.append(first_witness(leafed, level, motions, order, limits))
     return Cusps(
-        leafed, start, search.points.q, level, limits, search.starts, search.outside, search.double, search.corank,
-        tuple(one for one in found if one is not None), search.stopped,
+        strategy=leafed, q0=start, q=points.q, level=level, limits=limits, starts=done, outside=outside, double=double,
+        corank=corank, witnesses=tuple(witness for witness in witnesses if witness is not None), stopped=done < starts,
     )  # fmt: skip
 
 
@@ -499,7 +483,7 @@ def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limit
     if limits:
         q, inside = _at_turns(strategy, q, None, limits)
         q = q[inside]
-    return np.array([strategy.task.pose(one) for one in q]).reshape(-1, 4, 4)
+    return np.array([strategy.task.pose(posture) for posture in q]).reshape(-1, 4, 4)
 
 
 def _at_turns(strategy: HolonomicStrategy, q: Matrix, near: Vector | None, limits: bool) -> tuple[Matrix, Flags]:
@@ -522,50 +506,6 @@ def tool_away(task: Task, T: Array, others: Array) -> Vector:
     return KDTree(placed(others)).query(placed(T))[0] if len(T) else np.zeros(0)
 
 
-@dataclass(frozen=True)
-class _Search:
-    """What came of the starts: the points, the nearest to q0 first, and counts as of `Cusps`."""
-
-    points: CuspPoints
-    starts: int
-    stopped: bool
-    outside: int
-    double: int
-    corank: int
-
-
-def _searched(strategy: HolonomicStrategy, level: Vector, q0: Vector, starts: int, limits: bool) -> _Search:
-    """Newton's method from the starts, a part after the other, until Ctrl-C; from none where there can be no cusp."""
-    starts = starts if strategy.task.m >= 2 else 0
-    begun, done, parts = spread(strategy.task.robot, starts), 0, []
-    with progress("cusps", starts) as report, suppress(KeyboardInterrupt):  # what was found is kept
-        while done < starts:
-            parts.append(seek_cusps(strategy, level, begun[done : done + CHUNK]))
-            done = min(done + CHUNK, starts)
-            report(done)
-    none = np.zeros((0, len(q0)))
-    points = joined(CuspPoints(none, none, none), *(found for found, _, _ in parts))
-    q, inside = _at_turns(strategy, points.q, q0, limits)
-    each = distinct(strategy, q)
-    points, inside = some(replace(points, q=q), each), inside[each]
-    outside, points = int(np.sum(~inside)), some(points, inside)
-    points = some(points, np.argsort(np.abs(points.q - q0).max(axis=1), kind="stable") if len(points.q) else slice(0))
-    double, corank = (sum(part[k] for part in parts) for k in (1, 2))
-    return _Search(points, done, done < starts, outside, double, corank)
-
-
-def _orders(measures: Matrix) -> tuple[Indices, Indices]:
-    """Motions (length, turn, rcond) (k, 3) by the size of their tool paths, and by how regular they are."""
-    return np.argsort(measures[:, 0] + TURN * measures[:, 1]), np.argsort(-measures[:, 2])
-
-
-PLACES = 100
-"""Postures of the path from which cusps are looked for, and their distance is taken."""
-
-CLOSE = 0.1
-"""Distance [m] from the path, a turn of one radian counted as 0.1 m, from which on a cusp is called near it."""
-
-
 @typed
 def why_elsewhere(strategy: HolonomicStrategy, walk: Trajectory) -> str:
     """A sentence on a closed path whose joints, followed on a regular leaf, do not come back; empty where they do.
@@ -577,22 +517,22 @@ def why_elsewhere(strategy: HolonomicStrategy, walk: Trajectory) -> str:
     Args:
         walk: of `follow`, whose path was closed.
     """
-    drift = walk.drift()
-    if walk.status is not Status.COMPLETE or not len(drift) or np.abs(drift[0]).max() <= NO_DRIFT:
+    drifts = walk.drift()
+    if walk.status is not Status.COMPLETE or not len(drifts) or np.abs(drifts[0]).max() <= NO_DRIFT:
         return ""
-    i = int(np.abs(drift[0]).argmax())
-    name, unit, away = walk.joint_names[i], walk.joint_units[i], drift[0][i]
-    said = (
-        f"after a cycle {name} is {away:.3g} {unit} from its start, though the leaf is regular along the path: it "
-        "cannot be shrunk to a point on the leaf"
+    drift, count = drifts[0], 100
+    i = int(np.abs(drift).argmax())
+    fact = (
+        f"after a cycle {walk.joint_names[i]} is {drift[i]:.3g} {walk.joint_units[i]} from its start, though the leaf "
+        "is regular along the path: it cannot be shrunk to a point on the leaf"
     )
-    rest = drift[0] - 2 * np.pi * whole_turns(drift[0], walk.joint_units)
-    if np.abs(rest).max() <= NO_DRIFT:
-        return f"{said}, and the joints are whole turns further"
-    along = walk.q[np.linspace(0, len(walk.q) - 1, PLACES).astype(int)]
-    poses = cusps_from(strategy, leaf_value(strategy, walk.q[0]), along, limits=False)
-    far = tool_away(strategy.task, poses, np.array([strategy.task.pose(q) for q in along]))
-    if len(far) and far.min() <= CLOSE:
-        at = ", ".join(f"{x:.3g}" for x in poses[int(far.argmin()), :3, 3])
-        return f"{said}; a cusp of the leaf lies {far.min():.2g} m from the path, at the tool position [{at}] m"
-    return f"{said}; no cusp was found near the path, from {PLACES} of its postures"
+    if np.abs(drift - 2 * np.pi * whole_turns(drift, walk.joint_units)).max() <= NO_DRIFT:
+        return f"{fact}, and the joints are whole turns further"
+    # Cusps within 0.1 m of the path, a turn of one radian counted as 0.1 m, are called near it
+    postures = walk.q[np.linspace(0, len(walk.q) - 1, count).astype(int)]
+    poses = cusps_from(strategy, leaf_value(strategy, walk.q[0]), postures, limits=False)
+    away = tool_away(strategy.task, poses, np.array([strategy.task.pose(q) for q in postures]))
+    if len(away) and away.min() <= 0.1:
+        place = ", ".join(f"{x:.3g}" for x in poses[int(away.argmin()), :3, 3])
+        return f"{fact}; a cusp of the leaf lies {away.min():.2g} m from the path, at the tool position [{place}] m"
+    return f"{fact}; no cusp was found near the path, from {count} of its postures"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, EmptyRegionError, HolokinError, ShapeError, SingularityError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, Flags, Indices, Matrix, Vector, whole
+from ...base.types import Array, Flags, Matrix, Vector, joined, whole
 from ...strategies import HolonomicStrategy, Jump, NumericStrategy, Strategy, jumps_of, may_jump
 from ...symbolic import SX, Function, factorise, horzcat, norm_2, other_operations, pairwise_brackets, symbol, written
 from .curvature_of_planes import (
@@ -29,15 +28,12 @@ from .verdict import Accuracy, Evidence, Region, Verdict
 #
 # Near singularities, its own or those on the way of a transport, a computed curvature is noise of any size. Moving the
 # posture by a hair changes every rounding on the way and the true value hardly: the mean over some such copies against
-# their scatter tells the two apart. Over 30,000 curvatures of holonomic laws on five robots, down to a rcond of 1e-10,
-# the mean was at most 2.2 times the scatter; of laws that are not holonomic it was at least 10,000 times down to 1e-4.
+# their scatter tells the two apart. Over 30,000 curvatures of holonomic strategies on five robots, down to a rcond of
+# 1e-10, the mean was at most 2.2 times the scatter; of strategies that are not holonomic it was at least 10,000 times
+# down to 1e-4.
 
 COPIES = 16
 """Copies of a posture that are compared: their mean is known to a quarter of their scatter."""
-
-NUDGE = 2.0**-36
-"""Size [joint units, for joints beyond 1 times the joint] of a nudge, 1.5e-11: 60,000 times the last digit, so that
-all digits lost on the way are drawn anew, and too small to change a curvature by more than round-off does."""
 
 SHOWN = 10.0
 """Mean over scatter from which a value is there: five times the most that round-off made, see above."""
@@ -46,7 +42,9 @@ SHOWN = 10.0
 def nudged(Q: Matrix, seed: int = 0) -> Array:
     """COPIES postures a hair from each of Q (k, n): (k, COPIES, n), the same for the same seed."""
     noise = np.random.default_rng(seed).standard_normal((len(Q), COPIES, Q.shape[1]))
-    return Q[:, None, :] + NUDGE * np.maximum(1.0, np.abs(Q))[:, None, :] * noise
+    # 1.5e-11 joint units, for joints beyond 1 times the joint: 60,000 times the last digit, so that all digits lost on
+    # the way are drawn anew, and too small to change a curvature by more than round-off does
+    return Q[:, None, :] + 2.0**-36 * np.maximum(1.0, np.abs(Q))[:, None, :] * noise
 
 
 def measured(field: Callable[[Matrix], Array], Q: Matrix) -> tuple[Array, Matrix]:
@@ -84,22 +82,6 @@ HIDDEN_ROUNDOFF = 1e-6
 PIECE = 65_536
 """Postures that are evaluated at once, so that memory does not grow with their number."""
 
-AGAIN = 16
-"""Of so many postures one is looked at again before climbing, at 16 nudged copies, which doubles the work: a tail of
-1e-14 is told from round-off by its mean over them."""
-
-FAINT = 3.0
-"""Mean over scatter from which a climb is worth trying: round-off alone made 2.2 at most."""
-
-STARTS = 16
-"""Postures from which curvature is maximised."""
-
-ROUNDS = 60
-"""Steps of a climb; from a tenth of the region they fall or grow, by 0.4 or 1.5, to where it ends."""
-
-SIDE = 1 / 256
-"""Share of the region over which differences of log |F| are taken; exact for a Gaussian of any width."""
-
 Field = Callable[[Matrix], tuple[Array, Vector]]
 """Postures (k, n) -> relative curvature (k, n, p) in p planes, rcond (k,)."""
 
@@ -134,18 +116,8 @@ def _scan(field: Field, Q: Matrix) -> Scan:
     parts = [field(Q[i : i + PIECE]) for i in range(0, len(Q), PIECE)]
     with np.errstate(all="ignore"):
         sizes = np.concatenate([np.linalg.norm(F, axis=1) for F, _ in parts])
-    rcond = np.concatenate([found for _, found in parts])
+    rcond = np.concatenate([rcond for _, rcond in parts])
     return Scan(Q, sizes, rcond, (rcond > JUDGED) & np.isfinite(sizes).all(axis=1))
-
-
-def merged(a: Scan, b: Scan) -> Scan:
-    """Both, one after the other."""
-    return Scan(
-        np.concatenate([a.Q, b.Q]),
-        np.concatenate([a.sizes, b.sizes]),
-        np.concatenate([a.rcond, b.rcond]),
-        np.concatenate([a.sound, b.sound]),
-    )
 
 
 def examine(field: Field, seen: Scan, tolerance: float) -> Extreme | None:
@@ -158,7 +130,10 @@ def examine(field: Field, seen: Scan, tolerance: float) -> Extreme | None:
     highest = sizes.max(axis=1)
     doubtful = np.flatnonzero(seen.sound & (highest > tolerance))
     doubtful = doubtful[np.argsort(-highest[doubtful])]
-    for rows in _batches(doubtful):
+    # A few first, since a real curvature shows at once, then the rest
+    for rows in np.split(doubtful, [8, 128, *range(2176, len(doubtful), 2048)]):
+        if not len(rows):
+            break
         mean, scatter = measured(lambda Q: field(Q)[0], seen.Q[rows])
         with np.errstate(all="ignore"):
             size = np.linalg.norm(mean, axis=1)
@@ -170,6 +145,7 @@ def examine(field: Field, seen: Scan, tolerance: float) -> Extreme | None:
             undecided[rows] &= ~standing.any(axis=1)
             return Extreme(True, int(rows[k]), int(p), float(standing[k, p]), tolerance, undecided)
         sizes[rows], allowed[rows] = size, np.maximum(tolerance, noise(scatter))
+    # None stands out: the one nearest to what is allowed there
     counted = np.flatnonzero(seen.sound & ~undecided)
     if not len(counted):
         return None
@@ -183,34 +159,37 @@ def _maximised(field: Field, region: Region, seen: Scan) -> Matrix:
 
     A curvature far below any tolerance counts: its tail leads to where it is large.
     """
+    # One in 16 postures is looked at again, at 16 nudged copies, which doubles the work
     order = np.flatnonzero(seen.sound)
     quiet = seen.sizes[order].max(axis=1) * seen.rcond[order] ** 2  # round-off grows as 1 / rcond^2
-    rows = order[np.argsort(-quiet)][: -(-len(seen.Q) // AGAIN)]
+    rows = order[np.argsort(-quiet)][: -(-len(seen.Q) // 16)]
     if not len(rows):
         return seen.Q[:0]
     mean, scatter = measured(lambda Q: field(Q)[0], seen.Q[rows])
+    # Climb from the 16 best whose mean is over 3 times the scatter: round-off alone made 2.2 at most
     size = np.linalg.norm(mean, axis=1)
-    signal = np.where(size > FAINT * scatter, size, 0.0).max(axis=1)
-    best = np.argsort(-signal)[:STARTS]
+    signal = np.where(size > 3.0 * scatter, size, 0.0).max(axis=1)
+    best = np.argsort(-signal)[:16]
     return _climb(field, region, seen.Q[rows[best[signal[best] > 0]]])
 
 
 def _climb(field: Field, region: Region, Q: Matrix) -> Matrix:
+    """Where 60 steps uphill lead; from a tenth of the region they fall or grow, by 0.4 or 1.5, to where it ends."""
     if not len(Q):
         return Q
-    width = region.upper - region.lower
-    n, step = region.n, np.full(len(Q), 0.1)
-    height = _height(field, Q)
-    for _ in range(ROUNDS):
-        shift = SIDE * width * np.eye(n)
+    width, n = region.upper - region.lower, region.n
+    step, height = np.full(len(Q), 0.1), _height(field, Q)
+    # Differences of log |F| over a 256th of the region; they are exact for a Gaussian of any width
+    shift = 1 / 256 * width * np.eye(n)
+    for _ in range(60):
         beside = np.stack([Q[:, None] + shift, Q[:, None] - shift], axis=1)  # (j, 2, n, n)
         levels = _height(field, np.clip(beside, region.lower, region.upper).reshape(-1, n)).reshape(len(Q), 2, n)
         slope = np.nan_to_num(levels[:, 0] - levels[:, 1], nan=0.0, posinf=0.0, neginf=0.0)
         slope /= np.maximum(np.linalg.norm(slope, axis=1), 1e-300)[:, None]
         trial = np.clip(Q + step[:, None] * slope * width, region.lower, region.upper)
-        there = _height(field, trial)
-        better = there > height
-        Q, height = np.where(better[:, None], trial, Q), np.where(better, there, height)
+        risen = _height(field, trial)
+        better = risen > height
+        Q, height = np.where(better[:, None], trial, Q), np.where(better, risen, height)
         step *= np.where(better, 1.5, 0.4)
     return Q
 
@@ -222,31 +201,27 @@ def _height(field: Field, Q: Matrix) -> Vector:
         return np.where(seen.sound, np.log(seen.sizes.max(axis=1)), -np.inf)
 
 
-def _batches(rows: Indices) -> list[Indices]:
-    """A few first, since a real curvature shows at once, then the rest."""
-    edges = [0, 8, 128, *range(2176, len(rows) + 2048, 2048)]
-    return [rows[a:b] for a, b in pairwise(edges) if a < len(rows)]
-
-
 # --- Is a strategy holonomic that is a Python function? As `involutivity`, with derivatives by differences.
 
 SURE = 3.0
-"""Curvature over its error from which it is there. The errors are estimated with care: over 3,800 curvatures of laws in
-double and single precision and with noise of 1e-8 and 1e-10 the true ones were at most 0.64 of them."""
-
-HIDDEN_CURVATURE = 1e-3
-"""Relative curvature [1/rad] that may hide in the error of a posture which is judged: the weakest real defect that we
-know is above it, see `TOLERANCES.holonomic`."""
+"""Curvature over its error from which it is there. The errors are estimated with care: over 3,800 curvatures of
+strategies in double and single precision and with noise of 1e-8 and 1e-10 the true ones were at most 0.64 of them."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _Measured:
     """A posture: its curvature, and relative to |G_i| |G_j| the sizes and errors (p,) of the planes."""
 
     q: Vector
-    found: MeasuredCurvature
+    curvature: MeasuredCurvature
     sizes: Vector
     errors: Vector
+
+    def is_judged(self, tolerance: float) -> bool:
+        """Whether curvature is shown here, or none that matters could hide: the weakest real defect that we know is
+        above 1e-3 per rad, see `TOLERANCES.holonomic`."""
+        shown = self.sizes > np.maximum(tolerance, SURE * self.errors)
+        return bool(shown.any() or (SURE * self.errors < 1e-3).all())
 
 
 def _numeric_verdict(strategy: NumericStrategy, Q: Matrix, region: Region, tolerance: float) -> Verdict:
@@ -256,39 +231,40 @@ def _numeric_verdict(strategy: NumericStrategy, Q: Matrix, region: Region, toler
         EmptyRegionError: none can be judged. ArgumentError, ShapeError: J G is not 1 at one, or G has another shape.
     """
     task, planes = strategy.task, pairs(strategy.task.m) or [(0, 0)]
-    seen: list[_Seen] = []
+    # The curvature at each posture, and which of them can be judged
+    seen: list[_Measured] = []
     refused: HolokinError | None = None
     for q in Q:
         try:
-            found, lengths = measured_curvature(strategy, q), np.linalg.norm(strategy(q), axis=0)
+            curvature, lengths = measured_curvature(strategy, q), np.linalg.norm(strategy(q), axis=0)
         except OUTSIDE as problem:
             refused = refused or problem
             continue
         scale = np.array([lengths[i] * lengths[j] for i, j in planes])
-        sizes, errors = (np.array([table[plane] for plane in planes]) / scale for table in (found.sizes, found.error))
-        seen.append(_Seen(q, found, sizes, errors))
-    judged = [one for one in seen if _is_judged(one, tolerance)]
+        sizes, errors = (np.array([F[plane] for plane in planes]) / scale for F in (curvature.sizes, curvature.error))
+        seen.append(_Measured(q, curvature, sizes, errors))
+    judged = [posture for posture in seen if posture.is_judged(tolerance)]
     if not judged:
-        least = min((float(one.errors.max()) for one in seen), default=np.inf)
+        least = min((float(posture.errors.max()) for posture in seen), default=np.inf)
         why = HolokinError(f"its curvature is known to {least:.1e} per rad only, which could hide a real one")
         raise EmptyRegionError(len(Q), refused or why)
-    stands = [one.sizes / np.maximum(tolerance, SURE * one.errors) for one in judged]
-    holonomic = not any((ratio > 1).any() for ratio in stands)
-    most = stands if holonomic else [np.where(r > 1, one.sizes, 0.0) for r, one in zip(stands, judged, strict=True)]
-    row = int(np.argmax([measure.max() for measure in most]))
-    witness, p = judged[row], int(np.argmax(most[row]))
-    allowed = max(tolerance, SURE * float(witness.errors[p]))
-    i, j = planes[p]
+    # The witness: the largest curvature that stands out of its error, or else the one that comes nearest to it
+    sizes = np.array([posture.sizes for posture in judged])
+    allowed = np.maximum(tolerance, SURE * np.array([posture.errors for posture in judged]))
+    holonomic = not (sizes > allowed).any()
+    measure = sizes / allowed if holonomic else np.where(sizes > allowed, sizes, 0.0)
+    row, p = np.unravel_index(int(measure.argmax()), measure.shape)
+    witness, (i, j) = judged[row], planes[p]
     names = list(zip(task.row_names, task.units, strict=True))
     return Verdict(
         holonomic=holonomic,
-        defect=float(witness.found.sizes[i, j]),
+        defect=float(witness.curvature.sizes[i, j]),
         unit=curvature_unit(strategy, i, j),
         relative=float(witness.sizes[p]),
-        tolerance=allowed,
+        tolerance=float(allowed[row, p]),
         witness=witness.q,
         plane=(i, j),
-        direction=witness.found.F[:, i, j],
+        direction=witness.curvature.F[:, i, j],
         samples=len(judged),
         singular=len(Q) - len(seen),
         undecided=len(seen) - len(judged),
@@ -298,24 +274,15 @@ def _numeric_verdict(strategy: NumericStrategy, Q: Matrix, region: Region, toler
         curved=not holonomic,
         rows=(names[i], names[j]),
         accuracy=Accuracy(
-            error=max(float(one.errors.max()) for one in judged),
-            noise=max(one.found.noise for one in judged),
-            step=min(one.found.step for one in judged),
+            error=max(float(posture.errors.max()) for posture in judged),
+            noise=max(posture.curvature.noise for posture in judged),
+            step=min(posture.curvature.step for posture in judged),
         ),
     )
 
 
-def _is_judged(one: _Seen, tolerance: float) -> bool:
-    """Whether curvature is shown at a posture, or none that matters could hide there."""
-    shown = one.sizes > np.maximum(tolerance, SURE * one.errors)
-    return bool(shown.any() or (SURE * one.errors < HIDDEN_CURVATURE).all())
-
-
 THOROUGH = 65_536
 """Postures that `thorough=True` looks at: half a second for a Panda, most of it for compiling."""
-
-JUMPS_FROM = 64
-"""Postures from which places are sought where the formula of a law turns over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,7 +320,8 @@ def involutivity(
 ) -> Verdict:
     """Whether [G_i, G_j] lies in range G for all i, j at postures of a region: the condition (4) of the paper.
 
-    Where the formula of a law jumps, by an if_else, a floor, ... of the user's, its two sides are compared as well.
+    Where the formula of a strategy jumps, by an if_else, a floor, ... of the user's, its two sides are compared as
+    well.
 
     Right for geometric Jacobians too, since the vertical part of the brackets is tested (theory 1.1), and
     free of null-space bases (theory 5.1). `Verdict` says what is known of the postures between (theory 5.2).
@@ -362,17 +330,24 @@ def involutivity(
         region: box in joint space, for instance `around(q0, 0.3)`.
         samples: postures to look at; those that are singular, or where round-off hides all, are left out and counted.
         thorough: look at 65,536 postures, or as many as it says, then climb to where the curvature is largest from
-            those where it stands out of its round-off most. For laws with exp, tanh, if_else, ... in them. Of a law
-            that is a Python function: a number, which is all that is looked at.
+            those where it stands out of its round-off most. For strategies with exp, tanh, if_else, ... in them. Of a
+            strategy that is a Python function: a number, which is all that is looked at.
         tolerance: largest relative defect [1/rad] that counts as zero.
 
     Raises:
         EmptyRegionError: every sampled posture is singular, or round-off hides its curvature.
         ShapeError: the region has not n joints. ArgumentError: a number of postures that is not whole and at least 1.
     """
-    if isinstance(strategy, NumericStrategy):
-        return _judged_by_values(strategy, region, whole("samples", samples), thorough, tolerance, seed)
-    return _judged(_subject(strategy), region, whole("samples", samples), thorough, tolerance, seed)
+    if not isinstance(strategy, NumericStrategy):
+        return _judged(_subject(strategy), region, whole("samples", samples), thorough, tolerance, seed)
+    # Of a Python function: postures alone, and as many as are asked for
+    if region.n != strategy.task.n:
+        raise ShapeError("the region", (strategy.task.n,), (region.n,))
+    if thorough is True:
+        cure = f"{strategy.name!r} is a Python function, some 100 calls a posture: say how many, as thorough=1000"
+        raise ArgumentError("thorough", thorough, cure)
+    count = max(whole("samples", samples), whole("thorough", thorough) if thorough is not False else 1)
+    return _numeric_verdict(strategy, region.sample(count, seed), region, tolerance)
 
 
 def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERANCES.holonomic) -> Verdict:
@@ -409,13 +384,14 @@ def involutivity_of(
     Raises:
         EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
     """
+    # The distribution, with fields of length one, so that the scale of B does not count
     q = symbol("q", whole("n", n))
     B = written("the distribution", distribution, q)
     if B.shape[0] != n:
         raise ShapeError("the distribution", (n, "k"), B.shape)
-    units = horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1])))  # so that the scale of B does not count
-    frame = factorise(units)
+    frame = factorise(horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1]))))
     basis = frame.thin_q()
+    # What of the brackets is normal to it.
     # Lemma III.1, Proposition 1: with B = N, and with B = W J^T, this is what they speak of
     brackets = pairwise_brackets(B, q)
     normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]  # (4)
@@ -428,15 +404,16 @@ def involutivity_of(
             F = F.reshape(len(Q), n, -1) / _scale(fields.reshape(len(Q), n, -1), planes)[:, None, :]
         return F, np.ones((len(Q), len(planes))), rcond
 
-    name = f"distribution of rank {B.shape[1]}"
-    refusal = lambda _q: HolokinError("the distribution loses rank")  # noqa: E731
-    subject = _Subject(name, n, values, planes, ["/joint unit"] * len(planes), [], refusal, *_evidence(B, q))
-    area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
-    return _judged(subject, area, whole("samples", samples), thorough, tolerance, seed)
+    # Judged as a strategy is
+    name, problem = f"distribution of rank {B.shape[1]}", HolokinError("the distribution loses rank")
+    subject = _Subject(name, n, values, planes, ["/joint unit"] * len(planes), [], lambda _q: problem, *_evidence(B, q))
+    region = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
+    return _judged(subject, region, whole("samples", samples), thorough, tolerance, seed)
 
 
 def _subject(strategy: Strategy) -> _Subject:
-    task, function = strategy.task, curvature_function(strategy)
+    """A strategy that is a formula."""
+    task, function, e = strategy.task, curvature_function(strategy), strategy.expressions
     planes = pairs(task.m) or [(0, 0)]
 
     def values(Q: Matrix) -> tuple[Array, Matrix, Vector]:
@@ -447,22 +424,26 @@ def _subject(strategy: Strategy) -> _Subject:
     def refusal(q: Vector) -> Exception | None:
         try:
             strategy(q)
-        except SingularityError as first:
-            return first
+        except SingularityError as problem:
+            return problem
         return None
 
-    e = strategy.expressions
     # Lemma III.1: range G is the null space of an exact J_g
-    evidence = (Evidence.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _evidence(e.planes, e.q)
-    units, rows = (
-        [curvature_unit(strategy, i, j) for i, j in planes],
-        list(zip(task.row_names, task.units, strict=True)),
-    )
-    name = f"{strategy.name!r}, {task.name}"
+    exact = isinstance(strategy, HolonomicStrategy)
+    evidence, others = (Evidence.CONSTRAINT, ()) if exact else _evidence(e.planes, e.q)
     return _Subject(
-        name, task.n, values, planes, units, rows, refusal, *evidence,
-        lambda Q, region: jumps_of(strategy, Q, region.lower, region.upper), may_jump(strategy),
-    )  # fmt: skip
+        name=f"{strategy.name!r}, {task.name}",
+        n=task.n,
+        values=values,
+        planes=planes,
+        units=[curvature_unit(strategy, i, j) for i, j in planes],
+        rows=list(zip(task.row_names, task.units, strict=True)),
+        refusal=refusal,
+        evidence=evidence,
+        others=others,
+        jumps=lambda Q, region: jumps_of(strategy, Q, region.lower, region.upper),
+        may_jump=may_jump(strategy),
+    )
 
 
 def _evidence(planes: SX, q: SX) -> tuple[Evidence, tuple[str, ...]]:
@@ -476,58 +457,49 @@ def _scale(fields: Array, planes: list[tuple[int, int]]) -> Matrix:
     return np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
 
 
-def _judged_by_values(
-    strategy: NumericStrategy, region: Region, samples: int, thorough: bool | int, tolerance: float, seed: int
-) -> Verdict:
-    if region.n != strategy.task.n:
-        raise ShapeError("the region", (strategy.task.n,), (region.n,))
-    if thorough is True:
-        cure = f"{strategy.name!r} is a Python function, some 100 calls a posture: say how many, as thorough=1000"
-        raise ArgumentError("thorough", thorough, cure)
-    count = samples if thorough is False else max(samples, whole("thorough", thorough))
-    return _numeric_verdict(strategy, region.sample(count, seed), region, tolerance)
-
-
 def _judged(
     subject: _Subject, region: Region, samples: int, thorough: bool | int, tolerance: float, seed: int
 ) -> Verdict:
+    """The verdict on a region: from its samples, and if it is to be thorough from where the curvature is largest."""
     if region.n != subject.n:
         raise ShapeError("the region", (subject.n,), (region.n,))
     if thorough is not False:
         samples = max(samples, THOROUGH if thorough is True else whole("thorough", thorough))
     seen = _scan(subject.relative, region.sample(samples, seed))
     if thorough is not False:
-        found = _maximised(subject.relative, region, seen)
-        seen = merged(seen, _scan(subject.relative, found)) if len(found) else seen
+        highest = _maximised(subject.relative, region, seen)
+        seen = joined(seen, _scan(subject.relative, highest)) if len(highest) else seen
     return _verdict(subject, seen, region, tolerance)
 
 
 def _verdict(subject: _Subject, seen: Scan, region: Region, tolerance: float) -> Verdict:
-    found = examine(subject.relative, seen, tolerance)
-    if found is None:
+    """The verdict at the postures that were looked at."""
+    extreme = examine(subject.relative, seen, tolerance)
+    if extreme is None:
         best = f"rcond at most {np.nanmax(seen.rcond, initial=0.0):.1e}, and round-off hides the curvature"
         raise EmptyRegionError(len(seen.Q), subject.refusal(seen.Q[0]) or HolokinError(best))
-    witness, plane = seen.Q[found.row], subject.planes[found.plane]
+    witness, plane = seen.Q[extreme.row], subject.planes[extreme.plane]
     F, scale, _ = subject.values(witness[None])
-    jumps = subject.jumps(seen.Q[:: -(-len(seen.Q) // JUMPS_FROM)], region) if subject.may_jump else ()
+    # Places where the formula turns over are sought from some 64 of the postures
+    jumps = subject.jumps(seen.Q[:: -(-len(seen.Q) // 64)], region) if subject.may_jump else ()
     return Verdict(
-        holonomic=not (found.shown or any(jump.planes for jump in jumps)),
-        defect=float(found.size * scale[0, found.plane]),
-        unit=subject.units[found.plane],
-        relative=found.size,
-        tolerance=found.allowed,
+        holonomic=not (extreme.shown or any(jump.planes for jump in jumps)),
+        defect=float(extreme.size * scale[0, extreme.plane]),
+        unit=subject.units[extreme.plane],
+        relative=extreme.size,
+        tolerance=extreme.allowed,
         witness=witness,
         plane=plane,
-        direction=F[0, :, found.plane],
-        samples=int((seen.sound & ~found.undecided).sum()),
+        direction=F[0, :, extreme.plane],
+        samples=int((seen.sound & ~extreme.undecided).sum()),
         singular=int((~seen.sound).sum()),
-        undecided=int(found.undecided.sum()),
+        undecided=int(extreme.undecided.sum()),
         region=region,
         evidence=subject.evidence,
         others=subject.others,
         subject=subject.name,
         jumps=jumps,
         may_jump=subject.may_jump,
-        curved=found.shown,
+        curved=extreme.shown,
         rows=tuple(subject.rows[k] for k in plane) if subject.rows else (),
     )

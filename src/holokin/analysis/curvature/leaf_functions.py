@@ -1,4 +1,4 @@
-"""What the planes of a strategy tell: leaf functions, the form of the paper, the distance to a repeatable law.
+"""What the planes of a strategy tell: leaf functions, the form of the paper, the distance to a repeatable strategy.
 
 `radial` carries along the same segments, as an expression. The 32 steps that a comparison of two paths asks for would
 be 3.4 million operations for twelve joints, ten seconds to build: so numbers are carried here.
@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, NotHolonomicError
-from ...base.types import ArrayLike, Matrix, Shown, Value, Vector, frozen, positive, whole
+from ...base.types import ArrayLike, Matrix, Result, Value, Vector, frozen, positive, whole
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy, check_solved, radial, self_motion
 from ...symbolic import Function, jacobian, runge_kutta, symbol
@@ -21,9 +21,6 @@ from ...symbolic.linear import null_space
 from .curvature_of_planes import TRANSPORT_STEPS, curvature, curvature_function, pairs, straight_postures, transport
 from .involutive import involutivity, involutivity_at
 from .verdict import Ball, Verdict, around
-
-AGREE = 1e-6
-"""Difference [joint units] of two transports above which there is no leaf function: a hundred times their error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,14 +82,9 @@ class LeafFunction(Value):
         """(q, v, D, V) -> (G v, (G v)' D + G V, rcond, margin)."""
         e, task = self.strategy.expressions, self.strategy.task
         v, D, V = symbol("v", task.m), symbol("D", task.n, task.n), symbol("V", task.m, task.n)
-        found = e.rate(v, written_out=True)
-        dD = jacobian(found.X, e.q) @ D + e.rate(V, written_out=True).X
-        outputs = {
-            "dq": found.X,
-            "dD": dD,
-            "rcond": found.rcond,
-            "margin": self.strategy._margin_expression,
-        }
+        rate = e.rate(v, written_out=True)
+        dD = jacobian(rate.X, e.q) @ D + e.rate(V, written_out=True).X
+        outputs = {"dq": rate.X, "dD": dD, "rcond": rate.rcond, "margin": self.strategy._margin_expression}
         return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
 
     def check(self, q: ArrayLike) -> None:
@@ -124,18 +116,16 @@ def leaf_function(
     robot: Robot = strategy.task.robot
     start = robot.checked(reference, "the reference posture")
     strategy(start)
-    g = LeafFunction(strategy, start)
+    g, rng = LeafFunction(strategy, start), np.random.default_rng(whole("seed", seed, 0))
     whole("samples", samples)
     positive("radius", radius)
-    rng = np.random.default_rng(whole("seed", seed, 0))
-    worst, witness = 0.0, start
-    for _ in range(samples):
-        q, corner = start + rng.uniform(-radius, radius, (2, robot.n))
-        gap = g.disagreement(q, corner)
-        if gap > worst:
-            worst, witness = gap, q
-    if worst > AGREE:
-        raise NotHolonomicError(strategy.name, witness, worst)
+    # Detours: a hundred times the error of two transports is no agreement
+    pairs_of_postures = [start + rng.uniform(-radius, radius, (2, robot.n)) for _ in range(samples)]
+    gaps = [g.disagreement(q, corner) for q, corner in pairs_of_postures]
+    worst = int(np.argmax(np.nan_to_num(gaps)))
+    if gaps[worst] > 1e-6:
+        raise NotHolonomicError(strategy.name, pairs_of_postures[worst][0], gaps[worst])
+    # Curvature
     _refuse_curved(strategy, involutivity(strategy, around(start, radius), seed=seed))
     return g
 
@@ -149,7 +139,7 @@ def _refuse_curved(strategy: Strategy, verdict: Verdict) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class GeneralForm(Value):
+class GeneralForm(Result, Value):
     """The paper's general form of a holonomic strategy at q: G = H H^T J^T (J H H^T J^T)^-1, H = [N_G N].
 
     J (m, n), G (n, m); J_G (r, n) the gradient of its g; N_G (n, m) an orthonormal basis of ker J_G, N (n, r) a basis
@@ -179,26 +169,33 @@ class GeneralForm(Value):
         The margins are smallest singular values, of J N_G (9), J_A (11) and H, which Theorem III.2 asks to be
         nonsingular; and for (12), Null(J) and Null(J_G) meet in 0 alone, the sine of the smallest angle between them.
         """
-        m = len(self.J)
-        W = self.H @ self.H.T
-        seven = W @ self.J.T @ np.linalg.inv(self.J @ W @ self.J.T)  # (7)
-        eight = W @ self.J.T - self.N_G @ (self.J @ self.N_G).T  # (8)
+
+        def largest(A: Matrix) -> float:
+            return float(np.abs(A).max(initial=0.0))
+
+        def least(A: Matrix) -> float:
+            return float(np.linalg.svd(A, compute_uv=False).min(initial=np.inf))
+
+        m, W = len(self.J), self.H @ self.H.T
+        G = W @ self.J.T @ np.linalg.inv(self.J @ W @ self.J.T)
         kernel = np.linalg.qr(self.N)[0]
-        sines = np.linalg.svd(kernel - self.N_G @ (self.N_G.T @ kernel), compute_uv=False)  # (12)
-        blocks = self.J_A @ self.H  # (13)
-        off = max(np.abs(blocks[:m, m:]).max(initial=0.0), np.abs(blocks[m:, :m]).max(initial=0.0))
-        identity = np.vstack([np.eye(m), np.zeros((len(self.J_G), m))])  # (14): what J_A G is
+        blocks = self.J_A @ self.H
+        identity = np.vstack([np.eye(m), np.zeros((len(self.J_G), m))])
         return {
-            "(7)": float(np.abs(seven - self.G).max()),
-            "(8)": float(np.abs(eight).max()),
-            "(9)": float(np.linalg.svd(self.J @ self.N_G, compute_uv=False)[-1]),  # (9)
-            "(10)": float(np.abs(self.J_G @ self.G).max(initial=0.0)),  # (10)
-            "(11)": float(np.linalg.svd(self.J_A, compute_uv=False)[-1]),
-            "(12)": float(sines.min(initial=1.0)),
-            "(13)": float(off),
-            "(14)": float(np.abs(self.J_A @ seven - identity).max()),
-            "H": float(np.linalg.svd(self.H, compute_uv=False)[-1]),
+            "(7)": largest(G - self.G),  # (7)
+            "(8)": largest(W @ self.J.T - self.N_G @ (self.J @ self.N_G).T),  # (8)
+            "(9)": least(self.J @ self.N_G),  # (9)
+            "(10)": largest(self.J_G @ self.G),  # (10)
+            "(11)": least(self.J_A),
+            "(12)": min(1.0, least(kernel - self.N_G @ (self.N_G.T @ kernel))),  # (12)
+            "(13)": max(largest(blocks[:m, m:]), largest(blocks[m:, :m])),  # (13)
+            "(14)": largest(self.J_A @ G - identity),  # (14): what J_A G is
+            "H": least(self.H),
         }
+
+    def __str__(self) -> str:
+        values = "; ".join(f"{name} {value:.1e}" for name, value in self.residuals().items())
+        return f"what is 0 in the general form, and the margins (9), (11), (12) and H, which are above 0: {values}"
 
 
 @typed
@@ -226,14 +223,11 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
     return GeneralForm(posture, J, G, J_G, N_G, task.null_space(posture))
 
 
-# --- The distance to a repeatable law: how close can a holonomic law be to a given one? (theory 5.4)
-
-POINTS = 120
-"""Samples of a circle: the least of a smooth function over it is then right to a thousandth of its variation."""
+# --- The distance to a repeatable strategy: how close can a holonomic strategy be to a given one? (theory 5.4)
 
 
 @dataclass(frozen=True)
-class Deviation(Shown):
+class Deviation(Result):
     """How far one strategy is from another over some postures, relative to the first.
 
     rms: sqrt(mean |G' - G|^2 / mean |G|^2); largest: max |G' - G| / |G|; extra_speed: mean |G'|^2 / mean |G|^2 - 1,
@@ -267,17 +261,17 @@ def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | 
 
 
 @dataclass(frozen=True)
-class RepeatableDistance(Value):
-    """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
+class RepeatableDistance(Result, Value):
+    """What repeatability costs near a posture. All deviations are relative to the given strategy, as in `Deviation`.
 
-    bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
-        from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is a
+    bound: every holonomic strategy g = const whose g is smooth, of one value and regular on the circle is at least so
+        far from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is a
         theorem (theory 5.4); its figure is the least of `points` samples of the circle.
     first_order: rms deviation of the radial strategy over the ball to first order in the radius, an estimate from the
-        curvature at the samples. To that order no law has less whose slope is the same all along a self-motion; others
-        may: a law with a cut has.
-    radial, ours: the radial strategy and the law asked about. rms and extra_speed over `samples` postures of the ball,
-        largest over these and the circle's: sampled, so the true largest may be greater.
+        curvature at the samples. To that order no strategy has less whose slope is the same all along a self-motion;
+        others may: a strategy with a cut has.
+    radial, ours: the radial strategy and the strategy asked about. rms and extra_speed over `samples` postures of the
+        ball, largest over these and the circle's: sampled, so the true largest may be greater.
     circle: postures (k, n) of the circle of the ball's radius about its centre, in the plane of the greatest curvature
         there, on the radial leaf of the start; with `along` on up to five leaves, and the bound is the greatest of
         theirs.
@@ -293,10 +287,10 @@ class RepeatableDistance(Value):
 
     def __str__(self) -> str:
         lines = [
-            "difference from the joint rates of the given law, |G' - G| / |G|:",
-            f"  any law g = const with a g that is smooth, regular and single-valued on a circle around the start: at "
-            f"least {self.bound:.2%} at one or more postures of the circle (by a theorem; the least of {self.points} "
-            "sampled points)",
+            "difference from the joint rates of the given strategy, |G' - G| / |G|:",
+            "  any strategy g = const with a g that is smooth, regular and single-valued on a circle around the start: "
+            f"at least {self.bound:.2%} at one or more postures of the circle (by a theorem; the least of "
+            f"{self.points} sampled points)",
             f"  the radial strategy: {self.radial}",
             *([] if self.ours is None else [f"  yours: {self.ours}"]),
             f"rms and speed are those of {self.samples} sampled postures of the ball; 'at most' is the largest value "
@@ -309,10 +303,10 @@ class RepeatableDistance(Value):
 def distance_to_repeatable(
     strategy: Strategy, region: Ball, ours: Strategy | None = None, *, samples: int = 200, seed: int = 0
 ) -> RepeatableDistance:
-    """How close a repeatable law can come to a strategy with one redundant joint, and how close some do.
+    """How close a repeatable strategy can come to a strategy with one redundant joint, and how close some do.
 
-    Bound: on a closed curve in joint space g has a greatest value, and there the law moves the joints along the curve.
-    On a curve of the radial leaf that is the radial strategy's own motion, so |G' - G| >= min |(G_rad - G) e|,
+    Bound: on a closed curve in joint space g has a greatest value, and there the strategy moves the joints along the
+    curve. On a curve of the radial leaf that is the radial strategy's own motion, so |G' - G| >= min |(G_rad - G) e|,
     e the direction of the curve (theory 5.4). First order: 1/2 |F| R / sqrt(d + 2) in a ball of R^d.
 
     Args:
@@ -326,31 +320,35 @@ def distance_to_repeatable(
     start = task.robot.checked(region.start, "the start of the region")
     d = sum(row < 3 for row in task.rows)
     if task.n - task.m != 1 or d < 2 or list(task.rows[:d]) != list(range(d)):
-        facts = (task.n - task.m, d)
-        raise ArgumentError(
-            "the (redundant joints, position rows)", facts, "the bound is for one, and at least two rows"
-        )
-    Q = ball_postures(strategy, Ball(start, region.radius, region.along), samples, seed)
-    near = radial(strategy, start)
+        facts, cure = (task.n - task.m, d), "the bound is for one, and at least two rows"
+        raise ArgumentError("the (redundant joints, position rows)", facts, cure)
+    # To first order, by the curvature at postures of the ball
+    region = Ball(start, region.radius, region.along)
+    Q, near = ball_postures(strategy, region, samples, seed), radial(strategy, start)
     G = strategy.batch(Q)[:, :, :d]
     F = curvature_function(strategy).batch(Q)[0].reshape(len(Q), task.n, -1)
     inner = [k for k, (i, j) in enumerate(pairs(task.m)) if j < d]
     strength = np.sqrt(2 * np.mean(np.sum(F[:, :, inner] ** 2, axis=(1, 2))) / np.mean(np.sum(G**2, axis=(1, 2))))
-    leaves = _starts(strategy, Ball(start, region.radius, region.along))
-    circles = [_circle(strategy, posture, region.radius, d) for posture in leaves[:: max(1, -(-len(leaves) // 5))]]
+    # The bound, on circles of up to five leaves; the least over 120 samples of a circle is right to a thousandth of its
+    # variation
+    leaves = _starts(strategy, region)
+    leaves = leaves[:: max(1, -(-len(leaves) // 5))]
+    circles = [_circle(strategy, posture, region.radius, d, points=120) for posture in leaves]
     rim = np.vstack([postures for postures, _ in circles])
 
-    def judged(law: Strategy) -> Deviation:
-        inside, edge = (deviation(strategy, law, postures, columns=d) for postures in (Q, rim))
+    # How far the radial strategy, and the one asked about, are from the given one
+
+    def judged(other: Strategy) -> Deviation:
+        inside, edge = (deviation(strategy, other, postures, columns=d) for postures in (Q, rim))
         return replace(inside, largest=max(inside.largest, edge.largest))
 
     return RepeatableDistance(
-        bound=max(_least_on_circle(strategy, near, *one, d) for one in circles),
+        bound=max(_least_on_circle(strategy, near, postures, along, d) for postures, along in circles),
         first_order=float(strength * region.radius / 2 / np.sqrt(d + 2)),
         radial=judged(near),
         ours=None if ours is None else judged(ours),
         samples=len(Q),
-        points=POINTS,
+        points=len(circles[0][0]),
         circle=rim,
     )
 
@@ -365,39 +363,40 @@ def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0)
     task, rng = strategy.task, np.random.default_rng(whole("seed", seed, 0))
     d = sum(row < 3 for row in task.rows)
     starts = _starts(strategy, region)
-    out = np.empty((samples, task.n))
+
+    def in_ball(radius: float, size: int) -> Vector:
+        v = rng.normal(size=size)
+        return radius * rng.uniform() ** (1 / size) / np.linalg.norm(v) * v
+
+    postures = np.empty((samples, task.n))
     for k in range(samples):
-        v = rng.normal(size=d)
-        v *= region.radius * rng.uniform() ** (1 / d) / np.linalg.norm(v)
-        dx = np.concatenate([v, np.zeros(task.m - d)])
+        dx = np.concatenate([in_ball(region.radius, d), np.zeros(task.m - d)])
         if region.turn > 0 and task.m > d:
-            w = rng.normal(size=task.m - d)
-            dx[d:] = region.turn * rng.uniform() ** (1 / len(w)) / np.linalg.norm(w) * w
-        out[k] = transport(strategy, starts[rng.integers(len(starts))], dx, steps=8)
-    return out
+            dx[d:] = in_ball(region.turn, task.m - d)
+        postures[k] = transport(strategy, starts[rng.integers(len(starts))], dx, steps=8)
+    return postures
 
 
 def _starts(strategy: Strategy, region: Ball) -> Matrix:
     """The postures (k, n) over the centre of a ball: its start, and with `along` the self-motion so far each way."""
     if not region.along > 0:
         return np.array([region.start])
-    return self_motion(
-        strategy.task, region.start, length=region.along, step=min(0.02, region.along / 2), limits=False
-    ).q
+    step = min(0.02, region.along / 2)
+    return self_motion(strategy.task, region.start, length=region.along, step=step, limits=False).q
 
 
-def _circle(strategy: Strategy, start: Vector, radius: float, d: int) -> tuple[Matrix, Matrix]:
-    """(postures (POINTS, n), directions (POINTS, m)) of a circle of the tool about the start, on the radial leaf of it.
+def _circle(strategy: Strategy, start: Vector, radius: float, d: int, points: int) -> tuple[Matrix, Matrix]:
+    """(postures (points, n), directions (points, m)) of a circle of the tool about the start, on the radial leaf of it.
 
     In the plane (u, v) of the greatest curvature, the first singular vectors of n . F_ij.
     """
     task = strategy.task
     F = np.einsum("a,aij->ij", null_space(task.jacobian(start))[:, 0], curvature(strategy, start))[:d, :d]
     u, v = np.pad(np.linalg.svd(F)[0][:, :2].T, ((0, 0), (0, task.m - d)))
-    angles = 2 * np.pi * np.arange(POINTS) / POINTS
-    out = np.outer(np.cos(angles), u) + np.outer(np.sin(angles), v)
+    angles = 2 * np.pi * np.arange(points) / points
+    spokes = np.outer(np.cos(angles), u) + np.outer(np.sin(angles), v)
     along = np.outer(np.cos(angles), v) - np.outer(np.sin(angles), u)
-    return np.array([transport(strategy, start, radius * x, steps=8) for x in out]), along
+    return np.array([transport(strategy, start, radius * spoke, steps=8) for spoke in spokes]), along
 
 
 def _least_on_circle(strategy: Strategy, near: Strategy, Q: Matrix, along: Matrix, d: int) -> float:

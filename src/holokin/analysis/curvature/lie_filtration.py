@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -13,15 +14,7 @@ from ...base.errors import ArgumentError, RoundOffError, SingularityError
 from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Vector, kept
 from ...strategies import Strategy
 from ...symbolic import SX, Function, horzcat, lie_bracket
-from .involutive import COPIES, HIDDEN_ROUNDOFF, is_shown, noise, nudged, spread
-
-BESIDE = 1e-3
-"""Distance [joint units] of the postures beside q: far enough that a bracket that vanishes at q alone, as the
-curvature does where small loops do not drift, shows there; near enough to be the same place."""
-
-LEAST = 1e-13
-"""Share of its factors' lengths from which a bracket may count: rounded constants of a robot, cos(pi / 2) = 6e-17, make
-errors that no nudge scatters."""
+from .involutive import HIDDEN_ROUNDOFF, is_shown, noise, nudged, spread
 
 Word = Any
 """How a field is made: the number of a column of G, or (number, word) for the bracket of a column with a field."""
@@ -59,7 +52,7 @@ class Filtration(NoTruthValue, ask="`.integrability`"):
         return Integrability.COMPLETELY if self.reached == self.n else Integrability.PARTLY
 
     def __str__(self) -> str:
-        return f"{' -> '.join(map(str, self.dimensions))} of {self.n}: {self.integrability.value}"
+        return f"{self.integrability.value}: {' -> '.join(map(str, self.dimensions))} of {self.n}"
 
 
 @typed
@@ -82,31 +75,28 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
     task = strategy.task
     posture = task.robot.checked(q)
     strategy(posture)
+    # The columns of G, at q and beside it
     centres = _centres(strategy, posture)
-    words: list[Word] = list(range(task.m))
-    values = _values(strategy, words, centres)
-    lengths = np.linalg.norm(values.mean(axis=1), axis=1)  # (c, m)
-    growths = [_Growth(values[c]) for c in range(len(centres))]
-    newest = words
+    columns: list[Word] = list(range(task.m))
+    fields = _values(strategy, columns, centres)
+    lengths = np.linalg.norm(fields.mean(axis=1), axis=1)  # (c, m)
+    growths = [_Growth(fields[c]) for c in range(len(centres))]
     scales: dict[Word, Vector] = {i: lengths[:, i] for i in range(task.m)}
-    dimensions = [task.m]
+    newest, dimensions = columns, [task.m]
     for _ in range(most):
         if dimensions[-1] == task.n:
             break
-        candidates = [(a, b) for a in range(task.m) for b in newest if a != b]
-        if newest is words:  # [a, b] = -[b, a]
-            candidates = [(a, b) for a, b in candidates if a < b]
-        values = _values(strategy, candidates, centres)
-        kept: list[Word] = []
-        for k, (a, b) in enumerate(candidates):
+        # Brackets of the columns with what was added last; of two columns once, since [a, b] = -[b, a]
+        words = [(a, b) for a in columns for b in newest if a != b and (newest is not columns or a < b)]
+        fields, added = _values(strategy, words, centres), []
+        for k, (a, b) in enumerate(words):
             scales[a, b] = scales[a] * scales[b]
-            taken = [grown.takes(values[c, ..., k], scales[a, b][c]) for c, grown in enumerate(growths)]
-            if any(taken):
-                kept.append((a, b))
-        if not kept:
+            grown = [growth.takes(fields[c, ..., k], scales[a, b][c]) for c, growth in enumerate(growths)]
+            added += [(a, b)] if any(grown) else []
+        if not added:
             break
-        dimensions.append(max(grown.dimension for grown in growths))
-        newest = kept
+        dimensions.append(max(growth.dimension for growth in growths))
+        newest = added
     else:
         if dimensions[-1] < task.n:
             raise ArgumentError("most", most, f"the filtration still grows: {dimensions}; allow more")
@@ -138,43 +128,43 @@ class _Growth:
         for _ in range(2):
             rest = rest - np.einsum("knd,kjd,kj->kn", self._basis, self._basis, rest)
         mean, scatter = (part[0, ..., 0] for part in spread(rest[None, :, :, None]))
+        # Rounded constants of a robot, cos(pi / 2) = 6e-17, make errors of up to 1e-13 that no nudge scatters
         size = float(np.linalg.norm(mean))
-        if size > LEAST * scale and is_shown(size, float(scatter)):
-            self._basis = np.concatenate(
-                [self._basis, (rest / np.linalg.norm(rest, axis=1)[:, None])[:, :, None]], axis=2
-            )
+        if size > 1e-13 * scale and is_shown(size, float(scatter)):
+            direction = rest / np.linalg.norm(rest, axis=1)[:, None]
+            self._basis = np.concatenate([self._basis, direction[:, :, None]], axis=2)
             return True
         self.hidden = max(self.hidden, float(noise(scatter)) / scale)
         return False
 
 
 def _centres(strategy: Strategy, posture: Vector) -> Matrix:
-    """The posture, and two beside it where the strategy is regular."""
-    beside = posture + BESIDE * np.random.default_rng(0).choice([-1.0, 1.0], (2, len(posture)))
+    """The posture, and two beside it where the strategy is regular.
+
+    They are 1e-3 joint units away: far enough that a bracket that vanishes at q alone, as the curvature does where
+    small loops do not drift, shows there; near enough to be the same place.
+    """
     centres = [posture]
-    for q in beside:
-        try:
+    for q in posture + 1e-3 * np.random.default_rng(0).choice([-1.0, 1.0], (2, len(posture))):
+        with suppress(SingularityError):
             strategy(q)
-        except SingularityError:
-            continue
-        centres.append(q)
+            centres.append(q)
     return np.array(centres)
 
 
 def _values(strategy: Strategy, words: list[Word], centres: Matrix) -> Array:
     """Fields at nudged copies of postures (c, n): (c, COPIES, n, fields)."""
-    if not words:
-        return np.zeros((len(centres), COPIES, centres.shape[1], 0))
     copies = nudged(centres)
-    return (
-        _fields(strategy, tuple(words)).batch(copies.reshape(-1, centres.shape[1])).reshape(*copies.shape, len(words))
-    )
+    if not words:
+        return np.zeros((*copies.shape, 0))
+    fields = _fields(strategy, tuple(words)).batch(copies.reshape(-1, centres.shape[1]))
+    return fields.reshape(*copies.shape, len(words))
 
 
 @kept
 def _fields(strategy: Strategy, words: tuple[Word, ...]) -> Function:
-    columns = horzcat(*(_field(strategy, word) for word in words))
-    return Function("fields", {"q": strategy.expressions.q}, {"B": columns})
+    q = strategy.expressions.q
+    return Function("fields", {"q": q}, {"B": horzcat(*(_field(strategy, word) for word in words))})
 
 
 @kept

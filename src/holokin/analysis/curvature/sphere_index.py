@@ -9,7 +9,7 @@ the whole sphere the angles cancel and the areas are 4 pi, so the indices add up
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import atan2, sqrt
@@ -22,21 +22,9 @@ from ...base.types import Indices, Matrix, Vector
 TURN = np.pi / 2
 """Angle [rad] that a direction may turn between two samples of an edge: half a turn could be either way."""
 
-SHORTEST = 2.0**-12
-"""Share of an edge below which it is given up: where the field still turns on so short a piece there is a pole."""
-
 ASIDE = 1e-4
 """Step [rad] to the side of an edge by which it is seen how near a pole is. A direction that makes one whole turn as it
 passes a pole of index 2 looks the same before and after; how fast it turns across the edge tells."""
-
-SAME = 1e-5
-"""Angle [rad] between what two paths to a direction lead to, up to which it counts as one."""
-
-FEW = 24
-"""Triangles of a region up to which it is cut finer: a pole on an edge joins 2, one on a corner 6. More are a hole."""
-
-ASKEW = np.array([0.234, -0.611, 0.377])
-"""Rotation vector of the triangles, out of line with all axes: poles tend to lie on these."""
 
 
 class TangentField(ABC):
@@ -88,12 +76,13 @@ def poles(tangent: TangentField, state: Any, u: Vector, fineness: int, accuracy:
     reached = sum(corner in mesh.known for corner in range(directions))
     if not reached:
         return Poles((), directions, 0, 0.0, mesh.least)
+    # Regions of up to 24 triangles are cut finer: a pole on an edge joins 2, one on a corner 6. More are a hole
     found: list[Pole] = []
     waiting = [part for part, index in mesh.regions(triangles) if index]
     while waiting:
         part = waiting.pop()
         pole = mesh.pole(part)
-        if pole.radius > accuracy and pole.triangles <= FEW:
+        if pole.radius > accuracy and pole.triangles <= 24:
             finer = mesh.finer(part)
             mesh.reach(finer, [corner for corner in np.unique(part).tolist() if corner in mesh.known])
             parts = mesh.regions(finer)
@@ -116,9 +105,9 @@ def _reached(tangent: TangentField, state: Any, u: Vector, fineness: int) -> tup
     """(the mesh with the state at u (3,) carried to all corners that can be reached, its triangles, its corners)."""
     points, triangles = icosphere(fineness)
     mesh, nearest = _Mesh(tangent, [*points, u]), int(np.argmax(points @ u))
-    there = mesh.step(state, u)
-    if there is not None:
-        mesh.known[len(points)] = there
+    start = mesh.step(state, u)
+    if start is not None:
+        mesh.known[len(points)] = start
         first = mesh.walk(len(points), nearest)
         if first is not None:
             mesh.known[nearest] = first[:2]
@@ -143,26 +132,27 @@ class _Mesh:
 
     def step(self, state: Any, u: Vector) -> tuple[Any, Vector] | None:
         """(state, e) at u, from a state nearby."""
-        there = self.tangent.step(state, u)
-        if there is None:
+        result = self.tangent.step(state, u)
+        if result is None:
             return None
-        size = float(np.linalg.norm(there[1]))
+        state, vector = result
+        size = float(np.linalg.norm(vector))
         self.least = min(self.least, size)
-        return there[0], there[1] / size
+        return state, vector / size
 
     def reach(self, triangles: Indices, first: Iterable[int]) -> None:
         """Carry the states of some corners to all others that can be reached along edges, near ones before far ones."""
-        beside: dict[int, set[int]] = {}
+        beside: dict[int, set[int]] = defaultdict(set)
         for a, b in _edges(triangles):
-            beside.setdefault(a, set()).add(b)
-            beside.setdefault(b, set()).add(a)
+            beside[a].add(b)
+            beside[b].add(a)
         waiting = deque(first)
         while waiting:
             i = waiting.popleft()
             for j in sorted(beside[i]):
-                if j not in self.known and (there := self.walk(i, j)) is not None:
-                    self.known[j] = there[:2]
-                    self.turns[min(i, j), max(i, j)] = there[2] if i < j else -there[2]
+                if j not in self.known and (end := self.walk(i, j)) is not None:
+                    self.known[j] = end[:2]
+                    self.turns[min(i, j), max(i, j)] = end[2] if i < j else -end[2]
                     waiting.append(j)
 
     def walk(self, i: int, j: int) -> tuple[Any, Vector, float] | None:
@@ -172,21 +162,22 @@ class _Mesh:
         length, normal = angle_between(self.points[i], self.points[j]), normal / float(np.linalg.norm(normal))
         slope = self._slope(state, e, u, normal)
         while share < 1.0:
+            # A step to a share of the edge: how far e turns along it, or as fast as it turns across the edge
             goal = min(1.0, share + width)
             v = between(self.points[i], self.points[j], goal)
-            there = self.step(state, v)
-            angle = after = np.inf
-            if there is not None:
-                angle, after = abs(turn(u, e, v, there[1])), self._slope(*there, v, normal)
-            size = max(angle, (goal - share) * length * max(slope, after))
-            if there is None or not size < TURN:
+            end, angle, after, size = self.step(state, v), 0.0, np.inf, np.inf
+            if end is not None:
+                angle, after = turn(u, e, v, end[1]), self._slope(*end, v, normal)
+                size = max(abs(angle), (goal - share) * length * max(slope, after))
+            # Too far: a shorter step; where the field still turns on a 4096th of an edge there is a pole
+            if end is None or not size < TURN:
                 width /= 2
-                if width < SHORTEST:
+                if width < 2.0**-12:
                     return None
                 continue
             self.largest = max(self.largest, size)
-            total += turn(u, e, v, there[1])
-            (state, e), u, share, slope = there, v, goal, after
+            total += angle
+            (state, e), u, share, slope = end, v, goal, after
             width *= 2
         return state, e, total
 
@@ -194,16 +185,16 @@ class _Mesh:
         """How fast e turns across the edge [rad/rad]: as 1 / distance to a pole that lies ahead."""
         v = u + ASIDE * normal
         v /= float(np.linalg.norm(v))
-        there = self.step(state, v)
-        return np.inf if there is None else abs(turn(u, e, v, there[1])) / ASIDE
+        end = self.step(state, v)
+        return np.inf if end is None else abs(turn(u, e, v, end[1])) / ASIDE
 
     def edge(self, i: int, j: int) -> float | None:
         """How far e turns from i to j [rad]; None where it cannot be followed, or leads to another e than it has."""
         a, b = min(i, j), max(i, j)
         if (a, b) not in self.turns:
-            there = self.walk(a, b) if a in self.known and b in self.known else None
-            sound = there is not None and np.linalg.norm(there[1] - self.known[b][1]) < SAME
-            self.turns[a, b] = there[2] if there is not None and sound else None
+            end = self.walk(a, b) if a in self.known and b in self.known else None
+            same = end is not None and np.linalg.norm(end[1] - self.known[b][1]) < 1e-5
+            self.turns[a, b] = end[2] if end is not None and same else None
         angle = self.turns[a, b]
         return angle if angle is None or i < j else -angle
 
@@ -268,7 +259,8 @@ def icosphere(fineness: int) -> tuple[Matrix, Indices]:
     golden = (1 + 5**0.5) / 2
     points = np.array([[0.0, a, b * golden] for a in (-1, 1) for b in (-1, 1)])
     points = np.vstack([np.roll(points, i, axis=1) for i in range(3)]) / np.hypot(1, golden)
-    points = Rotation.from_rotvec(ASKEW).apply(points)
+    # Out of line with all axes, since poles tend to lie on these
+    points = Rotation.from_rotvec([0.234, -0.611, 0.377]).apply(points)
     faces = ConvexHull(points).simplices.astype(int)
     inward = np.linalg.det(points[faces]) < 0
     faces[inward] = faces[inward][:, ::-1]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, ShapeError, posture_text
-from ...base.types import ArrayLike, Matrix, NoTruthValue, Shown, Value, Vector, finite, whole
+from ...base.types import ArrayLike, Matrix, NoTruthValue, Result, Value, Vector, finite, whole
 from ...path.workspaces import sobol
 from ...strategies import Jump
 
@@ -122,7 +122,7 @@ class Evidence(Enum):
 
 
 @dataclass(frozen=True)
-class Accuracy(Shown):
+class Accuracy(Result):
     """How well curvature is known that was computed by differences of values.
 
     error: what a relative curvature [1/rad] may be wrong by, at the worst posture judged. noise: of the values of G,
@@ -155,10 +155,10 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     operations `others` in the planes (exp, tanh, if_else, ...) that is nothing: an analytic bump narrower than the
     gaps between the samples is not seen.
 
-    `may_jump` names the operations of the law's formula that may jump (if_else, floor, ...). Places where they turn
-    over are sought in the region, and `jumps` holds those where g jumps, or where the planes do so that the two sides
-    lead the joints elsewhere: then the law is not holonomic, whether it is `curved` or not. A jump of g alone leaves it
-    holonomic between the jumps; a leaf ends there, and `follow` and `ik` stop.
+    `may_jump` names the operations of the strategy's formula that may jump (if_else, floor, ...). Places where they
+    turn over are sought in the region, and `jumps` holds those where g jumps, or where the planes do so that the two
+    sides lead the joints elsewhere: then the strategy is not holonomic, whether it is `curved` or not. A jump of g
+    alone leaves it holonomic between the jumps; a leaf ends there, and `follow` and `ik` stop.
 
     Even with no curvature anywhere in the region, only small closed paths of the tool are sure to bring the joints
     back: one round a cusp, or round a place where the strategy is not defined, may not (theory 7.3). On the PPR arm

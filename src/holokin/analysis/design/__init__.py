@@ -1,29 +1,35 @@
-"""Which law: the best leaf of a workspace, advice for a robot and its work.
+"""Which strategy: the best leaf of a workspace, advice for a robot and its work.
 
-Uses `analysis/coverage` and `analysis/curvature`. Read first: `designed_law.py`, `advice_case.py`.
+Uses `analysis/coverage` and `analysis/curvature`. Read first: `designed_strategy.py`, `advice_case.py`.
 """
 
+from typing import TYPE_CHECKING
+
+from ...base.extra_module import renamed
 from .advice_case import advise
 from .closest_strategy import ClosestHolonomic, closest_holonomic
-from .designed_law import Design, SectionMetrics, design
+from .designed_strategy import Design, SectionMetrics, design
 from .nearby_cusps import DegreeTried, LevelRange, NearbyCusps, level_range
 from .objectives import Objective, OwnCost
-from .trials import Advice, Law, Part
+from .trials import Advice, Part, RatedStrategy
 
 __all__ = [
     "Advice",
     "ClosestHolonomic",
     "DegreeTried",
     "Design",
-    "Law",
     "LevelRange",
     "NearbyCusps",
     "Objective",
     "OwnCost",
     "Part",
+    "RatedStrategy",
     "SectionMetrics",
     "advise",
     "closest_holonomic",
     "design",
     "level_range",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, Law="RatedStrategy")

@@ -1,4 +1,4 @@
-"""`Case`: a task and a workspace for which laws are tried, and what is found out of them."""
+"""`Case`: a task and a workspace for which strategies are tried, and what is found out of them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ..coverage.starts import (
     proposed_workspace,
     reached,
 )
-from .designed_law import Design, design, least_costs
+from .designed_strategy import Design, Floor, design
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of
 from .objectives import Objective, costs_of
 from .trials import (
@@ -42,9 +42,9 @@ from .trials import (
     Advice,
     Excess,
     Free,
-    Law,
     Part,
     Poses,
+    RatedStrategy,
     Trial,
     alike,
     beyond_limits,
@@ -61,33 +61,11 @@ from .trials import (
 )
 
 POSES, SCREENED = 256, 4
-"""Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
+"""Poses by which strategies are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2
+%."""
 
 DEGREE, DESIGNED = 2, 128
-"""Degree of the polynomials of laws that are designed, and poses that they are made for."""
-
-FASTER = 0.95
-"""Mean squared joint speed, over that of the law designed from the best, of one from another leaf, where both serve,
-from which on a law is designed from that one, too: designs over two laws from one start came out alike to 0.1 %."""
-
-GOALS = {
-    "": {"objective": Objective(squared_speed=1.0), "limits": True},
-    ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
-}
-"""What they are designed for: the least joint speed within the joint limits; where that covers less than the base does,
-a compromise between joint speed and distance to limits."""
-
-MOST = 3
-"""Laws that serve alike whose cusps are looked for, until one has none near the workspace."""
-
-PARTS = 3
-"""Laws whose part of the workspace is looked for where none serves the whole."""
-
-FAR = 2.0
-"""Margin of a designed law, over that which it was to keep at least, from which on limits have not held it."""
-
-FREE = 1e9
-"""Distance from the middle of a joint's range, over half of it, that no joint gets to."""
+"""Degree of the polynomials of strategies that are designed, and poses that they are made for."""
 
 
 class Case:
@@ -112,29 +90,29 @@ class Case:
         self.made: dict[str, Design] = {}
         self.checked: dict[str, Coverage] = {}
         self.cusps: dict[str, NearbyCusps] = {}
-        self.passed_over: Law | None = None
+        self.passed_over: RatedStrategy | None = None
 
     def _starts(self, T: Array) -> Matrix:
         """Start postures at the centre, or at the pose nearest to it that is reached."""
         center = self.workspace.center
         order = np.argsort(np.linalg.norm(T[:, :3, 3] - center[:3, 3], axis=1), kind="stable")
-        for at in [center, *T[order[self.reach.within[order]]]]:
-            found = postures_at(self.task, at)
-            free = found if self.apart is None else found[self.apart.clear(found)]
-            if len(free):
-                return free
+        for pose in [center, *T[order[self.reach.within[order]]]]:
+            postures = postures_at(self.task, pose)
+            clear = postures if self.apart is None else postures[self.apart.clear(postures)]
+            if len(clear):
+                return clear
         return self.Q[self.reach.within][:1]
 
-    def ranked(self) -> tuple[Law, ...]:
-        """All laws, on their best leaves, the best one looked at closely."""
+    def ranked(self) -> tuple[RatedStrategy, ...]:
+        """All strategies, on their best leaves, the best one looked at closely."""
+        # Each strategy from all starts at some of the poses, then its best leaf at all of them
         rough = self.poses.some(slice(None, None, SCREENED))
         trials: list[Trial] = []
         for candidate in candidates(self.task, self.starts):
             self.progress(candidate.name)
-            found = tried(candidate, self.starts, rough)
-            if found:
-                best = ranked(found)[0]
-                trials += tried(_there(candidate), best.q0[None], self.poses)
+            screened = tried(candidate, self.starts, rough)
+            if screened:  # its start is on its leaf already
+                trials += tried(replace(candidate, level=None), ranked(screened)[0].q0[None], self.poses)
         if not trials:
             raise ArgumentError(
                 "the strategies that fit", 0, "give another start posture: all are singular at this one"
@@ -143,76 +121,88 @@ class Case:
         trials += self._designed(trials)
         self.trials = {trial.candidate.name: trial for trial in trials}
         self.floor = self._floor(trials)
-        laws = ranked(self._law(trial) for trial in trials)
-        while laws[0].name not in self.checked:
-            self.progress(f"{laws[0].name}, pose by pose")
-            laws[0] = self._looked_at(laws[0])
-            laws = ranked(laws)
-        return tuple(self._without_cusps(laws))
+        # The best is looked at pose by pose, and if it falls behind the next one
+        strategies = ranked([self._rated(trial) for trial in trials])
+        while strategies[0].name not in self.checked:
+            self.progress(f"{strategies[0].name}, pose by pose")
+            strategies = ranked([self._looked_at(strategies[0]), *strategies[1:]])
+        return tuple(self._without_cusps(strategies))
 
-    def _without_cusps(self, laws: list[Law]) -> list[Law]:
-        """Other things equal, a law without a cusp near the workspace comes first."""
-        best = laws[0]
+    def _without_cusps(self, strategies: list[RatedStrategy]) -> list[RatedStrategy]:
+        """Other things equal, a strategy without a cusp near the workspace comes first; three are looked at at most."""
+        best = strategies[0]
         most = MORE_SPEED * best.squared_speed
-        equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
-        for law in [best, *equal][:MOST]:
-            self.progress(f"{law.name}, its cusps")
-            self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
-            if found.clear:
-                law = law if law.name in self.checked else self._looked_at(law)
-                if alike(law, best):
-                    self.passed_over = None if law.name == best.name else best
-                    return [law, *(one for one in laws if one.name != law.name)]
-        return laws
+        equal = [rated for rated in strategies[1:] if alike(rated, best) and rated.squared_speed <= most]
+        for rated in [best, *equal][:3]:
+            self.progress(f"{rated.name}, its cusps")
+            self.cusps[rated.name] = cusps_near(rated.strategy, rated.q0, self.workspace)
+            if self.cusps[rated.name].clear:
+                rated = rated if rated.name in self.checked else self._looked_at(rated)
+                if alike(rated, best):
+                    self.passed_over = None if rated.name == best.name else best
+                    return [rated, *(other for other in strategies if other.name != rated.name)]
+        return strategies
 
-    def levels(self, law: Law) -> tuple[LevelRange | None, Sequence[str]]:
-        """The levels of a law that serve the workspace; and what is said of them."""
-        self.progress(f"{law.name}, its levels")
+    def levels(self, rated: RatedStrategy) -> tuple[LevelRange | None, str]:
+        """The levels of a strategy that serve the workspace; and what is said of them."""
+        self.progress(f"{rated.name}, its levels")
         try:
-            found = level_range(law.strategy, self.workspace, law.q0, progress=self.progress)
+            levels = level_range(rated.strategy, self.workspace, rated.q0, progress=self.progress)
         except HolokinError as problem:  # of several rows
-            return None, [f"Levels were not looked for: {problem}."]
+            return None, f"Levels were not looked for: {problem}."
         blind = "" if self.apart is None else " Collisions were not looked at for them."
-        return found, [f"Of {law.name!r}, {found.served}.{blind}"]
-
-    def of_cusps(self, law: Law) -> Sequence[str]:
-        """What is said of the cusps of the law that was chosen."""
-        first = self.passed_over or law
-        return said_of(law.name, first.name, self.cusps, law.squared_speed / first.squared_speed - 1)
+        return levels, f"Of {rated.name!r}, {levels.served}.{blind}"
 
     def _designed(self, trials: list[Trial]) -> list[Trial]:
-        """Laws designed from the best of the others, and over the one that is faster from elsewhere."""
-        # derivatives of a cost's gradient make designs over stationary laws three times as slow
+        """Strategies designed from the best of the others, and over the one that is faster from elsewhere."""
+        # derivatives of a cost's gradient make designs over stationary strategies three times as slow
         plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
         plain = [t for t in plain if t.coverage > PARTLY] or plain[:1]
         if not plain or not plain[0].served.any():
             return []
-        found = self._designed_over(plain[0])
-        best = ranked(found or plain[:1])[0]
-        gains = {i: _gain(t, best) for i, t in enumerate(plain[1:], 1)}
-        if gains and min(gains.values()) < FASTER:
-            found += self._designed_over(plain[min(gains, key=lambda i: gains[i])])
-        return found
+        designed = self._designed_over(plain[0])
+        best = ranked(designed or plain[:1])[0]
+
+        def gain(trial: Trial) -> float:
+            """Its mean squared joint speed over that of the best one, where both serve; infinite where they do not."""
+            both = trial.served & best.served
+            return float(trial.speed[both].mean() / best.speed[both].mean()) if both.any() else np.inf
+
+        # Designs over two strategies from one start came out alike to 0.1 %, so another one must be faster by 5 %
+        fastest = min(plain[1:], key=gain, default=None)
+        if fastest is not None and gain(fastest) < 0.95:
+            designed += self._designed_over(fastest)
+        return designed
 
     def _designed_over(self, trial: Trial) -> list[Trial]:
-        """Laws designed from one, on its leaf, until one covers as much."""
-        law, found = trial.candidate, []
-        for words, goal in GOALS.items():
-            name = f"designed from {law.name}{words}"
+        """Strategies designed from one, on its leaf, until one covers as much.
+
+        The goal is the least joint speed within the joint limits, which keeps what `easy` asks of the joint with the
+        least range; where that covers less than the base does, a compromise between joint speed and distance to limits.
+        """
+        base, designed = trial.candidate, []
+        room = ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
+        goals: dict[str, dict[str, Any]] = {
+            "": {"objective": Objective(squared_speed=1.0), "limits": True, "margin": room},
+            ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
+        }
+        for words, goal in goals.items():
+            name = f"designed from {base.name}{words}"
             self.progress(name)
             try:
-                made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
-            except HolokinError:  # no law where there is none: the others stay
+                made = self._design(trial, **goal)
+            except HolokinError:  # no strategy where there is none: the others stay
                 continue
-            designed = Candidate(name, made.polynomial.keys_over(law.keys), self.task, made.strategy)
+            candidate = Candidate(name, made.polynomial.keys_over(base.keys), self.task, made.strategy)
             self.made[name] = made
-            found += tried(designed, made.q0[None], self.poses)
-            if found[-1].coverage >= trial.coverage - EQUAL:
+            designed += tried(candidate, made.q0[None], self.poses)
+            if designed[-1].coverage >= trial.coverage - EQUAL:
                 break
-        return found
+        return designed
 
     def _design(self, trial: Trial, **goal: Any) -> Design:
-        """A design over a law, for the poses that it serves; where these are few, for all that any posture reaches."""
+        """A design over a strategy, for the poses that it serves; where these are few, for all that any posture
+        reaches."""
         if self.scene is not None:
             goal["scene"] = replace(self.scene, clearance=self.scene.clearance + PROVABLE)
         base = None if trial.candidate.strategy is None else trial.candidate.strategy.constraint
@@ -221,74 +211,78 @@ class Case:
         space = self.workspace if which.all() else pose_cloud(self.poses.T[which])
         return design(self.task, space, trial.q0, base=base, degree=DEGREE, samples=DESIGNED, **goal)
 
-    @property
-    def _room(self) -> float:
-        """A distance to limits that designs keep [rad or m]: what `easy` asks of the joint with the least range."""
-        return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
-
     def _floor(self, trials: list[Trial]) -> Vector:
-        """The least squared joint speed (k,) of the postures found at the poses that the best law reaches, else NaN."""
-        best, found = ranked(trials)[0], np.full(len(self.poses), np.nan)
+        """The least squared joint speed (k,) of the postures found at the poses that the best strategy reaches, else
+        NaN."""
+        best, floor = ranked(trials)[0], np.full(len(self.poses), np.nan)
         if best.reached.any():
-            p, R = self._targets(best.reached)
-            free = np.full(self.task.n, FREE)
-            known = least_costs(self.coordinates, self.costs, best.q[best.reached], p, R, free)
-            found[best.reached] = known.squared_speed
-        return found
+            free = np.full(self.task.n, 1e9)  # no joint gets there, in halves of its range
+            q, (p, R) = best.q[best.reached], self._targets(best.reached)
+            floor[best.reached] = Floor(self.coordinates, self.costs, {}, free, q, p, R).anywhere.squared_speed
+        return floor
 
     def _targets(self, which: Flags) -> tuple[Matrix, Array]:
         T = self.poses.T[which]
         return np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
 
-    def _law(self, trial: Trial) -> Law:
-        c, robot = trial.candidate, self.task.robot
-        return Law(
-            c.name, trial.same, c.keys, strategy_of(trial), trial.q0, trial.coverage, trial.served, trial.easy,
-            trial.margin, robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed,
-            ratio(trial, self.floor), _least(trial.clearance), trial.clear,
+    def _rated(self, trial: Trial) -> RatedStrategy:
+        """What is known of a strategy after its trial: where it serves nothing, no margin and no rcond."""
+        c, served, margins, rcond, joint = trial.candidate, trial.served, np.zeros(self.task.n), 0.0, 0
+        if served.any():
+            margins, rcond = trial.margins[served].min(axis=0), float(trial.rcond[served].min())
+            joint = int(np.argmin(margins))
+        return RatedStrategy(
+            name=c.name, same=trial.same, keys=c.keys, strategy=strategy_of(trial), q0=trial.q0,
+            coverage=trial.coverage, served=served, easy=trial.easy, margin=float(margins[joint]),
+            joint=self.task.robot.joint_names[joint], rcond=rcond, squared_speed=trial.squared_speed,
+            speed=ratio(trial, self.floor), clearance=_least(trial.clearance), clear=trial.clear,
         )  # fmt: skip
 
-    def _looked_at(self, law: Law) -> Law:
-        """A law with its coverage as `coverage` finds it, pose by pose."""
-        found = coverage(law.strategy, self.workspace, law.q0, samples=POSES, reach=self.reach)
+    def _looked_at(self, rated: RatedStrategy) -> RatedStrategy:
+        """A strategy with its coverage as `coverage` finds it, pose by pose."""
+        covered = coverage(rated.strategy, self.workspace, rated.q0, samples=POSES, reach=self.reach)
         clearance, wanted = None, 0.0
         if self.apart is not None:
-            clearance, wanted = np.full(len(found), np.nan), self.apart.wanted
-            clearance[found.reached] = near = self.apart.least(found.q[found.reached], wanted)
-            found = found.blocked(lambda _: keeps(near, wanted))
-        self.checked[law.name] = found
-        served = found.reached
-        rcond = float(found.rcond[served].min()) if served.any() else 0.0
-        easy = law.easy + found.share - law.coverage
+            clearance, wanted = np.full(len(covered), np.nan), self.apart.wanted
+            clearance[covered.reached] = distances = self.apart.least(covered.q[covered.reached], wanted)
+            covered = covered.blocked(lambda _: keeps(distances, wanted))
+        self.checked[rated.name] = covered
+        served = covered.reached
         return replace(
-            law, coverage=found.share, served=served, easy=easy, rcond=rcond, clearance=_least(clearance),
+            rated,
+            coverage=covered.share,
+            served=served,
+            easy=rated.easy + covered.share - rated.coverage,
+            rcond=float(covered.rcond[served].min()) if served.any() else 0.0,
+            clearance=_least(clearance),
             clear=clear_share(served, clearance, wanted),
-        )  # fmt: skip
+        )
 
-    def floor_of(self, law: Law) -> float:
-        """The mean of the floor where a law serves; NaN where it serves nothing."""
-        known = self.floor[law.served & np.isfinite(self.floor)]
+    def floor_of(self, rated: RatedStrategy) -> float:
+        """The mean of the floor where a strategy serves; NaN where it serves nothing."""
+        known = self.floor[rated.served & np.isfinite(self.floor)]
         return float(known.mean()) if len(known) else np.nan
 
-    def excess(self, laws: tuple[Law, ...]) -> Excess | None:
-        """Why the best law is above the least joint speed; None where it is close to it."""
-        best = self.trials[laws[0].name]
+    def excess(self, strategies: tuple[RatedStrategy, ...]) -> Excess | None:
+        """Why the best strategy is above the least joint speed; None where it is close to it."""
+        best = self.trials[strategies[0].name]
         which = best.served & np.isfinite(self.floor)
-        if not which.any() or laws[0].speed <= 1 + CLOSE:
+        if not which.any() or strategies[0].speed <= 1 + CLOSE:
             return None
         near = least_near(self.coordinates, self.costs, best.q[which], *self._targets(which))
         near = float(np.minimum(near, best.speed[which]).mean() / self.floor[which].mean())
-        others = [trial for name, trial in self.trials.items() if name != laws[0].name]
+        others = [trial for name, trial in self.trials.items() if name != strategies[0].name]
         rival = rival_of(best, others, self.floor, self.reach.within)
-        return Excess(near, self.task.n - self.task.m == 1, self._free(laws[0]), rival)
+        return Excess(near, self.task.n - self.task.m == 1, self._free(strategies[0]), rival)
 
-    def _free(self, law: Law) -> Free | None:
-        """The best law designed without the limits; None where it keeps away from them, or none is found."""
-        made = self.made.get(law.name)
-        if made is not None and law.margin > FAR * ROOM:
+    def _free(self, rated: RatedStrategy) -> Free | None:
+        """The best strategy designed without the limits; None where it keeps away from them, or none is found."""
+        made = self.made.get(rated.name)
+        # Limits have not held a design with over twice the margin that it was to keep at least
+        if made is not None and rated.margin > 2.0 * ROOM:
             return None
-        self.progress(f"{law.name}, joint limits aside")
-        trial = self.trials[law.name]
+        self.progress(f"{rated.name}, joint limits aside")
+        trial = self.trials[rated.name]
         if made is not None:
             trial = replace(trial, candidate=replace(trial.candidate, strategy=made.base))
         elif trial.candidate.kind == "stationary":  # over these a design is slow
@@ -297,27 +291,29 @@ class Case:
             made = self._design(trial, limits=False)
         except HolokinError:
             return None
-        free = tried(Candidate(law.name, {"kind": "designed"}, self.task, made.strategy), made.q0[None], self.poses)
-        which = free[0].reached & np.isfinite(self.floor)
-        return Free(ratio(free[0], self.floor, limits=False), beyond_limits(free[0], which), int(which.sum()))
+        candidate = Candidate(rated.name, {"kind": "designed"}, self.task, made.strategy)
+        (free,) = tried(candidate, made.q0[None], self.poses)
+        which = free.reached & np.isfinite(self.floor)
+        return Free(ratio(free, self.floor, limits=False), beyond_limits(free, which), int(which.sum()))
 
-    def part(self, laws: tuple[Law, ...]) -> Part | None:
-        """The largest part of the workspace that one of the best laws serves."""
+    def part(self, strategies: tuple[RatedStrategy, ...]) -> Part | None:
+        """The largest part of the workspace that one of the three best strategies serves."""
         if not isinstance(self.workspace, PoseRange):
             return None
         best: Part | None = None
-        for law in laws[:PARTS]:
-            self.progress(f"the part of the workspace that {law.name} serves")
-            candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
+        for rated in strategies[:3]:
+            self.progress(f"the part of the workspace that {rated.name} serves")
+            strategy = None if rated.keys["kind"] == "radial" else rated.strategy
+            candidate = Candidate(rated.name, rated.keys, self.task, strategy)
 
-            def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
+            def serves(T: Array, q0: Vector = rated.q0, candidate: Candidate = candidate) -> bool:
                 still = np.zeros((len(T), self.task.m, 0))
                 poses = Poses(T, still, self.costs.joints, self.apart)
-                return bool(tried(candidate, law.q0[None], poses)[0].served.all())
+                return bool(tried(candidate, q0[None], poses)[0].served.all())
 
-            found = largest_part(self.workspace, serves)
-            if found is not None and (best is None or found[0] > best.share):
-                best = Part(law, *found)
+            part = largest_part(self.workspace, serves)
+            if part is not None and (best is None or part[0] > best.share):
+                best = Part(rated, *part)
         return best
 
 
@@ -327,22 +323,12 @@ def _least(clearance: Vector | None) -> float:
 
 
 def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
+    """Why no pose of a workspace is served."""
     name = f"the workspace of {task.robot.name!r}, {workspace},"
     if reach.anyhow.any():
         return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
     cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
     return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
-
-
-def _gain(trial: Trial, best: Trial) -> float:
-    """The mean squared joint speed of a law over that of the best one, where both serve; infinite where they do not."""
-    both = trial.served & best.served
-    return float(trial.speed[both].mean() / best.speed[both].mean()) if both.any() else np.inf
-
-
-def _there(candidate: Candidate) -> Candidate:
-    """The same, from a start that is on its leaf already."""
-    return replace(candidate, level=None)
 
 
 @typed
@@ -358,21 +344,21 @@ def advise(
     """The strategies that fit a task, each on its best leaf, compared on a workspace, and why the best is the best.
 
     Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
-    pseudo-inverse, and laws designed from the best of these: each from several postures at the workspace's centre.
-    They are ranked by the share of the workspace that they reach within the joint limits, and with the clearance where
-    one is asked for; of laws that cover alike those are first that keep well clear, by 0.01 m more than asked for; of
-    these those that keep away from limits and singular postures; of these the one with the least joint speed. A law
-    without a cusp near the workspace is preferred to one with, for up to a tenth more squared joint speed. All this is
-    looked at pose by pose; `certify_by` of the advice is the call that proves it.
+    pseudo-inverse, and strategies designed from the best of these: each from several postures at the workspace's
+    centre. They are ranked by the share of the workspace that they reach within the joint limits, and with the
+    clearance where one is asked for; of strategies that cover alike those are first that keep well clear, by 0.01 m
+    more than asked for; of these those that keep away from limits and singular postures; of these the one with the
+    least joint speed. A strategy without a cusp near the workspace is preferred to one with, for up to a tenth more
+    squared joint speed. All this is looked at pose by pose; `certify_by` of the advice is the call that proves it.
 
     Args:
         task: what the tool does: `hk.pose(robot)`, `hk.pose(robot, "axis")` if it may spin, `hk.position(robot)`.
         workspace: by default a box round the tool at the start, with moderate turns.
-        q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
+        q0: the posture (n,) that the leaf is to go through; by default each strategy gets the best of several.
         scene: a pose is served only where the links keep their clearance from what is in it, and from each other; by
             default nothing is looked at. The pairs are those of `certify`; meshes are their convex hulls, and where
             these are nearer, themselves.
-        levels: which levels of the best law serve the workspace, as `level_range` finds them; it takes seconds.
+        levels: which levels of the best strategy serve the workspace, as `level_range` finds them; it takes seconds.
         progress: hears how far it is.
 
     Raises:
@@ -388,33 +374,45 @@ def advise(
 
 
 def advise_chain(
-    chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str],
-    scene: Scene | None, progress: Callable[[str], None], levels: bool = False,
-) -> Advice:  # fmt: skip
+    chain: Chain,
+    task: Task,
+    workspace: Workspace | None,
+    q0: ArrayLike | None,
+    *,
+    chosen: Sequence[str],
+    scene: Scene | None,
+    progress: Callable[[str], None],
+    levels: bool = False,
+) -> Advice:
     """The advice for a chain and its task, as of `advise`.
 
     Args:
         chosen: what nobody gave.
     """
-    began = time.perf_counter()
-    arm = chain.robot
+    # The start and the workspace, chosen if they are not given
+    began, robot = time.perf_counter(), chain.robot
     of_one_tool(task, "advice")
-    check_that_joints_move(arm)
-    start = None if q0 is None else arm.checked(q0, "the start posture")
+    check_that_joints_move(robot)
+    start = None if q0 is None else robot.checked(q0, "the start posture")
     if start is not None:
-        arm.check_limits(start)
-    at = start
+        robot.check_limits(start)
     if workspace is None:
-        at = first_start(task) if start is None else start
-        workspace = proposed_workspace(task, at)
+        workspace = proposed_workspace(task, first_start(task) if start is None else start)
+    # The strategies, and the reasons why the best is the best
     case = Case(task, workspace, start, scene, progress)
-    laws = case.ranked()
+    strategies = case.ranked()
+    best = strategies[0]
     progress("the reasons")
-    part = case.part(laws) if not laws[0].served.all() else None
-    found = case.checked[laws[0].name]
-    range_, said = case.levels(laws[0]) if levels else (None, ())
+    part = None if best.served.all() else case.part(strategies)
+    sentences = list(reasons(strategies, case.checked[best.name], part, case.excess(strategies)))
+    first = case.passed_over or best
+    sentences += said_of(best.name, first.name, case.cusps, best.squared_speed / first.squared_speed - 1)
+    level_interval = None
+    if levels:
+        level_interval, sentence = case.levels(best)
+        sentences.append(sentence)
     return Advice(
-        chain, task, workspace, tuple(chosen), laws, case.floor_of(laws[0]), found,
-        (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0]), *said),
-        case.cusps[laws[0].name], part, time.perf_counter() - began, range_, scene,
+        chain=chain, task=task, workspace=workspace, proposed=tuple(chosen), strategies=strategies,
+        floor=case.floor_of(best), coverage=case.checked[best.name], reasons=tuple(sentences),
+        cusps=case.cusps[best.name], part=part, seconds=time.perf_counter() - began, levels=level_interval, scene=scene,
     )  # fmt: skip

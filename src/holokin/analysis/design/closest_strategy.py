@@ -1,6 +1,6 @@
-"""`closest_holonomic`: the repeatable law nearest to a given one over a joint region. [RM93], theory 2b, 5.4
+"""`closest_holonomic`: the repeatable strategy nearest to a given one over a joint region. [RM93], theory 2b, 5.4
 
-A law with leaves g(q) = const differs from a given one G by a self-motion (theory 1.5),
+A strategy with leaves g(q) = const differs from a given one G by a self-motion (theory 1.5),
 
     G_g - G = -N (J_g N)^-1 J_g G.
 
@@ -25,7 +25,7 @@ import numpy as np
 from ...base.arguments import made, typed
 from ...base.errors import ArgumentError, SingularityError, posture_text
 from ...base.poses import pose_from
-from ...base.types import Array, Matrix, Value, Vector, frozen, whole
+from ...base.types import Array, Matrix, Result, Value, Vector, frozen, whole
 from ...motion.ik import ik
 from ...path.workspaces import Cylinder, Sphere, sobol
 from ...robot import Kinematics
@@ -41,9 +41,9 @@ from ..curvature.leaf_functions import distance_to_repeatable
 from .objectives import Objective, length_of
 from .section import Cost, TiltedLeaves, descend
 
-# --- Leaves g = phi + a series of the tool pose and phi over a joint region, and their distance from a given law.
+# --- Leaves g = phi + a series of the tool pose and phi over a joint region, and their distance from a given strategy.
 #
-# The law of such leaves moves phi by -g_phi^-1 g_x dx, the given one by A dx; with Z = dq/dphi at a held tool the
+# The strategy of such leaves moves phi by -g_phi^-1 g_x dx, the given one by A dx; with Z = dq/dphi at a held tool the
 # squared distance is D = mean |Z (g_phi^-1 g_x + A)|_F^2 (see `closest_strategy`).
 
 BARRIER = 1e-4
@@ -90,12 +90,12 @@ class Series(Value):
 
 
 def series_over(
-    law: HolonomicStrategy, coordinates: Coordinates, Q: Matrix, degree: int, period: float | None
+    base_strategy: HolonomicStrategy, coordinates: Coordinates, Q: Matrix, degree: int, period: float | None
 ) -> Series:
-    """The series over postures (k, n) and the base law's phi, without coefficients yet."""
-    phi = law.constraint_value.batch(Q).reshape(len(Q), law.constraint.rows)
+    """The series over postures (k, n) and the base strategy's phi, without coefficients yet."""
+    phi = base_strategy.constraint_value.batch(Q).reshape(len(Q), base_strategy.constraint.rows)
     middle, scale = (phi.max(axis=0) + phi.min(axis=0)) / 2, np.ptp(phi, axis=0) / 2
-    return Series(coordinates, degree, middle, scale, period, np.zeros((law.constraint.rows, 0)))
+    return Series(coordinates, degree, middle, scale, period, np.zeros((base_strategy.constraint.rows, 0)))
 
 
 @made
@@ -113,8 +113,9 @@ def _along_leaves(task: Task, base: Constraint, series: Series, *, name: str = "
 class SampledSeries(Value):
     """Postures of a region, in its coordinates: all that D needs, since they stay while the leaves change.
 
-    J (S, m, n) of the task; X (S, n, d) and G (S, n, d), dq/dx along phi = const and along the given law; Z (S, n, r);
-    A (S, r, d) = dphi/dx along the given law; by_u (S, t, d), by_phi (S, t, r): slopes of the terms; weights (d,).
+    J (S, m, n) of the task; X (S, n, d) and G (S, n, d), dq/dx along phi = const and along the given strategy; Z (S, n,
+    r); A (S, r, d) = dphi/dx along the given strategy; by_u (S, t, d), by_phi (S, t, r): slopes of the terms; weights
+    (d,).
     """
 
     Q: Matrix
@@ -129,13 +130,14 @@ class SampledSeries(Value):
 
     @classmethod
     def of(
-        cls, strategy: Strategy, law: HolonomicStrategy, series: Series, weights: Vector, Q: Matrix
+        cls, strategy: Strategy, base_strategy: HolonomicStrategy, series: Series, weights: Vector, Q: Matrix
     ) -> SampledSeries:
-        """Of a given law and a base law, at postures (S, n). Raises: SingularityError; ArgumentError: phi folds."""
-        c, r, S = series.coordinates, law.constraint.rows, len(Q)
-        at = TiltedLeaves(law, c).slopes(Q, np.zeros((S, r, c.d)))
+        """Of a given strategy and a base strategy, at postures (S, n). Raises: SingularityError; ArgumentError: phi
+        folds."""
+        c, r, S = series.coordinates, base_strategy.constraint.rows, len(Q)
+        at = TiltedLeaves(base_strategy, c).slopes(Q, np.zeros((S, r, c.d)))
         if at is None or not at.rcond.min() > FOLDS:
-            rcond = law.gain.batch(Q)[1]
+            rcond = base_strategy.gain.batch(Q)[1]
             what = f"rcond of the base constraint at q = {posture_text(Q[int(np.argmin(rcond))])}"
             raise ArgumentError(what, float(rcond.min()), "give another base, or a smaller region")
         J = strategy.task.jacobian_batch(Q)[0]
@@ -145,21 +147,21 @@ class SampledSeries(Value):
         u, phi = symbol("u", c.d), symbol("phi", r)
         b = series.basis(u, phi)
         slopes = Function("series", {"u": u, "phi": phi}, {"by_u": jacobian(b, u), "by_phi": jacobian(b, phi)})
-        by_u, by_phi = slopes.batch(c.at(Q), law.constraint_value.batch(Q).reshape(S, r))
+        by_u, by_phi = slopes.batch(c.at(Q), base_strategy.constraint_value.batch(Q).reshape(S, r))
         t = b.shape[0]
         return cls(Q, J, at.G, G, at.Z, A, by_u.reshape(S, t, c.d) / c.scale, by_phi.reshape(S, t, r), weights)
 
-    def of_law(self, law: Strategy) -> Array:
-        """dq/dx (S, n, d) of another law. Raises: SingularityError."""
-        return law.batch(self.Q) @ (self.J @ self.X)
+    def of_strategy(self, other: Strategy) -> Array:
+        """dq/dx (S, n, d) of another strategy. Raises: SingularityError."""
+        return other.batch(self.Q) @ (self.J @ self.X)
 
     def off(self, C: Matrix) -> tuple[Array, Vector]:
-        """(what the law of a series adds to the given one (S, n, d), det g_phi (S,))."""
+        """(what the strategy of a series adds to the given one (S, n, d), det g_phi (S,))."""
         M, slopes = self._leaves(C)
         return self.Z @ (slopes - self.A), np.linalg.det(M)
 
     def deviation(self, off: Array) -> Deviation:
-        """The deviation of a law that adds so much."""
+        """The deviation of a strategy that adds so much."""
         away, size = (np.sum((a * self.weights) ** 2, axis=(1, 2)) for a in (off, self.G))
         speed = np.sum(((self.G + off) * self.weights) ** 2)
         return Deviation(
@@ -232,31 +234,33 @@ WHOLE = 0.9
 """Share of a closed self-motion that a region must hold for g to be written with its period."""
 
 JUDGED = 1024
-"""Postures, besides those of the search, that a law is judged at: figures are right to about a per cent."""
+"""Postures, besides those of the search, that a strategy is judged at: figures are right to about a per cent."""
 
 STEP = 0.2
 """Arc length of a step along a self-motion [joint units]: two Newton corrections bring it to round-off."""
 
 REPEATABLE = 1e-4
-"""rms distance from its own radial strategy up to which a law counts as repeatable. Steps of radial leave 5e-6 of a law
-with the arm angle of a Panda held, over +-0.15 rad."""
+"""rms distance from its own radial strategy up to which a strategy counts as repeatable. Steps of radial leave 5e-6 of
+a strategy with the arm angle of a Panda held, over +-0.15 rad."""
 
 BOUND = 16
 """Postures of the ball that go into the theorem's estimates; the bound itself is of the circle."""
 
 
 @dataclass(frozen=True, eq=False)
-class ClosestHolonomic(Value):
-    """The nearest repeatable law that was found, and how near others are.
+class ClosestHolonomic(Result, Value):
+    """The nearest repeatable strategy that was found, and how near others are.
 
     strategy: an ordinary one; start (n,): the posture in the middle of the region.
-    ours, radial: how far it and the radial strategy about the start are from the given law, at other postures of the
+    ours, radial: how far it and the radial strategy about the start are from the given strategy, at other postures of
+    the
         region than those of the search; radial is None where it is singular at one of them. With positions and turns,
         a turn counts as `length` metres a radian.
-    bound: for one redundant joint and a ball: every law with smooth leaves is at some posture of the circle round the
+    bound: for one redundant joint and a ball: every strategy with smooth leaves is at some posture of the circle round
+    the
         ball at least so far from the given one. It bounds `largest`, not `rms` (theory 5.4). None elsewhere.
     least_slope: the least det g_phi at those postures, 1 in the middle; leaves fold where it is 0.
-    terms: of the series; 0 where the given law is repeatable and `strategy` is radial of it.
+    terms: of the series; 0 where the given strategy is repeatable and `strategy` is radial of it.
     steps: rms at the samples of the search, by least squares and in the end.
     """
 
@@ -273,12 +277,12 @@ class ClosestHolonomic(Value):
     def __str__(self) -> str:
         other = "singular in the region" if self.radial is None else str(self.radial)
         lines = [
-            "difference from the joint rates of the given law, |G' - G| / |G|:",
-            f"  the nearest law of {self.terms} terms: {self.ours}",
+            "difference from the joint rates of the given strategy, |G' - G| / |G|:",
+            f"  the nearest strategy of {self.terms} terms: {self.ours}",
             f"  the radial strategy: {other}",
-            *([] if self.bound is None else [f"  every smooth law: at least {self.bound:.2%} at some posture"]),
-            "the nearest law keeps g constant, a function of the tool pose and of the base constraint phi:",
-            f"  det dg/dphi is at least {self.least_slope:.2g} at the sampled postures; at 0 the law is singular",
+            *([] if self.bound is None else [f"  every smooth strategy: at least {self.bound:.2%} at some posture"]),
+            "the nearest strategy keeps g constant, a function of the tool pose and of the base constraint phi:",
+            f"  det dg/dphi is at least {self.least_slope:.2g} at the sampled postures; at 0 the strategy is singular",
         ]
         return "\n".join(lines)
 
@@ -294,7 +298,7 @@ def closest_holonomic(
     seed: int = 0,
     length: float | None = None,
 ) -> ClosestHolonomic:
-    """The repeatable law nearest to a given one over a joint region, in the mean of |G_g - G|_F^2. [RM93]
+    """The repeatable strategy nearest to a given one over a joint region, in the mean of |G_g - G|_F^2. [RM93]
 
     Its leaves are g = phi + a series of the tool pose and phi: polynomials up to `degree`, and where the region holds
     whole closed self-motions, round which phi grows, polynomials of the pose times sines and cosines of phi.
@@ -302,15 +306,15 @@ def closest_holonomic(
     Args:
         region: `around` or `box` in joint space, all directions of the tool counting; or a `ball` of tool positions
             with `along` > 0, orientation kept, where positions alone count.
-        base: phi, r rows, one to one along the self-motions of the region; by default the constraint of a law that has
-            one, so that this law itself is found; else the joints' part along the self-motion in the middle, or with a
-            whole closed self-motion the hinge that turns round in it.
+        base: phi, r rows, one to one along the self-motions of the region; by default the constraint of a strategy that
+            has one, so that this strategy itself is found; else the joints' part along the self-motion in the middle,
+            or with a whole closed self-motion the hinge that turns round in it.
         samples: postures of the search; others judge it.
         length: metres that a turn of 1 rad counts as; by default the region's spread of positions over that of turns.
 
     Raises:
         ArgumentError: no redundant joint, a ball without `along`, a base that folds in the region, bad numbers.
-        SingularityError: the given law is singular in the region.
+        SingularityError: the given strategy is singular in the region.
     """
     task = strategy.task
     of_one_tool(task, "nearest")
@@ -321,15 +325,16 @@ def closest_holonomic(
     start = task.robot.checked(region.start if isinstance(region, Ball) else region.center, "the middle of the region")
     own = strategy.constraint if isinstance(strategy, HolonomicStrategy) else None
     phi, period = (base or own, None) if r > 1 else _base(task, base or own, start, region)
-    law = holonomic(task, phi or linear(null_space(task.jacobian(start)).T, name="along the self-motion"))
-    Q = _postures(law, region, start, whole("samples", samples) + JUDGED, seed)
+    base_strategy = holonomic(task, phi or linear(null_space(task.jacobian(start)).T, name="along the self-motion"))
+    Q = _postures(base_strategy, region, start, whole("samples", samples) + JUDGED, seed)
     coordinates = coordinates_of(chart_of(task, task.pose(start)[:3, :3]), Q)
     metres = length_of(Objective(1.0, length=length), coordinates.turns, coordinates.spread)
     weights = np.where(coordinates.turns, 1 / metres, 1.0)
-    series = series_over(law, coordinates, Q, degree, period)
-    searched, judged = (SampledSeries.of(strategy, law, series, weights, part) for part in (Q[JUDGED:], Q[:JUDGED]))
+    series = series_over(base_strategy, coordinates, Q, degree, period)
+    parts = Q[JUDGED:], Q[:JUDGED]
+    searched, judged = (SampledSeries.of(strategy, base_strategy, series, weights, part) for part in parts)
     C, steps = searched.best()
-    found = _along_leaves(task, law.constraint, replace(series, coefficients=frozen(C)))
+    found = _along_leaves(task, base_strategy.constraint, replace(series, coefficients=frozen(C)))
     off, fold = judged.off(C)
     ours, least, terms = judged.deviation(off), float(fold.min()), C.shape[1]
     bound = None
@@ -337,10 +342,10 @@ def closest_holonomic(
         bound = distance_to_repeatable(strategy, region, samples=BOUND, seed=seed).bound
     straight = radial(strategy, start)
     try:
-        near = judged.deviation(judged.of_law(straight) - judged.G)
+        near = judged.deviation(judged.of_strategy(straight) - judged.G)
     except SingularityError:
         near = None
-    if near is not None and near.rms < min(REPEATABLE, ours.rms):  # the given law has leaves: those of radial
+    if near is not None and near.rms < min(REPEATABLE, ours.rms):  # the given strategy has leaves: those of radial
         found, ours, least, terms = straight, near, 1.0, 0
     return ClosestHolonomic(found, start, ours, near, bound, least, metres, terms, steps)
 
@@ -370,11 +375,11 @@ def _base(
     return base, turn or None
 
 
-def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: int, seed: int) -> Matrix:
+def _postures(base_strategy: HolonomicStrategy, region: Region | Ball, q0: Vector, count: int, seed: int) -> Matrix:
     """Postures (k, n) that fill the region evenly: a box in its joints, a ball in tool positions and arc length."""
     if isinstance(region, Region):
         return region.sample(count, seed)
-    task = law.task
+    task = base_strategy.task
     if not region.along > 0:
         cure = (
             "give hk.analysis.curvature.ball(start, radius, along=...): a repeatable strategy has leaves side by side"
@@ -382,7 +387,7 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: 
         raise ArgumentError("`along` of the ball", region.along, cure)
     u, pose = sobol(4, count, seed), task.pose(q0)
     poses = pose_from(_positions(pose[:3, 3], region.radius, u, task.robot.planar), pose[:3, :3])
-    found = ik(law, q0, limits=False).batch(poses)
+    found = ik(base_strategy, q0, limits=False).batch(poses)
     ok = found.reached
     Q, p, R = found.q[ok], poses[ok, :3, 3], poses[ok, :3, :3]
     along = region.along

@@ -1,4 +1,4 @@
-"""Where a law serves a workspace: cusps of its leaves near it, and the levels that serve it. Theory 7.3"""
+"""Where a strategy serves a workspace: cusps of its leaves near it, and the levels that serve it. Theory 7.3"""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, HolokinError
-from ...base.types import ArrayLike, Matrix, NoTruthValue, Shown, Value, Vector, positive
+from ...base.types import ArrayLike, Matrix, NoTruthValue, Result, Value, Vector, positive
 from ...motion.ik import ik, move_to_leaf
 from ...path.workspaces import Workspace
 from ...robot import start_posture
@@ -29,12 +29,14 @@ STARTS = 300
 """Starts of the search for them."""
 
 MORE_SPEED = 1.1
-"""Mean squared joint speed, over that of the best law, at which a law without cusps nearby is preferred at most."""
+"""Mean squared joint speed, over that of the best strategy, at which a strategy without cusps nearby is preferred at
+most."""
 
 
 @dataclass(frozen=True, eq=False)
-class NearbyCusps(Value):
-    """The cusps found on a law's leaf, and their least distance [m] from a workspace, infinite where none was found.
+class NearbyCusps(Result, Value):
+    """The cusps found on a strategy's leaf, and their least distance [m] from a workspace, infinite where none was
+    found.
 
     found: None where they cannot be looked for, `reason` says why; the distance is NaN then. pose: of the tool at the
     nearest (4, 4), None where there is none.
@@ -84,6 +86,9 @@ class NearbyCusps(Value):
             f"{turns}; after it a joint is {least.apart:.2g} (rad or m) from where it was"
         )
 
+    def __str__(self) -> str:
+        return self.sentence
+
 
 def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
     """Those of the leaf through q0, and how far they are from a workspace; or why they cannot be looked for."""
@@ -112,13 +117,13 @@ def _capital(sentence: str) -> str:
 
 
 def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more: float) -> Sequence[str]:
-    """Sentences on the law that was chosen, and on the first one, which has `more` squared joint speed less."""
+    """Sentences on the strategy that was chosen, and on the first one, which has `more` squared joint speed less."""
     found = looked_at[chosen]
     if chosen != first:
         return [
             f"{first!r}, which needs {more:.1%} less squared joint speed, has a cusp in the workspace, or within "
             f"{NEAR:g} m of it: round a cusp a closed path of the tool may not bring the joints back.",
-            f"Of the law to take {found.sentence}.",
+            f"Of the strategy to take {found.sentence}.",
         ]
     others = [repr(name) for name, other in looked_at.items() if name != chosen and other.near]
     rest = f"; so has {', '.join(others)}, whose coverage and margins are as good" if found.near and others else ""
@@ -126,12 +131,15 @@ def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more:
 
 
 @dataclass(frozen=True)
-class DegreeTried(Shown):
+class DegreeTried(Result):
     """A design with polynomials of one degree: its objective, and the cusps of its leaf."""
 
     degree: int
     cost: float
     cusps: NearbyCusps
+
+    def __str__(self) -> str:
+        return f"degree {self.degree}: {self.cost:.5g}; {self.cusps}"
 
 
 def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], found: NearbyCusps) -> str:
@@ -152,7 +160,7 @@ def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], found: Nearby
     return "\n".join([*said, loop] if loop else said)
 
 
-# --- The levels of a law whose leaves serve a whole workspace: how far the elbow may go while the tool works.
+# --- The levels of a strategy whose leaves serve a whole workspace: how far the elbow may go while the tool works.
 
 STEP, LEVEL_POSES = 0.05, 256
 """Difference of the levels that are tried [rad, m, or the constraint's unit]; poses of the workspace."""

@@ -96,7 +96,8 @@ class Sampled(Value):
 
 @dataclass(frozen=True, eq=False)
 class TiltedLeaves(Value):
-    """The leaves of a base law, tilted along the coordinates of a workspace: slopes of sections, and derivatives."""
+    """The leaves of a base strategy, tilted along the coordinates of a workspace: slopes of sections, and
+    derivatives."""
 
     base: HolonomicStrategy
     coordinates: Coordinates
@@ -141,10 +142,10 @@ class TiltedLeaves(Value):
 
     @cached_property
     def _rows(self) -> Function:
-        law = self.base.looped
-        e = law.expressions
+        looped = self.base.looped
+        e = looped.expressions
         J = self.coordinates.chart.jacobian_expression(e.kinematics, e.q)
-        return Function("rows", {"q": e.q}, {"J": J, "planes": e.planes}, None, law.transport)
+        return Function("rows", {"q": e.q}, {"J": J, "planes": e.planes}, None, looped.transport)
 
     @cached_property
     def _turning(self) -> Function:

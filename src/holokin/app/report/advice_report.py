@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.design import Advice, Law
+from ...analysis.design import Advice, RatedStrategy
 from ...base.errors import brief
 from ...base.types import Vector
 from ...robot import Coordinate, Robot, Tip, knows_masses, reach
@@ -75,7 +75,7 @@ CLEARANCE: Column = ("clearance\nmin [m]", "right")
 def print_advice(advice: Advice, console: Any) -> None:
     """Print the laws as a table, the best first, and the reasons below."""
     columns, rows = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.scene else COLUMNS, []
-    for law in advice.laws:
+    for law in advice.strategies:
         cells_of_law = cells(law)
         cells_of_law[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.scene else []
         rows.append(cells_of_law)
@@ -85,7 +85,7 @@ def print_advice(advice: Advice, console: Any) -> None:
     if advice.offers:
         task = "position" if advice.task.orientation is None else "axis"
         print_line(console, f"The task is '{task}': {advice.offers}.", WARNING)
-    for law in advice.laws:
+    for law in advice.strategies:
         if law.same:
             cells_of_law = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
             print_line(console, f"{cells_of_law}.")
@@ -93,7 +93,7 @@ def print_advice(advice: Advice, console: Any) -> None:
         print_line(console, sentence)
 
 
-def cells(law: Law) -> list[str]:
+def cells(law: RatedStrategy) -> list[str]:
     """What the table says of a law."""
     return [
         brief(law.name),
@@ -120,7 +120,7 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     """
     from matplotlib.figure import Figure
 
-    laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
+    laws, every = advice.strategies[:MOST_LAWS], len(advice.strategies)
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
     things = () if advice.scene is None else advice.scene.obstacles
@@ -168,17 +168,17 @@ LETTERS, HEAD = 96, 72
 """In a line of the subject, and of the head."""
 
 
-def bars_height(laws: tuple[Law, ...]) -> float:
+def bars_height(laws: tuple[RatedStrategy, ...]) -> float:
     """The height of the bars [inch], greater where the names of laws are long."""
     return LINE * max(_rows(laws)[1], 6.0)
 
 
-def _label(law: Law) -> str:
+def _label(law: RatedStrategy) -> str:
     """The name of a law in lines."""
     return fill(on_figure(law.name, 120), 31)
 
 
-def _rows(laws: tuple[Law, ...]) -> tuple[Vector, float]:
+def _rows(laws: tuple[RatedStrategy, ...]) -> tuple[Vector, float]:
     """Where the bar of each law stands, and where the last one ends, in lines of text: names do not overlap."""
     lines = np.array([max(LEAST, _label(law).count("\n") + 1.5) for law in laws])
     ends = np.cumsum(lines)
@@ -189,7 +189,7 @@ CUT = (64.0, 67.0)
 """Where two white strokes cut a bar that is longer than its axis [% of the axis]."""
 
 
-def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
+def coverage_bars(axes: Any, laws: tuple[RatedStrategy, ...]) -> Any:
     """The share of the workspace that each law reaches, the best law on top."""
     rows, end = _rows(laws)
     axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=THICK)
@@ -202,7 +202,7 @@ def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
     return axes
 
 
-def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
+def _speed_bars(axes: Any, laws: tuple[RatedStrategy, ...], most: float = 2.0) -> Any:
     """The mean squared joint speed of each law above the least found at each pose; longer ones are cut, and two
     strokes through them show it.
     """
@@ -228,7 +228,7 @@ def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
     return axes
 
 
-def _colors(laws: tuple[Law, ...]) -> list[str]:
+def _colors(laws: tuple[RatedStrategy, ...]) -> list[str]:
     return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
 
 

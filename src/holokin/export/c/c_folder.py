@@ -16,7 +16,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, ExportError
 from ...base.files import write_texts
-from ...base.types import ArrayLike, Reported, number, whole
+from ...base.types import ArrayLike, Result, number, whole
 from ...motion.ik.branch import enclosed_change, extended_jacobian
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy
@@ -34,7 +34,7 @@ STAMP = "0123456789abcdef"
 
 
 @dataclass(frozen=True)
-class Exported(Reported):
+class Exported(Result):
     """What was written: the folder, its files, the operations of each function."""
 
     folder: Path

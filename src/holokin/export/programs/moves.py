@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arguments import check
 from ...base.errors import ArgumentError
-from ...base.types import Array, Flags, Indices, Matrix, Reported, Value, Vector, positive
+from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, positive
 from ...base.units import PrintedUnits
 from ...motion import TimedTrajectory
 from ...path.path import rotation_matrix, rotation_vector, straight
@@ -100,7 +100,7 @@ class ToolTolerance(Value):
 
 
 @dataclass(frozen=True)
-class ToolDeviation(Reported):
+class ToolDeviation(Result):
     """How far moves are from a timed motion: of the tool [m, rad], of its speed (share), of the joints [rad or m].
 
     `slowest` and `fastest` [m/s] are the speeds of the tool where it has one to keep; NaN where it never has.

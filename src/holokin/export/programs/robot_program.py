@@ -13,7 +13,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.files import write_texts
-from ...base.types import Reported
+from ...base.types import Result
 from ...base.units import SI
 from ...motion import TimedTrajectory
 from ...version import __version__
@@ -124,7 +124,7 @@ def taken(name: str, language: str, program: bool = True, used: Sequence[str] = 
 
 
 @dataclass(frozen=True)
-class Program(Reported):
+class Program(Result):
     """A robot program: its files by name, and how it was cut down from the samples.
 
     `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import ArgumentError, ExportError
-from ...base.types import Array, Reported
+from ...base.types import Array, Result
 from ...motion import has_leaf
 from ...robot import to_urdf
 from ...robot.formats.writers import link_names
@@ -45,7 +45,7 @@ SHARED = {
 
 
 @dataclass(frozen=True)
-class RosPackage(Reported, ABC):
+class RosPackage(Result, ABC):
     """What was written: the folder, the package, its C name, its files, the operations of each C function. Abstract."""
 
     folder: Path

@@ -12,7 +12,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, ShapeError
 from ...base.poses import PoseLike, given_pose
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Reported, Value, Vector, finite, tool_pose, whole
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Result, Value, Vector, finite, tool_pose, whole
 from ...path.workspaces import sobol
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy
@@ -166,7 +166,7 @@ SAMPLED = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Postures(Reported, Value):
+class Postures(Result, Value):
     """The postures q (k, n) found at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
 
     Each is at the pose and on the leaf, if there is one; of those that differ by whole turns of hinges it is one, see

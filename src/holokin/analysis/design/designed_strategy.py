@@ -10,8 +10,8 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError, PathError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Flags, Matrix, NoTruthValue, Value, Vector, not_negative, whole
-from ...motion.checks import Clearances, Scene
+from ...base.types import Array, ArrayLike, Flags, Matrix, NoTruthValue, Result, Value, Vector, not_negative, whole
+from ...motion.checks import Scene
 from ...motion.checks.check_report import counted
 from ...motion.ik import ik
 from ...motion.ik.solutions import InverseStatus
@@ -34,17 +34,15 @@ from ..coverage.pose_postures import (
     coordinates_of,
     postures_at_poses,
 )
-from ..coverage.pose_postures import (
-    Cost as PostureCost,
-)
+from ..coverage.pose_postures import Cost as PostureCost
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
 from .objectives import POWER, Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
 from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
 
 
 @dataclass(frozen=True, eq=False)
-class SectionMetrics(Value):
-    """What a law does over a workspace, on one leaf.
+class SectionMetrics(Result, Value):
+    """What a strategy does over a workspace, on one leaf.
 
     poses: how many tool poses were asked for; reached: how many of them the leaf reaches; within_limits: how many of
     these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
@@ -69,18 +67,19 @@ class SectionMetrics(Value):
     closest: tuple[str, str] | None = None
 
     def __str__(self) -> str:
-        own = "".join(f"; {name} {value:.5g}" for name, value in self.own.items())
+        more = "".join(f"; {name} {value:.5g}" for name, value in self.own.items())
         if self.closest is not None:
-            own += f"; the least distance is {self.clearance:.3g} m, between {' and '.join(self.closest)}"
-        known = f"; at a tool speed of 1 m/s the fastest joint has {self.worst_speed:.3g} times its speed limit"
-        fastest = known if np.isfinite(self.worst_speed) else ""
+            more += f"; the least distance is {self.clearance:.3g} m, between {' and '.join(self.closest)}"
+        fastest = ""
+        if np.isfinite(self.worst_speed):
+            fastest = f"; at a tool speed of 1 m/s the fastest joint has {self.worst_speed:.3g} times its speed limit"
         return (
             f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits\n"
             f"  the mean squared joint speed is {self.squared_speed:.5g} rad^2/m^2{fastest}\n"
             f"  nearest to a limit: {self.worst_joint}, at {self.joint_limits:.0%} of the way from the middle of its "
             "range to a limit\n"
             f"  from one pose to another the joints differ by {np.sqrt(self.travel):.3g} rad (rms); rcond is at least "
-            f"{self.rcond:.2g}{own}"
+            f"{self.rcond:.2g}{more}"
         )
 
 
@@ -90,46 +89,19 @@ def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matr
     Raises:
         OutOfReachError: none is.
     """
-    found = ik(strategy, q0, limits=False).batch(poses)
-    if not found.reached.any():
-        causes = ", ".join(sorted({InverseStatus(s).name.lower().replace("_", " ") for s in found.status}))
+    solutions = ik(strategy, q0, limits=False).batch(poses)
+    if not solutions.reached.any():
+        causes = ", ".join(sorted({InverseStatus(s).name.lower().replace("_", " ") for s in solutions.status}))
         fact = f"none of {len(poses)} poses of the workspace is reached by the leaf of {strategy.name!r} ({causes})"
         raise OutOfReachError(fact, "move or shrink the workspace, or give another start or base constraint")
-    return found.q[found.reached], poses[found.reached]
-
-
-def measured(
-    strategy: HolonomicStrategy, coordinates: Coordinates, costs: Costs, Q: Matrix, poses: int, apart: Clearances | None
-) -> SectionMetrics:
-    """The metrics of a law at postures (k, n) that it reaches, of so many poses. apart: the shapes to look at."""
-    robot = strategy.task.robot
-    at = TiltedLeaves(strategy, coordinates).through(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
-    off = np.abs(Q - costs.middle) / costs.half
-    k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
-    near = np.full((1, 1), np.inf) if apart is None else counted(apart.distances(Q), apart.limits, apart.wanted)
-    closest = int(near.min(axis=0).argmin())
-    used = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
-    return SectionMetrics(
-        poses=poses,
-        reached=len(Q),
-        within_limits=int(np.sum((np.clip(Q, robot.lower, robot.upper) == Q).all(axis=1))),
-        squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
-        worst_speed=float(used.max()) if (costs.speeds > 0).all() else np.nan,
-        joint_limits=float(off[k, joint]),
-        worst_joint=robot.joint_names[joint],
-        rcond=float(strategy.gain.batch(Q)[1].min()),
-        travel=costs.travel(Q, at.G, at.rcond).value,
-        own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
-        clearance=float(near.min()),
-        closest=None if apart is None or not np.isfinite(near).any() else apart.names[closest],
-    )
+    return solutions.q[solutions.reached], poses[solutions.reached]
 
 
 # --- The least cost at each tool pose, over all postures that a search finds there and over all slopes.
 #
 # A section has at the pose x some posture and some right inverse; at best the cheapest of both. No integrability is
-# asked, so the mean of these least costs is a lower bound of every law with these postures, repeatable or not. They are
-# looked for from many starts (`pose_postures`), so that those of all branches are among them.
+# asked, so the mean of these least costs is a lower bound of every strategy with these postures, repeatable or not.
+# They are looked for from many starts (`pose_postures`), so that those of all branches are among them.
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
@@ -148,11 +120,6 @@ class LeastCosts(Value):
     coordinates: Coordinates
     costs: Costs
     allowed: Vector
-
-    @property
-    def traced(self) -> bool:
-        """True where whole self-motions were walked."""
-        return self.postures.traced
 
     @cached_property
     def squared_speed(self) -> Vector:
@@ -188,12 +155,12 @@ class LeastCosts(Value):
     def _least(self, cost: PostureCost) -> Vector:
         """The least of a cost over the postures that count."""
 
-        def counted(q: Matrix) -> Vector:
-            found, known = np.full(len(q), np.inf), self._over(q) <= TOLERANCES.limit
-            found[known] = cost(q[known])
-            return np.where(np.isfinite(found), found, np.inf)
+        def allowed_cost(q: Matrix) -> Vector:
+            values, within = np.full(len(q), np.inf), self._over(q) <= TOLERANCES.limit
+            values[within] = cost(q[within])
+            return np.where(np.isfinite(values), values, np.inf)
 
-        return self.postures.least(counted, self._over)
+        return self.postures.least(allowed_cost, self._over)
 
     def _J(self, q: Matrix) -> Array:
         return self.coordinates.chart.jacobian_batch(q)[0]
@@ -208,9 +175,9 @@ class LeastCosts(Value):
 
 @dataclass(frozen=True, eq=False)
 class Floor(Value):
-    """What no law at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
+    """What no strategy at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
 
-    Q: a law's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
+    Q: a strategy's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
     """
 
     coordinates: Coordinates
@@ -223,7 +190,7 @@ class Floor(Value):
 
     @cached_property
     def here(self) -> LeastCosts:
-        """The least costs over the self-motions of the law's postures."""
+        """The least costs over the self-motions of the strategy's postures."""
         return self._over(0)
 
     @cached_property
@@ -232,31 +199,25 @@ class Floor(Value):
         return self._over(STARTS)
 
     def _over(self, starts: int) -> LeastCosts:
-        found = postures_at_poses(self.coordinates.chart, self.Q, self.p, self.R, starts=starts)
-        return LeastCosts(found, self.coordinates, self.costs, self.allowed)
+        postures = postures_at_poses(self.coordinates.chart, self.Q, self.p, self.R, starts=starts)
+        return LeastCosts(postures, self.coordinates, self.costs, self.allowed)
 
     def of(self, least: LeastCosts) -> float:
-        """The weighted costs of these least ones: no law has less, since each of the costs is at its least there.
+        """The weighted costs of these least ones: no strategy has less, since each of the costs is at its least there.
 
-        Where the law's own self-motions leave the allowed limits, limits do not count.
+        Where the strategy's own self-motions leave the allowed limits, limits do not count.
         """
         if self.here.beyond.any():
             least = replace(least, allowed=np.full_like(self.allowed, np.inf))
-        known = {
+        floors = {
             "squared_speed": lambda: float(np.mean(least.squared_speed)),
             "worst_speed": lambda: float(np.mean(least.worst_speed**POWER) ** (1 / POWER)),
             "joint_limits": lambda: float(np.mean(least.joint_limits**POWER) ** (1 / POWER)),
             "rcond": lambda: 1.0,
-            "travel": lambda: 0.0,
-            "clearance": lambda: 0.0,
         }
-        known |= {cost.name: partial(least.own, cost) for cost in self.costs.own}
-        return sum(w * known[name]() for name, w in self.weights.items())
-
-
-def least_costs(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array, allowed: Vector) -> LeastCosts:
-    """The least costs over all postures found at tool poses p (S, 3), R (S, 3, 3), those of Q (S, n) among them."""
-    return Floor(coordinates, costs, {}, allowed, Q, p, R).anywhere
+        floors |= {cost.name: partial(least.own, cost) for cost in self.costs.own}
+        # travel and clearance may be 0
+        return sum(weight * floors[name]() for name, weight in self.weights.items() if name in floors)
 
 
 def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
@@ -269,19 +230,19 @@ def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
 
 def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
     """Lower bounds (S,) of max_i |G_i| / max_velocity_i over all right inverses: max >= the mean with any weights."""
-    known = costs.speeds > 0
-    share, best = np.full((len(J), len(known)), 1.0 / known.sum()) * known, np.zeros(len(J))
+    limited = costs.speeds > 0
+    share, best = np.full((len(J), len(limited)), 1.0 / limited.sum()) * limited, np.zeros(len(J))
     for _ in range(LAWSON):
         weights = share * costs.speeds**2 + 1e-12  # joints without a speed limit are free
         G = least_slopes(J, P, weights)
-        used = np.sum((G * costs.columns) ** 2, axis=2) * costs.speeds**2
-        total = np.sum(share * used, axis=1)
-        best = np.fmax(best, total)
-        share = share * np.sqrt(used) / np.sum(share * np.sqrt(used), axis=1, keepdims=True)
+        squares = np.sum((G * costs.columns) ** 2, axis=2) * costs.speeds**2
+        best = np.fmax(best, np.sum(share * squares, axis=1))
+        share = share * np.sqrt(squares) / np.sum(share * np.sqrt(squares), axis=1, keepdims=True)
     return np.sqrt(best)
 
 
-# --- The problem that `design` solves: a base law, a workspace, an objective and hard limits; and a law of it, checked.
+# --- The problem that `design` solves: a base strategy, a workspace, an objective and hard limits; and a strategy of
+# it, checked.
 
 LEEWAY = 0.02
 """Share of half a joint's range, beyond the least violation, that a search may use where the limits cannot be kept."""
@@ -289,12 +250,12 @@ LEEWAY = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Problem(Value):
-    """A base law with the posture (n,) in the middle of a workspace; sections over it, and their limits.
+    """A base strategy with the posture (n,) in the middle of a workspace; sections over it, and their limits.
 
     poses, others: tool poses (k, 4, 4) at which sections are made, and at which they are checked.
     """
 
-    law: HolonomicStrategy
+    base: HolonomicStrategy
     center: Vector
     workspace: Workspace
     coordinates: Coordinates
@@ -307,8 +268,8 @@ class Problem(Value):
 
     @property
     def first(self) -> Matrix:
-        """Coefficients (r, 1) of the base law itself."""
-        return self.law.g(self.center)[:, None]
+        """Coefficients (r, 1) of the base strategy itself."""
+        return self.base.g(self.center)[:, None]
 
     def posed(
         self, Q: Matrix, there: Array, coefficients: Matrix, weights: dict[str, float] | None = None
@@ -316,8 +277,7 @@ class Problem(Value):
         """The search at poses (S, 4, 4), from postures (S, n) of a section of coefficients (r, t), and its floor."""
         c = self.coordinates
         p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
-        leaves = TiltedLeaves(self.law, c)
-        section = SectionSamples(leaves, monomials_up_to(c.d, self.degree), p, R, c.at(Q))
+        section = SectionSamples(TiltedLeaves(self.base, c), monomials_up_to(c.d, self.degree), p, R, c.at(Q))
         near = section.through(Q, coefficients)
         weights = weights or self._weights(near)
         floor = Floor(c, self.costs, weights, self.hard.allowed, Q, p, R)
@@ -326,10 +286,11 @@ class Problem(Value):
         return Search(section, self.costs, weights, replace(self.hard, allowed=allowed), near), floor
 
     def checked(self, coefficients: Matrix, best: Sampled) -> Checked:
-        """The law of coefficients (r, t) at the other poses, reached on its leaf from the middle of the workspace."""
+        """The strategy of coefficients (r, t) at the other poses, reached on its leaf from the middle of the
+        workspace."""
         zeta = Polynomial(self.coordinates, coefficients)
-        constraint = tilted(self.law.constraint, zeta, chart=self.coordinates.chart)
-        strategy = holonomic(self.law.task, constraint, name="designed")
+        constraint = tilted(self.base.constraint, zeta, chart=self.coordinates.chart)
+        strategy = holonomic(self.base.task, constraint, name="designed")
         middle = ik(strategy, best.Q[0], limits=False)(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
         over, rconds, nearer = self.over(arrived), strategy.gain.batch(arrived)[1], self.hard.nearer(arrived)
@@ -347,29 +308,50 @@ class Problem(Value):
         return np.abs(Q - self.costs.middle) / self.costs.half - self.hard.allowed
 
     def measured(self, strategy: HolonomicStrategy, Q: Matrix, poses: int) -> SectionMetrics:
-        """The metrics of a law at postures (k, n) that it reaches, of so many poses."""
-        return measured(strategy, self.coordinates, self.costs, Q, poses, self.hard.apart)
+        """The metrics of a strategy at postures (k, n) that it reaches, of so many poses."""
+        robot, c, costs, apart = strategy.task.robot, self.coordinates, self.costs, self.hard.apart
+        at = TiltedLeaves(strategy, c).through(Q, np.zeros((len(Q), strategy.constraint.rows, c.d)))
+        off = np.abs(Q - costs.middle) / costs.half
+        k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
+        distances = np.full((1, 1), np.inf)
+        if apart is not None:
+            distances = counted(apart.distances(Q), apart.limits, apart.wanted)
+        closest = int(distances.min(axis=0).argmin())
+        shares = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
+        return SectionMetrics(
+            poses=poses,
+            reached=len(Q),
+            within_limits=int(robot.within(Q).sum()),
+            squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
+            worst_speed=float(shares.max()) if (costs.speeds > 0).all() else np.nan,
+            joint_limits=float(off[k, joint]),
+            worst_joint=robot.joint_names[joint],
+            rcond=float(strategy.gain.batch(Q)[1].min()),
+            travel=costs.travel(Q, at.G, at.rcond).value,
+            own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
+            clearance=float(distances.min()),
+            closest=None if apart is None or not np.isfinite(distances).any() else apart.names[closest],
+        )
 
     def _weights(self, at: Sampled) -> dict[str, float]:
         """The weights of the costs, each divided by what it is at a section, where there are several."""
         weights = self.goal.weights
         if len(weights) == 1:
             return dict.fromkeys(weights, 1.0)
-        found = {name: self.costs.known[name](at.Q, at.G, at.rcond).value for name in weights}
-        if "clearance" in found:  # a share already, and 0 where all is far
-            found["clearance"] = 1.0
-        for name, value in found.items():
-            if not value > 0:
+        sizes = {name: self.costs.known[name](at.Q, at.G, at.rcond).value for name in weights}
+        sizes |= {"clearance": 1.0}  # a share already, and 0 where all is far
+        for name in weights:
+            if not sizes[name] > 0:
                 cure = "beside other costs it must be above 0: add a constant to it, or make it the only one"
-                raise ArgumentError(f"the cost {name!r} before the design", value, cure)
-        return {name: w / found[name] for name, w in weights.items()}
+                raise ArgumentError(f"the cost {name!r} before the design", sizes[name], cure)
+        return {name: weight / sizes[name] for name, weight in weights.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Checked(Value):
-    """A law of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits (k,),
-    by how much joints are beyond them at most (n,), by what share rcond falls short, and by how much pairs of shapes
-    are too near at most (P,).
+    """A strategy of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits
+    (k,), by how much joints are beyond them at most (n,), by what share rcond falls short, and by how much pairs of
+    shapes are too near at most (P,).
     """
 
     strategy: HolonomicStrategy
@@ -385,16 +367,15 @@ class Checked(Value):
 def based(
     task: Task, base: Constraint | None, q0: Vector, middle: Matrix, units: Vector
 ) -> tuple[HolonomicStrategy, Vector]:
-    """The base law, and its posture at the middle of the workspace. Raises: OutOfReachError."""
-    law = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
+    """The base strategy, and its posture at the middle of the workspace. Raises: OutOfReachError."""
+    strategy = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
     try:
-        center = ik(law, q0, limits=False)(middle)
+        center = ik(strategy, q0, limits=False)(middle)
     except PathError as problem:
-        fact = (
-            f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
-        )
-        raise OutOfReachError(fact, "give a start there, another base, or another workspace") from None
-    return (law, center) if base is not None else (_along_self_motion(task, center, units), center)
+        fact = f"the base strategy {strategy.name!r} does not lead from the start to the middle of the workspace"
+        cure = "give a start there, another base, or another workspace"
+        raise OutOfReachError(f"{fact}: {problem.args[0]}", cure) from None
+    return (strategy if base is not None else _along_self_motion(task, center, units)), center
 
 
 def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrategy:
@@ -403,18 +384,12 @@ def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrateg
     return holonomic(task, linear(Z.T * units, name="the combination of joints along the self-motion"))
 
 
-def _hard_limits(costs: Costs, margin: float | None, rcond: float, apart: Clearances | None) -> Limits:
-    """The hard limits of a search; no joint limits without a margin."""
-    allowed = np.full(len(costs.half), np.inf) if margin is None else 1 - margin / costs.half
-    return Limits(np.where(np.isfinite(costs.half), allowed, np.inf), rcond, apart)
-
-
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
 
 ROUNDS = 3
-"""Searches at most: another one follows where the design reaches samples that the base law did not, and, with limits
-narrowed, where poses between the samples are beyond them."""
+"""Searches at most: another one follows where the design reaches samples that the base strategy did not, and, with
+limits narrowed, where poses between the samples are beyond them."""
 
 APART = 1e-3
 """Share by which the least of all postures is below that of the own self-motions where both are told."""
@@ -431,12 +406,13 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         section phi(q) = polynomial(x).
     objective: what was made less, with the `length` that turns counted as: a design over another base that is given
         this objective has costs and a bound to compare with these.
-    costs: the objective with the base law as it was, then after the search with each degree from 0 on. With one cost it
-        has the cost's unit, with several it is 1 to begin with. Where the search reaches samples that the base law does
-        not, the last one alone is of all of them.
-    broken: at how many samples the base law as it was breaks a hard limit: the search, which keeps them, may cost more.
-    floor: what no law with the postures found at the samples can have less of; see `bound`.
-    before, after: the base law and the designed one at the samples. checked: the designed one at other poses, four
+    costs: the objective with the base strategy as it was, then after the search with each degree from 0 on. With one
+    cost it
+        has the cost's unit, with several it is 1 to begin with. Where the search reaches samples that the base strategy
+        does not, the last one alone is of all of them.
+    broken: at how many samples the base strategy as it was breaks a hard limit: the search, which keeps them, may cost
+    more. floor: what no strategy with the postures found at the samples can have less of; see `bound`.
+    before, after: the base strategy and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold.
     looked_at: of a design that was to avoid cusps, those of the degrees tried, the highest first, of which one is this.
@@ -459,37 +435,37 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
 
     @cached_property
     def bound(self) -> float:
-        """The least objective of any law within the limits: the mean over the samples of the least cost of all postures
-        that a search finds there, of every branch. Where several joints are redundant it may be too high.
+        """The least objective of any strategy within the limits: the mean over the samples of the least cost of all
+        postures that a search finds there, of every branch. Where several joints are redundant it may be too high.
         """
         return self.floor.of(self.floor.anywhere)
 
     @cached_property
     def bound_here(self) -> float:
-        """The same of the laws on the same self-motions as this one at each sample."""
+        """The same of the strategies on the same self-motions as this one at each sample."""
         return self.floor.of(self.floor.here)
 
     @property
     def bound_traced(self) -> bool:
         """Whether whole self-motions were walked for the bounds, and not lines in them."""
-        return self.floor.here.traced
+        return self.floor.here.postures.traced
 
     @cached_property
     def impossible(self) -> int:
-        """At how many samples no posture found is within the joint limits, whatever the law."""
+        """At how many samples no posture found is within the joint limits, whatever the strategy."""
         return int(np.sum(self.floor.anywhere.beyond > 0)) if self.impossible_here else 0
 
     @property
     def impossible_here(self) -> int:
-        """At how many samples no posture on the self-motions of this law is within the joint limits; there the search
-        asked for the least violation.
+        """At how many samples no posture on the self-motions of this strategy is within the joint limits; there the
+        search asked for the least violation.
         """
         return int(np.sum(self.floor.here.beyond > 0))
 
     @cached_property
     def cusps(self) -> NearbyCusps:
         """The cusps found on the leaf within the joint limits, and how near to the workspace they are."""
-        known = next((one.cusps for one in self.looked_at if one.degree == self.degree), None)
+        known = next((tried.cusps for tried in self.looked_at if tried.degree == self.degree), None)
         return cusps_near(self.strategy, self.q0, self.workspace) if known is None else known
 
     @property
@@ -506,40 +482,42 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
         return (
+            f"all hard limits of the design (joint limits, rcond, clearance) are kept at {self.kept} of "
+            f"{self.checked.reached} poses{self._cause}\n"
             f"{goal}: {self.costs[0]:.5g} with the base rule {self.base.name!r} alone{self._began}\n"
             f"  with a polynomial of the tool pose added, degree 0 to {self.degree}: {steps}\n"
             f"  {self._least}\n"
             f"checked at {self.checked.poses} poses: {self.checked}\n"
-            f"all hard limits of the design (joint limits, rcond, clearance) are kept at {self.kept} of "
-            f"{self.checked.reached} poses{self._cause}\n"
             f"{said_of_degrees(self.degree, self.looked_at, self.cusps)}"
         )
 
     @property
     def _began(self) -> str:
         """What the first of the costs has that the others have not."""
-        broken = f"beyond hard limits at {self.broken} of the samples" if self.broken else ""
-        fewer = self.before.reached < self.after.reached
-        reached = f"at the {self.before.reached} samples that it reaches, of {self.after.reached}" if fewer else ""
-        said = " and ".join(fact for fact in (reached, broken) if fact)
-        return f" ({said})" if said else ""
+        facts = []
+        if self.before.reached < self.after.reached:
+            facts.append(f"at the {self.before.reached} samples that it reaches, of {self.after.reached}")
+        if self.broken:
+            facts.append(f"beyond hard limits at {self.broken} of the samples")
+        return f" ({' and '.join(facts)})" if facts else ""
 
     @property
     def _least(self) -> str:
         """What the bounds are."""
         if not self.bound_traced:
             return f"a search over the postures found at these poses came down to {self.bound:.5g}"
-        said = f"lower bound: a law that uses only the postures that were found has at least {self.bound:.5g}"
-        apart = self.bound_here > self.bound * (1 + APART)
-        return f"{said}, a law on these self-motions at least {self.bound_here:.5g}" if apart else said
+        bound = f"lower bound: a strategy that uses only the postures that were found has at least {self.bound:.5g}"
+        if self.bound_here <= self.bound * (1 + APART):
+            return bound
+        return f"{bound}, a strategy on these self-motions at least {self.bound_here:.5g}"
 
     @property
     def _cause(self) -> str:
         """Why limits cannot hold."""
         none, elsewhere = self.impossible, self.impossible_here - self.impossible
-        said = f"; at {none} of the samples no posture found is within them" if none else ""
+        cause = f"; at {none} of the samples no posture found is within them" if none else ""
         cure = f"; at {elsewhere} of the samples only postures of other self-motions are: take a start on one of these"
-        return said + (cure if elsewhere else "")
+        return cause + (cure if elsewhere else "")
 
 
 @typed
@@ -577,8 +555,8 @@ def design(
         scene: let the links keep their clearance from what is in it, and from each other, a hard limit too. The pairs
             are those of `certify`, and meshes count by their convex hulls. How far apart they are between the samples
             `certify` proves.
-        samples: tool poses of the workspace that the search looks at. Those that the base law does not reach from the
-            middle of the workspace are left out, and counted.
+        samples: tool poses of the workspace that the search looks at. Those that the base strategy does not reach from
+            the middle of the workspace are left out, and counted.
         avoid_cusps: where a cusp of the leaf lies in the workspace or near it, a design of a lower degree without such
             a cusp is taken, if it costs at most a tenth more and serves as much. It takes seconds for each degree.
 
@@ -588,6 +566,7 @@ def design(
         JointLimitError: with limits, q0 is beyond them.
     """
     robot, goal = task.robot, as_objective(objective)
+    # Check the numbers
     of_one_tool(task, "design")
     q0 = start_posture(robot, q0, limits)
     if task.n == task.m:
@@ -599,79 +578,86 @@ def design(
     if not 0 <= rcond < 1:
         raise ArgumentError("the least rcond", rcond, "give a number from 0 to 1")
     whole("seed", seed, 0)
-
-    apart, near = clearances_of(robot, scene), None
     if goal.clearance and scene is None:
         cure = "give what to keep clear of, too: scene=hk.Scene(obstacles=[...]), or hk.Scene() for the links alone"
         raise ArgumentError("the weight of clearance", goal.clearance, cure)
+    # Reach the poses with the base strategy; they say in which coordinates polynomials are written
     poses, others = workspace.poses(whole("samples", samples), seed), workspace.poses(FINER * samples, seed + 1)
     check_metres(robot, poses, task.tip)
-    law, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
-    Q, there = reached(law, center, poses)
+    base_strategy, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
+    Q, there = reached(base_strategy, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
-    goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
+    # The costs, and the hard limits: none of the joints that have no range
+    goal, near = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread)), None
     if goal.clearance and scene is not None:
         near = clearances_of(robot, replace(scene, clearance=goal.enough_clearance))
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread, near)
-    hard = _hard_limits(costs, margin if limits else None, rcond, apart)
-    problem = Problem(law, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
+    allowed = np.where(np.isfinite(costs.half) & limits, 1 - margin / costs.half, np.inf)
+    hard = Limits(allowed, rcond, clearances_of(robot, scene))
+
+    # Search, and, where cusps are to be avoided, search again with lower degrees
+    problem = Problem(base_strategy, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
     best = _solved(problem, Q, there)
     return _away_from_cusps(problem, best, Q, there) if avoid_cusps else best
 
 
 def _away_from_cusps(problem: Problem, best: Design, Q: Matrix, there: Array) -> Design:
     """The best design of a problem, or, other things equal, that of the highest degree without a cusp nearby."""
-    made, most, degree = [best], MORE_SPEED * best.costs[-1], best.degree
-    while made[-1].cusps.near and degree:
+
+    def serves_as_much(design: Design) -> bool:
+        fewer = design.after.reached < best.after.reached or design.checked.reached < best.checked.reached
+        return design.kept >= best.kept and not fewer
+
+    designs, most, degree = [best], MORE_SPEED * best.costs[-1], best.degree
+    while designs[-1].cusps.near and degree:
         degree -= 1
         if best.costs[degree + 1] <= most:
-            other = _solved(replace(problem, degree=degree), Q, there)
-            if other.costs[-1] <= most and _serves_as_much(other, best):
-                made.append(other)
-    taken = made[-1] if made[-1].cusps.clear else best
-    return replace(taken, looked_at=tuple(DegreeTried(one.degree, one.costs[-1], one.cusps) for one in made))
-
-
-def _serves_as_much(one: Design, other: Design) -> bool:
-    """Whether it reaches as many poses, and as many within the hard limits."""
-    fewer = one.after.reached < other.after.reached or one.checked.reached < other.checked.reached
-    return one.kept >= other.kept and not fewer
+            lower = _solved(replace(problem, degree=degree), Q, there)
+            if lower.costs[-1] <= most and serves_as_much(lower):
+                designs.append(lower)
+    chosen = designs[-1] if designs[-1].cusps.clear else best
+    return replace(chosen, looked_at=tuple(DegreeTried(d.degree, d.costs[-1], d.cusps) for d in designs))
 
 
 def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
-    """The best section of a problem, from postures (S, n) of the base law at those poses (S, 4, 4) that it reaches."""
+    """The best section of a problem, from postures (S, n) of the base strategy at those poses (S, 4, 4) that it
+    reaches."""
     poses, degree = problem.poses, problem.degree
+    # The first search, from the base strategy; its section is checked at the other poses
     search, floor = problem.posed(Q, there, problem.first)
-    near, before = search.near, problem.measured(problem.law, Q, len(poses))
-    found, best, more = search.best(problem.first, degree)
-    result, values = problem.checked(found, best), (search.cost(near).value, *more)
+    near, before = search.near, problem.measured(problem.base, Q, len(poses))
+    coefficients, best, costs = search.best(problem.first, degree)
+    checked, costs = problem.checked(coefficients, best), (search.cost(near).value, *costs)
     for _ in range(ROUNDS - 1):
-        Q, there = reached(result.strategy, result.middle, poses) if len(best.Q) < len(poses) else (best.Q, poses)
+        # Go on where more samples are reached now, or with narrower limits where some are broken between the samples
+        Q, there = reached(checked.strategy, checked.middle, poses) if len(best.Q) < len(poses) else (best.Q, poses)
         further = len(Q) > len(best.Q)
         if further:
-            search, floor = problem.posed(Q, there, found, search.weights)
-        elif result.fits.all() or floor.here.beyond.any() or (problem.hard.nearer(best.Q) > 0).any():
+            search, floor = problem.posed(Q, there, coefficients, search.weights)
+        elif checked.fits.all() or floor.here.beyond.any() or (problem.hard.nearer(best.Q) > 0).any():
             break
         else:
-            search = replace(search, near=best, limits=search.limits.narrowed(result.over, result.short, result.nearer))
-        again = search.best(found, degree)
-        checked = problem.checked(*again[:2])
-        if not further and checked.fits.sum() <= result.fits.sum():
+            limits = search.limits.narrowed(checked.over, checked.short, checked.nearer)
+            search = replace(search, near=best, limits=limits)
+        # Keep what this search finds, if it reaches more samples or keeps the limits at more poses
+        *section, lower = search.best(coefficients, degree)
+        again = problem.checked(*section)
+        if not further and again.fits.sum() <= checked.fits.sum():
             break
-        (found, best, more), result = again, checked
-        values = (*values[: degree + 2 - len(more)], *more)
+        (coefficients, best), checked = section, again
+        costs = (*costs[: degree + 2 - len(lower)], *lower)
     return Design(
-        strategy=result.strategy,
-        q0=result.middle,
+        strategy=checked.strategy,
+        q0=checked.middle,
         workspace=problem.workspace,
         objective=problem.goal,
-        base=problem.law,
-        polynomial=result.zeta,
-        costs=values,
+        base=problem.base,
+        polynomial=checked.zeta,
+        costs=costs,
         broken=problem.broken(near),
         floor=floor,
         before=before,
-        after=problem.measured(result.strategy, best.Q, len(poses)),
-        checked=problem.measured(result.strategy, result.arrived, len(problem.others)),
-        kept=int(result.fits.sum()),
+        after=problem.measured(checked.strategy, best.Q, len(poses)),
+        checked=problem.measured(checked.strategy, checked.arrived, len(problem.others)),
+        kept=int(checked.fits.sum()),
     )
