@@ -24,11 +24,10 @@ from ..strategies.tasks.task import Task
 from ..symbolic import SX, Function, horzcat, jacobian, symbol, vec, vertcat
 from ..symbolic.rotations import skew
 
+# Poses from which native code is worth its compiler, which takes a second once: a policy is trained in many steps.
 NATIVE_FROM = 64
-"""Poses from which native code is worth its compiler, which takes a second once: a policy is trained in many steps."""
 
-NATIVE_SLOPES_FROM = 2_000
-"""The same for second derivatives, whose code is ten times as long."""
+NATIVE_SLOPES_FROM = 2_000  # the same for second derivatives, whose code is ten times as long
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +156,7 @@ def _stacked(R: Array) -> Array:
 # The library is an argument `xp`: of torch and of `jax.numpy` the functions used here have one signature. Leading axes,
 # any number, are those of a batch.
 
-ORDERS = {"wxyz": (0, 1, 2, 3), "xyzw": (1, 2, 3, 0)}
-"""Which of w, x, y, z each number of a quaternion is."""
+ORDERS = {"wxyz": (0, 1, 2, 3), "xyzw": (1, 2, 3, 0)}  # which of w, x, y, z each number of a quaternion is
 
 
 class JointTensors(NamedTuple):
@@ -190,8 +188,8 @@ def _quaternion_form() -> Array:
     return C
 
 
+# w_k = TURN_kij (dR R^T)_ij: the angular velocity of the part of dR that keeps R a rotation.
 TURN = -0.5 * _levi_civita()
-"""w_k = TURN_kij (dR R^T)_ij: the angular velocity of the part of dR that keeps R a rotation."""
 
 QUATERNION = _quaternion_form()
 

@@ -14,8 +14,8 @@ from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Vector
 from ..motion.ik import InverseKinematics
 
+# Entries of an action that hold the tool pose: a point [m], and a rotation vector [rad] in the frame of the base.
 POSE = ("x", "y", "z", "wx", "wy", "wz")
-"""Entries of an action that hold the tool pose: a point [m], and a rotation vector [rad] in the frame of the base."""
 
 
 @typed

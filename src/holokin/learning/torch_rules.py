@@ -21,8 +21,8 @@ def _solved(joints: JointMap, poses: Any, quaternions: Any, order: str | None) -
     return JointTensors(q.to(dtype=poses.dtype, device=poses.device), status.to(device=poses.device))
 
 
+# Not for torch's compiler, which would trace through NumPy into native code, for minutes.
 solved: Any = torch.compiler.disable(_solved)
-"""Not for torch's compiler, which would trace through NumPy into native code, for minutes."""
 
 
 def _on_processor(what: str, tensor: Any) -> Any:

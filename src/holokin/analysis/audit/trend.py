@@ -13,9 +13,9 @@ from ...symbolic.linear import null_space
 
 # --- Postures at equal tool poses, cycle by cycle: the directions in which they can differ, and the noise there.
 
+# Encoder noise along the path, times how fast the spare joints run beside the tool, is taken to grow by no more than
+# this: at the tips of a path the tool's direction, and with it the gain, is not known.
 MOST_GAIN = 3.0
-"""Encoder noise along the path, times how fast the spare joints run beside the tool, is taken to grow by no more than
-this: at the tips of a path the tool's direction, and with it the gain, is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,40 +103,38 @@ def encoder_noise(
 
 # --- The scatter of postures at equal tool poses over the cycles of a log, and shapes that it would not take.
 
+# Two-sided, for all phases, directions and groups of cycles of a log together: of a hundred logs in which nothing
+# changes one may show a change. Less would find drifts in a fleet's daily logs; more needs longer logs.
 CONFIDENCE = 0.99
-"""Two-sided, for all phases, directions and groups of cycles of a log together: of a hundred logs in which nothing
-changes one may show a change. Less would find drifts in a fleet's daily logs; more needs longer logs."""
 
+# How far spare joints may move beside those that follow a tool path which itself shifts. A law that repeats moves
+# them too: with up to 1.76 times the least joint speed (docs/drift.md), so sqrt(1.76^2 - 1) times as far.
 LEAF_SLOPE = 1.5
-"""How far spare joints may move beside those that follow a tool path which itself shifts. A law that repeats moves them
-too: with up to 1.76 times the least joint speed (docs/drift.md), so sqrt(1.76^2 - 1) times as far."""
 
-SHIFT = 2.0
-"""Deviations of the noise in the moves to a pose up to which they do not show a shift of the tool's path."""
+SHIFT = 2.0  # deviations of the noise in the moves to a pose up to which they do not show a shift of the tool's path
 
+# Independent shapes over the cycles that noise can take for a change: the fitted curves run from a jump in the first
+# cycle through a drift to an alternation, and the tube about such a curve holds as much noise as six directions do.
 SHAPES = 6
-"""Independent shapes over the cycles that noise can take for a change: the fitted curves run from a jump in the first
-cycle through a drift to an alternation, and the tube about such a curve holds as much noise as six directions do."""
 
+# Steps, one after each cycle, are worth one more such direction for so many cycles: in white noise of 5 to 80 cycles
+# the largest of all shapes is as large as that of SHAPES + k / STEPS, or of fewer, with an error of 1 % or 0.1 %.
 STEPS = 2
-"""Steps, one after each cycle, are worth one more such direction for so many cycles: in white noise of 5 to 80 cycles
-the largest of all shapes is as large as that of SHAPES + k / STEPS, or of fewer, with an error of 1 % or 0.1 %."""
 
+# Degrees of freedom that the encoder noise, known from all samples, is worth beside the scatter of few cycles.
 PRIOR = 2
-"""Degrees of freedom that the encoder noise, known from all samples, is worth beside the scatter of few cycles."""
 
+# Cycles from which their scatter about a fit of four numbers can be measured; with fewer, encoder noise stands in.
 FEWEST = 5
-"""Cycles from which their scatter about a fit of four numbers can be measured; with fewer, encoder noise stands in."""
 
-THIRD = 20.0
-"""Sum of the squared binomials of a third difference: the variance that white noise of variance 1 gives it."""
+THIRD = 20.0  # sum of the squared binomials of a third difference: the variance that white noise of variance 1 gives it
 
+# Third differences of white noise that are worth one degree of freedom: 1 + 2 (0.75^2 + 0.3^2 + 0.05^2).
 ALIKE_THIRDS = 2.3
-"""Third differences of white noise that are worth one degree of freedom: 1 + 2 (0.75^2 + 0.3^2 + 0.05^2)."""
 
+# Correlation of the scatter of successive cycles beyond which they may be steps of a random walk, which looks like a
+# trend of its sums but not of its steps.
 ALIKE = 0.5
-"""Correlation of the scatter of successive cycles beyond which they may be steps of a random walk, which looks like a
-trend of its sums but not of its steps."""
 
 RATIOS = np.concatenate([-1 + np.linspace(0, 1, 41), 1 - np.logspace(-0.01, -5, 80), [1.0, 1.01, 1.02, 1.05]])
 _BENT = 0.999  # ratios up to this differ from a straight line by more than round-off
@@ -215,11 +213,13 @@ def left_over(y: Matrix) -> tuple[Matrix, float]:
     late = third[-max(3, len(third) // 2) :]
     steps = steps_of(k)
     step = steps[int(np.argmax(((steps @ y) ** 2).sum(axis=1)))]
-    found = [(left, float(k - 4), float(k - 4)) for left in (residual(y), y - np.outer(step, step @ y))]
-    found += [(third, float(k - 3), (k - 3) / ALIKE_THIRDS)]
-    found += [(late, float(len(late)), len(late) / ALIKE_THIRDS)] if len(third) >= FEWEST else []
-    sizes = [float((left**2).sum()) / count * quantile(1 - CONFIDENCE, dof + PRIOR) ** 2 for left, count, dof in found]
-    left, count, dof = found[int(np.argmin(sizes))]
+    candidates = [(left, float(k - 4), float(k - 4)) for left in (residual(y), y - np.outer(step, step @ y))]
+    candidates += [(third, float(k - 3), (k - 3) / ALIKE_THIRDS)]
+    candidates += [(late, float(len(late)), len(late) / ALIKE_THIRDS)] if len(third) >= FEWEST else []
+    sizes = [
+        float((left**2).sum()) / count * quantile(1 - CONFIDENCE, dof + PRIOR) ** 2 for left, count, dof in candidates
+    ]
+    left, count, dof = candidates[int(np.argmin(sizes))]
     return left / np.sqrt(count), dof
 
 
@@ -281,19 +281,20 @@ def quantile(error: float, dof: float) -> float:
     return float(-ndtri(error / 2) if np.isinf(dof) else -stdtrit(dof, error / 2))
 
 
+# Cycles within which a steady drift must reach the tolerance to count: a day or two of a usual robot's work.
 HORIZON = 1000
-"""Cycles within which a steady drift must reach the tolerance to count: a day or two of a usual robot's work."""
 
+# A drift goes on when the second half of the last third of the cycles drifts by no less than this share of the first
+# half. Joints that converge like 1/k have 0.7 there, a decay of the drift to a half over the log 0.9.
 LASTING = 0.95
-"""A drift goes on when the second half of the last third of the cycles drifts by no less than this share of the first
-half. Joints that converge like 1/k have 0.7 there, a decay of the drift to a half over the log 0.9."""
 
+# It fades when that share is no more than this, and that of the stretch before, too: at least like 1/sqrt(k).
 FADING = 0.75
-"""It fades when that share is no more than this, and that of the stretch before, too: at least like 1/sqrt(k)."""
 
+# And when it does not fall faster and faster, as a drift does that is about to turn round: each share is at least
+# this share of the one before. A decay has the same share again and again, and sums of decays, and powers, a growing
+# one.
 STEADY = 0.9
-"""And when it does not fall faster and faster, as a drift does that is about to turn round: each share is at least this
-share of the one before. A decay has the same share again and again, and sums of decays, and powers, a growing one."""
 
 
 class Trend(NoTruthValue, Enum, ask="`is Trend.GOES_ON`"):
@@ -469,8 +470,8 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     low, ratio, high = [-f for f in factors[::-1]] if alternates else factors
     facts = (ratio, (low, high), count)
     speed = float(np.abs(np.einsum("pnd,pd->pn", visits.axes, seen.pattern)).max() * (sign * whole @ series))
-    kept = late - LASTING * early
-    if sign * kept @ series >= bound(kept):
+    lasting = late - LASTING * early
+    if sign * lasting @ series >= bound(lasting):
         if not alternates and speed * HORIZON <= tolerance:
             return _Latest(Trend.NONE, facts)
         return _Latest(Trend.ALTERNATES if alternates else Trend.GOES_ON, facts)
@@ -501,20 +502,20 @@ def _change(visits: Visits, noise: Noise, error: float, *, steps: bool = False) 
     moved = LEAF_SLOPE * shifts(shapes, visits.moves, noise.moves)
     along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - moved[:, :, None]
     held = np.maximum(along, 0.0) / np.maximum(limit * noise.each, 1e-300)
-    least = ((along - limit * noise.each) * visits.lever).max(axis=(1, 2))
+    surely = ((along - limit * noise.each) * visits.lever).max(axis=(1, 2))
     mean = np.zeros((len(shapes), d))
     if np.isfinite(noise.average_dof):
         bound = quantile(error / (count * d), noise.average_dof) * noise.average
         along = np.abs(shapes @ visits.y.mean(axis=1)) - moved.mean(axis=1)[:, None]
         mean = np.maximum(along, 0.0) / np.maximum(bound, 1e-300)
-        least = np.maximum(least, ((along - bound) * visits.lever.min(axis=0)).max(axis=1))
+        surely = np.maximum(surely, ((along - bound) * visits.lever.min(axis=0)).max(axis=1))
     seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=1))
     best = int(np.argmax(seen))
     pattern = np.einsum("k,kpd->pd", shapes[best], visits.y)  # of the change over the phases, where it is seen
     size = float(np.abs(np.einsum("pd,pnd->pn", pattern, visits.axes)).max() * ranges[best])
     most = (np.abs(pattern) + moved[best][:, None] + limit * noise.each) * visits.lever
-    ends = (min(max(float(least[best] * ranges[best]), 0.0), size), float(most.max() * ranges[best]))
-    sure = max(float((2 * least / np.abs(shapes).sum(axis=1)).max()), ends[0])
+    ends = (min(max(float(surely[best] * ranges[best]), 0.0), size), float(most.max() * ranges[best]))
+    sure = max(float((2 * surely / np.abs(shapes).sum(axis=1)).max()), ends[0])
     single = held[best].max() >= mean[best].max()
     pattern = pattern * (held[best] >= 0.5 * seen[best]) if single else pattern
     pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)

@@ -33,44 +33,38 @@ from .sheet_growth import (
     side_by_side,
 )
 
+# Of the postures at one pose through which leaves of a law are tried on few poses, those that are tried on all.
 BEST = 2
-"""Of the postures at one pose through which leaves of a law are tried on few poses, those that are tried on all."""
 
+# Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses.
 OTHERS = 0.05
-"""Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses."""
 
-LEVELS = 4
-"""Levels next to that of a sheet, and laws next to its law, that are tried in a round."""
+LEVELS = 4  # levels next to that of a sheet, and laws next to its law, that are tried in a round
 
+# How far off the other levels are at first, as a share of the level's spread over postures of the start's pose; and
+# the coefficients of the other laws, as a share of the largest one.
 SPREAD, BEND = 0.5, 0.4
-"""How far off the other levels are at first, as a share of the level's spread over postures of the start's pose; and
-the coefficients of the other laws, as a share of the largest one."""
 
-CLOSER = 0.6
-"""Both shrink so in each round."""
+CLOSER = 0.6  # both shrink so in each round
 
+# Lines side by side from which on native code runs, and poses from which on building it pays; not for laws that are
+# tried once.
 NATIVE, MANY = 16, 300
-"""Lines side by side from which on native code runs, and poses from which on building it pays; not for laws that are
-tried once."""
 
+# Step between the levels of a table, as a share of the level's spread over postures of the start's pose.
 LEVEL_STEP = 0.17
-"""Step between the levels of a table, as a share of the level's spread over postures of the start's pose."""
 
-VARIED = 4
-"""Sheets of a choice next to which others are looked for in a round, the widest one among them."""
+VARIED = 4  # sheets of a choice next to which others are looked for in a round, the widest one among them
+SAME = 1e-6  # spread of levels [units of g] up to which they are one
 
-SAME = 1e-6
-"""Spread of levels [units of g] up to which they are one."""
-
+# Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
+# else of other poses about every second choice serves less.
 SPARE = 1.0
-"""Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
-else of other poses about every second choice serves less."""
 
+# What the name of a law begins with whose coefficients are near those of another: the coefficients are in its keys.
 NEAR = "linear, near "
-"""What the name of a law begins with whose coefficients are near those of another: the coefficients are in its keys."""
 
-CLOSEST = 4
-"""Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
+CLOSEST = 4  # neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all
 
 
 class Wanted(NamedTuple):
@@ -142,26 +136,26 @@ class CandidateSheets:
     @property
     def costs(self) -> Vector:
         """Of each sheet (c,), from 0 for the cheapest one to 1."""
-        costs = np.array([one.cost for one in self.found])
+        costs = np.array([sheet.cost for sheet in self.found])
         return np.asarray(1.0 - costs.min(initial=np.inf) / costs)
 
     @property
     def sets(self) -> Flags:
         """Which sheet serves which pose (c, k)."""
-        return np.array([one.served for one in self.found], dtype=bool).reshape(-1, len(self.T))
+        return np.array([sheet.served for sheet in self.found], dtype=bool).reshape(-1, len(self.T))
 
     @property
     def _native(self) -> int | None:
         """Lines from which on native code runs; None for as many as is usual."""
         return NATIVE if len(self.T) >= MANY else None
 
-    def grow(self, at: Matrix, wanted: Indices, end: float, progress: Callable[[str], None]) -> None:
+    def grow(self, pose: Matrix, wanted: Indices, end: float, progress: Callable[[str], None]) -> None:
         """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
 
         Args:
             wanted: poses that are to be served first. end: time of the clock [s] after which no more are looked at.
         """
-        starts = postures_at(self.task, at, STARTS)
+        starts = postures_at(self.task, pose, STARTS)
         if self.clear is not None and len(starts):
             starts = starts[self.clear(starts)]
         if not len(starts):
@@ -175,16 +169,20 @@ class CandidateSheets:
                 return
             progress(f"{law.name}, {self.tried} leaves so far")
             some_served, _ = lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
-            known_already = np.array([(one <= self.sets[:, some]).all(axis=1).any() for one in some_served])
-            found: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
+            known_already = np.array([(flags <= self.sets[:, some]).all(axis=1).any() for flags in some_served])
+            gains: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
             self.tried += len(starts)
-            best = [i for i in np.argsort(-found, kind="stable")[:BEST] if found[i] > 0]
+            best = [i for i in np.argsort(-gains, kind="stable")[:BEST] if gains[i] > 0]
             self.add(law, starts[best])
 
     def add(
-        self, law: Candidate, starts: Matrix, once: bool = False, parent: CandidateSheet | None = None,
+        self,
+        law: Candidate,
+        starts: Matrix,
+        once: bool = False,
+        parent: CandidateSheet | None = None,
         levels: Vector | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """The sheets of a law through postures (s, n).
 
         once: the law is new, and may not be looked at again. levels: of the parent's law at the poses (k,), where the
@@ -198,9 +196,13 @@ class CandidateSheets:
                 self.found.append(CandidateSheet(Sheet(law.strategy, q0, self.rcond, keys), served, cost, once, parent))
 
     def _grown(
-        self, law: Candidate, starts: Matrix, once: bool, parent: CandidateSheet | None = None,
+        self,
+        law: Candidate,
+        starts: Matrix,
+        once: bool,
+        parent: CandidateSheet | None = None,
         levels: Vector | None = None,
-    ) -> Iterator[tuple[Vector, Flags, float]]:  # fmt: skip
+    ) -> Iterator[tuple[Vector, Flags, float]]:
         """(posture, which poses its leaf serves (k,), cost) for each of some postures (s, n) of a law."""
         if (strategy := law.strategy) is None:
             return
@@ -225,19 +227,19 @@ class CandidateSheets:
 
         The sheets on whose branches they are stay, too.
         """
-        kept = [self.found[i] for i in which]
-        parents = [one.parent for one in kept if one.parent is not None]
-        before, self.poses, found = self.poses, poses, []
+        stay = [self.found[i] for i in which]
+        parents = [candidate.parent for candidate in stay if candidate.parent is not None]
+        before, self.poses, updates = self.poses, poses, []
         try:
-            for one in dict.fromkeys([*kept, *parents]):
-                ((_, served, cost),) = self._grown(one.law, one.sheet.q0[None], one.once)
-                found.append((one, served, cost))
+            for candidate in dict.fromkeys([*stay, *parents]):
+                ((_, served, cost),) = self._grown(candidate.law, candidate.sheet.q0[None], candidate.once)
+                updates.append((candidate, served, cost))
         except KeyboardInterrupt:
             self.poses = before
             raise
-        for one, served, cost in found:
-            one.served, one.cost, one.asked, one.table = served, cost, False, False
-        self.found, self.fits = [one for one, _, _ in found], set()
+        for candidate, served, cost in updates:
+            candidate.served, candidate.cost, candidate.asked, candidate.table = served, cost, False, False
+        self.found, self.fits = [candidate for candidate, _, _ in updates], set()
 
     def add_laws(self, left: Indices) -> None:
         """The laws that fit some of the poses best are tried, too."""
@@ -252,17 +254,17 @@ class CandidateSheets:
         a level that is a polynomial of the pose."""
         some = which[1:][rng.permutation(len(which) - 1)[: VARIED - 1]] if len(which) > VARIED else which[1:]
         for i in [*which[:1].tolist(), *some.tolist()]:
-            one = self.found[i]
-            if time.monotonic() > end or not len(one.sheet.level):
+            candidate = self.found[i]
+            if time.monotonic() > end or not len(candidate.sheet.level):
                 return
-            parent = one.parent or one
+            parent = candidate.parent or candidate
             fitted = self._fitted(parent, self._weights(i, which, rng)) if self.own else []
             for law, q0, levels in fitted:
                 self.add(law, q0[None], True, parent, levels)
             if not fitted:
-                self.add(one.law, self._on_other_levels(one.sheet, rng, round_), parent=parent)
-                for law in self._bent(one.sheet, rng, round_) if self.own else []:
-                    self.add(law, one.sheet.q0[None], once=True, parent=parent)
+                self.add(candidate.law, self._on_other_levels(candidate.sheet, rng, round_), parent=parent)
+                for law in self._bent(candidate.sheet, rng, round_) if self.own else []:
+                    self.add(law, candidate.sheet.q0[None], once=True, parent=parent)
             self.tried += LEVELS
 
     def _fitted(self, parent: CandidateSheet, weights: Vector) -> list[tuple[Candidate, Vector, Vector]]:
@@ -281,31 +283,31 @@ class CandidateSheets:
             del others[rng.integers(len(others))]
         return self.poses.weights * np.where(self.sets[others].any(axis=0), OTHERS, 1.0)
 
-    def _table(self, one: CandidateSheet) -> LevelTable | None:
+    def _table(self, candidate: CandidateSheet) -> LevelTable | None:
         """The levels of a sheet's law at the poses, on its branch; None where there is no number for a level."""
-        if one.table is False:
-            sheet, table = one.sheet, None
+        if candidate.table is False:
+            sheet, table = candidate.sheet, None
             designed = sheet.keys.get("kind") == "designed"  # a job has no design over another one
             one_level = self.task.n - self.task.m == 1 and not designed
             if one_level and (spread := self._spread(sheet)) is not None and spread[0] > SAME:
                 go = side_by_side(sheet.strategy, self.T, self.clear, self.rcond, self._native)
                 step = float(spread[0]) * LEVEL_STEP
                 near = self.poses.near[:, :CLOSEST]
-                table = level_table(one.law, sheet.strategy, sheet.q0, step, self.T, near, go, self._native)
-            one.table = table
-        return one.table
+                table = level_table(candidate.law, sheet.strategy, sheet.q0, step, self.T, near, go, self._native)
+            candidate.table = table
+        return candidate.table
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
-        at, spread, found = pose_from(*self.task._poses(sheet.q0[None]))[0], self._spread(sheet), []
+        pose, spread, postures = pose_from(*self.task._poses(sheet.q0[None]))[0], self._spread(sheet), []
         if spread is None:
             return np.zeros((0, self.task.n))
         for _ in range(LEVELS):
             level = sheet.level + SPREAD * CLOSER**round_ * spread * rng.standard_normal(len(sheet.level))
-            ends = along_leaf(sheet.strategy, sheet.q0[None], at[None], level)
+            ends = along_leaf(sheet.strategy, sheet.q0[None], pose[None], level)
             if ends.reached.all() and self.task.robot.within(ends.q[0, 0]):
-                found.append(ends.q[0, 0])
-        return np.array(found).reshape(-1, self.task.n)
+                postures.append(ends.q[0, 0])
+        return np.array(postures).reshape(-1, self.task.n)
 
     def _spread(self, sheet: Sheet) -> Vector | None:
         """How far the levels (r,) of postures at the pose of a sheet's start are off its own; None where none is."""
@@ -336,10 +338,10 @@ class CandidateSheets:
         Where a leaf comes to one pose with two postures, the sheet of the other one becomes a candidate.
         """
         changed = False
-        for one in [self.found[i] for i in which]:
-            if one.asked:
+        for candidate in [self.found[i] for i in which]:
+            if candidate.asked:
                 continue
-            sheet, clear = one.sheet, self.clear
+            sheet, clear = candidate.sheet, self.clear
 
             def go(begin: Matrix, at: Indices, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
                 return sheet.reached(begin, self.T[at], clear)
@@ -348,12 +350,12 @@ class CandidateSheets:
             q, wave = grown(straight, self.poses.near, go)
             q, others = one_function(q, wave, self.poses.pairs, go)
             there = known(q)
-            changed |= not np.array_equal(there, one.served)
-            one.sheet, one.served = replace(sheet, stations=q[there], places=self.T[there]), there
-            one.asked = True  # not before: Ctrl-C leaves it to be asked again
-            if len(others) and not one.other:
+            changed |= not np.array_equal(there, candidate.served)
+            candidate.sheet, candidate.served = replace(sheet, stations=q[there], places=self.T[there]), there
+            candidate.asked = True  # not before: Ctrl-C leaves it to be asked again
+            if len(others) and not candidate.other:
                 before = len(self.found)
-                self.add(one.law, others[[len(others) // 2]])
+                self.add(candidate.law, others[[len(others) // 2]])
                 for other in self.found[before:]:
                     other.other = True
                 changed = True

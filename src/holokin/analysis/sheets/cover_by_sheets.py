@@ -23,26 +23,21 @@ from .sheet import known, neighbours, spread_out, turn_length
 from .sheet_growth import SearchedPoses
 from .sheet_map import PoseRest, Sheets, rests_of
 
+# Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach.
 SHARE = 0.995
-"""Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach."""
 
-SAMPLES = 4096
-"""Poses of the workspace."""
-
-FIRST = 2000
-"""Poses in reach for which a choice is looked for first; then it is looked at what it leaves out of all."""
-
-TARGETS = 4
-"""Poses in a round of the search through which new leaves are tried."""
+SAMPLES = 4096  # poses of the workspace
+FIRST = 2000  # poses in reach for which a choice is looked for first; then it is looked at what it leaves out of all
+TARGETS = 4  # poses in a round of the search through which new leaves are tried
 
 NOTHING = Cover(np.zeros(0, dtype=int), 0, 0.0)
 
+# Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
+# are, the more there is to gain.
 ROUNDS, PATIENCE = 30, 2
-"""Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
-are, the more there is to gain."""
 
+# Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines.
 SECONDS, PROGRAM = 250.0, 60.0
-"""Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines."""
 
 
 @typed
@@ -118,9 +113,9 @@ def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: fl
         raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
     if strategies is not None and not strategies:
         raise ArgumentError("strategies", [], "give one at least, or leave them out")
-    for one in strategies or ():
-        if one.task != task:
-            raise ArgumentError("a strategy", one, "give strategies of the same task")
+    for strategy in strategies or ():
+        if strategy.task != task:
+            raise ArgumentError("a strategy", strategy, "give strategies of the same task")
 
 
 def _given(task: Task, q0: ArrayLike | None) -> Matrix:
@@ -128,21 +123,29 @@ def _given(task: Task, q0: ArrayLike | None) -> Matrix:
     if q0 is None:
         return np.zeros((0, task.n))
     rows = finite("the postures of q0", q0)
-    found = finite("the postures of q0", np.atleast_2d(rows), ("s", task.n))
-    for row in found:
+    postures = finite("the postures of q0", np.atleast_2d(rows), ("s", task.n))
+    for row in postures:
         task.robot.check_limits(row)
-    return found
+    return postures
 
 
 def _why(rest: Indices) -> str:
-    counts = [(int((rest == one).sum()), one.text) for one in PoseRest]
+    counts = [(int((rest == kind).sum()), kind.text) for kind in PoseRest]
     return "; ".join(f"{count}: {text}" for count, text in counts if count)
 
 
 def _search(
-    task: Task, T: Array, strategies: Sequence[HolonomicStrategy] | None, q0: Matrix, share: float, rcond: float,
-    clear: Clear | None, search: bool, seconds: float, progress: Callable[[str], None],
-) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
+    task: Task,
+    T: Array,
+    strategies: Sequence[HolonomicStrategy] | None,
+    q0: Matrix,
+    share: float,
+    rcond: float,
+    clear: Clear | None,
+    search: bool,
+    seconds: float,
+    progress: Callable[[str], None],
+) -> tuple[CandidateSheets, Cover, bool]:
     """Leaves through postures at poses all over, until the fewest that serve the share get no fewer.
 
     A part of the poses is searched. When the choice gets no better, it is asked about more of them, at last about all:
@@ -247,22 +250,29 @@ def _cover(pool: CandidateSheets) -> Cover:
     if not pool.found:
         return NOTHING
     weights = pool.poses.weights
-    found = fewest(pool.sets, pool.wanted.least, pool.costs, PROGRAM, weights, pool.wanted.preferred)
-    widest = np.argsort(-(pool.sets[found.chosen] @ weights), kind="stable")
-    return replace(found, chosen=found.chosen[widest])
+    cover = fewest(pool.sets, pool.wanted.least, pool.costs, PROGRAM, weights, pool.wanted.preferred)
+    widest = np.argsort(-(pool.sets[cover.chosen] @ weights), kind="stable")
+    return replace(cover, chosen=cover.chosen[widest])
 
 
 def _mapped(
-    task: Task, workspace: Workspace, T: Array, rest: Indices, within: Indices, pool: CandidateSheets, cover: Cover,
-    scene: Scene | None, stopped: bool,
-) -> Sheets:  # fmt: skip
+    task: Task,
+    workspace: Workspace,
+    T: Array,
+    rest: Indices,
+    within: Indices,
+    pool: CandidateSheets,
+    cover: Cover,
+    scene: Scene | None,
+    stopped: bool,
+) -> Sheets:
     """The sheets chosen, that of most poses first, with what each sampled pose gets."""
     chosen = [pool.found[i].sheet for i in cover.chosen]
     q = np.full((len(chosen), len(T), task.n), np.nan)
     for s, sheet in enumerate(chosen):
         q[s, within] = sheet.postures(T[within], pool.clear)[0]
     there = known(q)
-    chosen = [replace(one, stations=q[s, there[s]], places=T[there[s]]) for s, one in enumerate(chosen)]
+    chosen = [replace(sheet, stations=q[s, there[s]], places=T[there[s]]) for s, sheet in enumerate(chosen)]
     pairs = within[neighbours(T[within], turn_length(task))]
     labels = labelled(known(q), pairs, continued(chosen, T, q, pairs), same_postures(q))
     order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")

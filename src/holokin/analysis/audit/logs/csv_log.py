@@ -39,13 +39,7 @@ from .joint_columns import (
 
 # --- Names for the columns of a CSV file without a header: as `ros2 topic echo --csv` writes them, or by their number.
 
-STAMPS = ("secs", "nsecs")
-"""Columns of a stamp in two parts."""
-
-
-def numbered(cells: Sequence[str]) -> list[str]:
-    """The columns by their numbers, "1", "2", ..., for who names them so."""
-    return [str(k + 1) for k in range(len(cells))]
+STAMPS = ("secs", "nsecs")  # columns of a stamp in two parts
 
 
 def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], str]:
@@ -58,17 +52,22 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
     Raises:
         RecordingError: columns that nobody knows.
     """
-    found = _joint_state(cells, robot) or _by_count(cells, robot)
-    if found is None:
+    form = _joint_state(cells, robot)
+    if form is None and all(map(_is_number, cells)):
+        # By the number of columns, where one form alone has so many; a stamp in two parts holds whole numbers.
+        whole = all(cell.strip().isdigit() for cell in cells[:2])
+        fitting = [form for form in _forms(robot).get(len(cells), []) if whole or form[0][0] not in STAMPS]
+        form = fitting[0] if len(fitting) == 1 else None
+    if form is None:
         n = robot.n
         fact = f"line 1 holds numbers, no header, and {len(cells)} columns are none that are known for {n} joints"
         counts = ", ".join(str(count) for count in sorted(_forms(robot)))
         cure = f"log a header, or give the columns by their numbers: --columns 2,3,... --time 1 ({counts} are known)"
         raise RecordingError(file, fact, cure)
-    names, what = found
+    names, what = form
     beside = names_beside(names)
-    at = {name: k + 1 for k, name in enumerate(names)} | {cells[name]: k + 1 for k, name in beside.items()}
-    places = [at[joint] for joint in robot.joint_names]
+    number = {name: k + 1 for k, name in enumerate(names)} | {cells[name]: k + 1 for k, name in beside.items()}
+    places = [number[joint] for joint in robot.joint_names]
     row = places == list(range(places[0], places[-1] + 1))
     which = f"{places[0]} to {places[-1]}" if row else ", ".join(map(str, places))
     return names, f"no header: {what}; columns {which} were taken for {listed(robot.joint_names)}"
@@ -92,29 +91,18 @@ def _joint_state(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | 
     kinds = ("position", "velocity", "effort", *(f"more {k} " for k in range(rest // count)))
     named = [f"{kind}{k}" for kind in ("name", *kinds[: rest // count]) for k in range(count)]
     head = [*STAMPS, *(f"field {k}" for k in range(2, first))]
-    return [
-        *head,
-        *named,
-    ], "a JointState of `ros2 topic echo --csv`, with its joints' names in each row"
-
-
-def _by_count(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | None:
-    """By the number of columns, where all hold numbers and one form alone has so many."""
-    if not all(map(_is_number, cells)):
-        return None
-    whole = all(cell.strip().isdigit() for cell in cells[:2])  # a stamp in two parts holds whole numbers
-    fitting = [form for form in _forms(robot).get(len(cells), []) if whole or form[0][0] not in STAMPS]
-    return fitting[0] if len(fitting) == 1 else None
+    what = "a JointState of `ros2 topic echo --csv`, with its joints' names in each row"
+    return [*head, *named], what
 
 
 def _forms(robot: Robot) -> dict[int, list[tuple[list[str], str]]]:
     """Number of columns -> what they may be: names, and the same in words."""
-    joints, found = list(robot.joint_names), {}
-    for stamp, said in ((["t"], "a time"), (list(STAMPS), "seconds and nanoseconds")):
+    joints, forms = list(robot.joint_names), {}
+    for stamp, stamp_words in ((["t"], "a time"), (list(STAMPS), "seconds and nanoseconds")):
         for parts, more in (((), ""), (("d_",), ", their rates"), (("d_", "effort."), ", their rates and efforts")):
             names = [*stamp, *joints, *(part + joint for part in parts for joint in joints)]
-            found.setdefault(len(names), []).append((names, f"guessed from the count: {said}, the joints{more}"))
-    return found
+            forms.setdefault(len(names), []).append((names, f"guessed from the count: {stamp_words}, the joints{more}"))
+    return forms
 
 
 def _is_number(text: str) -> bool:
@@ -135,6 +123,7 @@ def read_csv(
     Raises:
         RecordingError. UnknownNameError, ArgumentError: as `columns_named`.
     """
+    # What is learnt of the columns when the header is read: names, times, units, and joints named in each row.
     times: list[TimeColumns] = []
     notes: list[str] = []
     bad: list[RecordingError] | None = [] if skip_bad else None
@@ -146,7 +135,7 @@ def read_csv(
             return names
         first = "" if time is not None else "column 1 was taken for the time, "
         notes.append(f"no header: {first}columns by their numbers")
-        return [*(["t"] if time is None else ["1"]), *numbered(cells)[1:]]
+        return ["t" if time is None else "1", *(str(k) for k in range(2, len(cells) + 1))]
 
     scales: list[float] = []
     labels: list[int] = []
@@ -155,19 +144,16 @@ def read_csv(
     def wanted(names: Sequence[str]) -> list[int]:
         header = [plain_name(name) for name in names]
         if time is None:
-            found = time_columns(names)
-            if found is None:
+            columns_of_time = time_columns(names)
+            if columns_of_time is None:
                 raise no_time(file, header)
-            times.append(found)
+            times.append(columns_of_time)
         else:
             place = column_named(file, header, time, "the time")
             times.append(TimeColumns((place,), unit_in(names[place])))
         beside = names_beside(header)
-        others = lambda joints: joint_columns(file, header, robot, joints)  # noqa: E731
-        if columns is not None:
-            places = columns_named(file, header, robot, columns, others)
-        else:
-            places = [] if beside and not set(robot.joint_names) <= set(header) else others(robot.joint_names)
+        named_in_rows = columns is None and beside and not set(robot.joint_names) <= set(header)
+        places = [] if named_in_rows else columns_named(file, header, robot, columns)
         if beside and set(places) <= set(beside):
             given = [list(beside).index(place) for place in places] or None
             joints.append(_JointsByName(file, robot, given, isinstance(columns, str) and NUMBER in columns))
@@ -177,6 +163,7 @@ def read_csv(
         scales.extend(scale_of(names[place]) for place in places)
         return [*times[0].places, *places]
 
+    # The rows, some at a time.
     stamps: _Stamps | None = None
     q, numbers = array("d"), array("q")
     cure = "t and the robot's joints"
@@ -192,9 +179,10 @@ def read_csv(
     if bad:
         rows = "1 row was" if len(bad) == 1 else f"{len(bad)} rows were"
         notes.append(f"{rows} left out that could not be read; the first: {bad[0].fact}")
+    # Seconds, and joints in their order.
     t, origin = stamps.seconds(file, notes)
-    lines, said = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
-    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, said, origin)
+    lines, units_named = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
+    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, units_named, origin)
 
 
 class _JointsByName:
@@ -220,16 +208,16 @@ class _JointsByName:
     def _places(self, names: Sequence[str], line: int) -> Sequence[int]:
         joints = self.robot.joint_names
         try:
-            found = joint_columns(self.file, names, self.robot, joints, f"names in line {line}")
+            places = joint_columns(self.file, names, self.robot, joints, f"names in line {line}")
         except RecordingError:
             if self.given is None or self.known:
                 raise
             return self.given
-        if self.given is not None and not self.pattern and list(self.given) != found:
-            i = next(i for i in range(len(joints)) if self.given[i] != found[i])
+        if self.given is not None and not self.pattern and list(self.given) != places:
+            i = next(i for i in range(len(joints)) if self.given[i] != places[i])
             fact = f"line {line} names {names[self.given[i]]!r} where --columns says {joints[i]!r}"
             raise RecordingError(self.file, fact, "leave out --columns (columns=...): the names in the file are used")
-        return found
+        return places
 
 
 class _Stamps:
