@@ -75,6 +75,7 @@ def _step_class() -> Any:
     except ImportError:
         raise MissingExtraError("the package lerobot itself (pip install lerobot)", "lerobot") from None
 
+    # Made when it is asked for, since only lerobot itself has its parent.
     class PoseToJointsOnLeaf(RobotActionProcessorStep):
         """A tool pose becomes joints on one leaf."""
 

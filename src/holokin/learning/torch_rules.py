@@ -42,8 +42,8 @@ class Inverse(torch.autograd.Function):
     @staticmethod
     def forward(joints: JointMap, given: Any, p: Any, R: Any) -> tuple[Any, Any]:
         """The joints, by `ik.batch`."""
-        lead, shape = p.shape[:-1], _shape_of_one(given, p)
-        q, status = joints.solve(_rows(given, shape), _rows(R, R.shape[-3:]))
+        lead = p.shape[:-1]
+        q, status = joints.solve(_rows(given, given.shape[len(lead) :]), _rows(R, R.shape[-3:]))
         return torch.tensor(q).reshape(*lead, q.shape[-1]), torch.tensor(status.astype(np.int64)).reshape(lead)
 
     @staticmethod
@@ -160,10 +160,6 @@ class Slopes(torch.autograd.Function):
 def _rows(tensor: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A tensor (..., *shape) as an array (k, *shape)."""
     return tensor.detach().numpy().reshape(-1, *shape)
-
-
-def _shape_of_one(given: Any, p: Any) -> tuple[int, ...]:
-    return tuple(given.shape[p.ndim - 1 :])
 
 
 def _in_front(info: Any, dims: tuple[Any, ...], tensors: tuple[Any, ...]) -> list[Any]:

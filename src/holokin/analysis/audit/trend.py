@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,12 @@ class Visits:
     def y(self) -> Array:
         """Coordinates along the axes (k, P, d), less their mean over the cycles."""
         return np.einsum("kpn,pnd->kpd", self.joints - self.joints.mean(axis=0), self.axes)
+
+    @property
+    def slope(self) -> Vector:
+        """Weights (k,) of the cycles in the slope of the straight line through their coordinates."""
+        since = self.when - self.when.mean()
+        return since / (since @ since)
 
     @property
     def lever(self) -> Matrix:
@@ -107,7 +114,7 @@ def encoder_noise(
 # changes one may show a change. Less would find drifts in a fleet's daily logs; more needs longer logs.
 CONFIDENCE = 0.99
 
-# How far spare joints may move beside those that follow a tool path which itself shifts. A law that repeats moves
+# How far spare joints may move beside those that follow a tool path which itself shifts. A strategy that repeats moves
 # them too: with up to 1.76 times the least joint speed (docs/drift.md), so sqrt(1.76^2 - 1) times as far.
 LEAF_SLOPE = 1.5
 
@@ -260,18 +267,14 @@ def shaped(series: Vector, error: float, walks: bool) -> bool:
             size = float(np.diff(series) @ np.diff(series))
             left = size - float(((steps @ np.diff(series)) ** 2 / (steps**2).sum(axis=1)).max())
         else:
-            size, left = float(series @ series), float(_misfits(series, ratios).min())
+            # What the best a + b (1 - r^c) / (1 - r) leaves, for each r.
+            curves = shapes_of(ratios, np.arange(k, dtype=float))
+            size = float(series @ series)
+            left = float((size - (curves @ series) ** 2 / (curves**2).sum(axis=1)).min())
         explained = np.sqrt(max(size - left, 0.0) / max(left / free, 1e-300))
         if explained > quantile(error / number, free):
             return True
     return False
-
-
-def _misfits(series: Vector, ratios: Vector) -> Vector:
-    """Sum of squares that the best a + b (1 - r^c) / (1 - r) leaves of a series without mean (k,), for each r."""
-    c = np.arange(len(series), dtype=float)
-    shapes = shapes_of(ratios, c)
-    return series @ series - (shapes @ series) ** 2 / (shapes**2).sum(axis=1)
 
 
 def quantile(error: float, dof: float) -> float:
@@ -376,19 +379,20 @@ def judge(
         share: of the error probability 1 - `CONFIDENCE` that these visits may use.
         rounding: of the joints' numbers, which may hide as much.
     """
+    # The change that stands out of the noise most, and the least drift that would.
     k, phases, d = visits.y.shape
     error = (1 - CONFIDENCE) * share / 2  # half for single phases, half for their average
     noise = scatter(visits)
     shapes = SHAPES + k // STEPS
     limit = quantile(error / (shapes * phases * d), noise.dof)
     seen = _change(visits, noise, error, steps=True)
-    line = (visits.when - visits.when.mean()) / ((visits.when - visits.when.mean()) ** 2).sum()
+    line = visits.slope
     deviation = float((noise.each * visits.lever).max())
     creep = LEAF_SLOPE * shifts(line[None], visits.moves, noise.moves)[0]
     detectable = max(float(creep.max()) + limit * deviation * float(np.linalg.norm(line)), rounding)
     needed = _needed(deviation, tolerance, error / (shapes * phases * d), float(np.mean(np.diff(visits.when))))
 
-    def found(trend: Trend, change: float, latest: _Latest | None = None, more: int = 0) -> DriftTrend:
+    def result(trend: Trend, change: float, latest: _Latest | None = None, more: int = 0) -> DriftTrend:
         rates, errors, bends = _rates(visits, noise.each, limit, creep)
         ratio, among, count = (np.nan, (np.nan, np.nan), 0) if latest is None else latest.facts
         return DriftTrend(
@@ -396,23 +400,24 @@ def judge(
             seen.phase, rates, errors, bends, detectable, float(creep.max()), max(needed, more),
         )  # fmt: skip
 
+    # Is there a change, and of a shape that scatter has not?
     if seen.seen <= 1 or (k < FEWEST and seen.size <= tolerance + floor):
-        return found(Trend.NONE, 0.0) if detectable <= tolerance else found(Trend.CANNOT_TELL, 0.0, more=k + k // 2)
+        return result(Trend.NONE, 0.0) if detectable <= tolerance else result(Trend.CANNOT_TELL, 0.0, more=k + k // 2)
     small = max(seen.ends[1], seen.sure) <= tolerance and detectable <= tolerance
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
     if k < 4 or not shaped(series, error, walks=noise.alike > ALIKE):
-        return found(Trend.NONE if small else Trend.CANNOT_TELL, seen.size, more=0 if small else 2 * k)
+        return result(Trend.NONE if small else Trend.CANNOT_TELL, seen.size, more=0 if small else 2 * k)
+    # How it goes on.
     latest = _latest(visits, noise, error, tolerance)
     if latest.trend is Trend.CANNOT_TELL and not small:
-        return found(Trend.CANNOT_TELL, seen.size, latest, more=2 * k)
+        return result(Trend.CANNOT_TELL, seen.size, latest, more=2 * k)
     if latest.trend in (Trend.GOES_ON, Trend.ALTERNATES) or small:
         lasts = latest.trend is Trend.GOES_ON or (latest.trend is Trend.ALTERNATES and not small)
-        return found(latest.trend if lasts else Trend.NONE, seen.size, latest)
-    return found(Trend.FADES, seen.size, latest)  # of its own, or since the last third rests
+        return result(latest.trend if lasts else Trend.NONE, seen.size, latest)
+    return result(Trend.FADES, seen.size, latest)  # of its own, or since the last third rests
 
 
-@dataclass(frozen=True, eq=False)
-class _Latest:
+class _Latest(NamedTuple):
     """What the last third of the cycles shows: factor from one cycle's drift to the next, its interval, and the number
     of differences."""
 
@@ -429,10 +434,11 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     before. Where
     differences with changing signs are larger, these are looked at, and what goes on alternates.
     """
+    # Does the last third change at all, or may a change be hidden in the noise?
     k = len(visits)
     count = max(3, -(-(k - 1) // 3))
     tail = visits.last(count + 1)
-    line = (tail.when - tail.when.mean()) / ((tail.when - tail.when.mean()) ** 2).sum()
+    line = tail.slope
     seen = _change(tail, noise, error)
     limit = quantile(error / (SHAPES * noise.each.size), noise.dof)
     hidden = limit * float((noise.each * visits.lever).max()) * float(np.linalg.norm(line))
@@ -442,6 +448,7 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     rest = Trend.NONE if most <= tolerance else Trend.CANNOT_TELL
     if seen.seen <= 1:
         return _Latest(rest, nothing)
+    # The change over all cycles along its pattern, and how much of a weighted sum of it is noise.
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
     level, dof = float(((seen.pattern * noise.each) ** 2).sum()), noise.dof  # if phases scatter each by itself
     if k >= FEWEST:
@@ -455,6 +462,7 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
         by_shifts = LEAF_SLOPE * float(weight @ shifts(w[None], visits.moves, noise.moves)[0])
         return times * float(deviation * np.linalg.norm(w)) + by_shifts
 
+    # The differences of successive cycles, or with changing signs where these are larger, averaged in halves.
     steps = np.diff(np.eye(k), axis=0)
     swings = steps * (-1.0) ** np.arange(k - 1)[:, None]
     alternates = abs(swings[-count:].mean(axis=0) @ series) > abs(steps[-count:].mean(axis=0) @ series)
@@ -465,11 +473,13 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     a, b = float(sign * early @ series), float(sign * late @ series)
     if sign * whole @ series <= bound(whole) or a <= 0:
         return _Latest(rest, nothing)
+    # The factor from one difference to the next, with its interval.
     error_of = bound(late - b / a * early) / a
     factors = [float(max(share, 0.0) ** (1 / apart)) for share in (b / a - error_of, b / a, b / a + error_of)]
     low, ratio, high = [-f for f in factors[::-1]] if alternates else factors
     facts = (ratio, (low, high), count)
     speed = float(np.abs(np.einsum("pnd,pd->pn", visits.axes, seen.pattern)).max() * (sign * whole @ series))
+    # It goes on when the second half is nearly as large as the first; it fades when three stretches fall steadily.
     lasting = late - LASTING * early
     if sign * lasting @ series >= bound(lasting):
         if not alternates and speed * HORIZON <= tolerance:
@@ -528,14 +538,10 @@ def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector) -> tu
     k = len(visits)
     third = max(3, -(-(k - 1) // 3))
 
-    def slope(latest: int) -> tuple[Matrix, float]:
-        when = visits.when[-latest:] - visits.when[-latest:].mean()
-        rates = np.einsum("k,kpn->pn", when / (when @ when), visits.joints[-latest:])
-        return rates, 1 / float(np.linalg.norm(when))
-
-    (rates, share), (before, _) = slope(third + 1), slope(2 * third + 1)
+    tail, longer = visits.last(min(third + 1, k)), visits.last(min(2 * third + 1, k))
+    rates, before = (np.einsum("k,kpn->pn", part.slope, part.joints) for part in (tail, longer))
     spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
-    return rates, share * spread + creep[:, None], np.abs(rates - before)
+    return rates, float(np.linalg.norm(tail.slope)) * spread + creep[:, None], np.abs(rates - before)
 
 
 def _needed(deviation: float, tolerance: float, error: float, stride: float) -> int:

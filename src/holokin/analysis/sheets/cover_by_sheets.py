@@ -17,7 +17,7 @@ from ...robot import check_metres
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import check_that_joints_move
-from .candidate_sheets import CandidateSheets, fitting_laws
+from .candidate_sheets import CandidateSheets, fitting_candidates
 from .set_cover import Cover, continued, fewest, labelled, same_postures
 from .sheet import known, neighbours, spread_out, turn_length
 from .sheet_growth import SearchedPoses
@@ -58,12 +58,12 @@ def sheets(
 ) -> Sheets:
     """The fewest leaves that together serve a workspace, and for each pose the one to take.
 
-    Leaves of the laws that fit the task (or of those given) are tried through postures at poses all over the workspace,
-    first where no leaf serves yet. With one redundant joint, leaves are tried, too, whose level is a polynomial of the
-    pose, fitted by linear programs to the levels that each pose allows. An integer program chooses the fewest leaves
-    that serve the share wanted, and of equally many those that serve more, with slower joints, further from their
-    limits. A linear program chooses among the sheets of each pose, so that neighbouring poses have one sheet as often
-    as can be. All of it is said of sampled poses.
+    Leaves of the strategies that fit the task (or of those given) are tried through postures at poses all over the
+    workspace, first where no leaf serves yet. With one redundant joint, leaves are tried, too, whose level is a
+    polynomial of the pose, fitted by linear programs to the levels that each pose allows. An integer program chooses
+    the fewest leaves that serve the share wanted, and of equally many those that serve more, with slower joints,
+    further from their limits. A linear program chooses among the sheets of each pose, so that neighbouring poses have
+    one sheet as often as can be. All of it is said of sampled poses.
 
     Args:
         workspace: the tool poses to be served.
@@ -153,12 +153,12 @@ def _search(
     """
     end, poses = time.monotonic() + seconds, SearchedPoses.of(T, turn_length(task), FIRST)
     center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
-    progress("which laws fit")
-    laws, own = fitting_laws(task, poses.T, center, strategies, clear), strategies is None
-    pool = CandidateSheets(task, poses if search else poses.all, laws, clear, rcond, own, share)
+    progress("which strategies fit")
+    candidates, own = fitting_candidates(task, poses.T, center, strategies, clear), strategies is None
+    pool = CandidateSheets(task, poses if search else poses.all, candidates, clear, rcond, own, share)
     try:
-        for law in laws:
-            pool.add(law, q0)
+        for candidate in candidates:
+            pool.add(candidate, q0)
         if search:
             pool.grow(center, np.arange(0), end, progress)
             _try_rounds(pool, end, progress)
@@ -169,7 +169,11 @@ def _search(
         stopped = True
     if not pool.found:
         cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
-        raise ArgumentError("the strategies", [law.name for law in pool.laws], f"no leaf of them serves a pose: {cure}")
+        raise ArgumentError(
+            "the strategies",
+            [candidate.name for candidate in pool.candidates],
+            f"no leaf of them serves a pose: {cure}",
+        )
     try:
         progress("asking the sheets")
         cover = _asked(pool)
@@ -183,7 +187,7 @@ def _try_rounds(pool: CandidateSheets, end: float, progress: Callable[[str], Non
     rng, still, cover = np.random.default_rng(0), 0, _asked(pool)
     if not pool.poses.complete:
         cover = _looked_closer(pool, pool.poses, cover, _served(pool, pool.poses, cover.chosen[:1]))
-        pool.add_laws(_left(pool, cover))
+        pool.add_candidates(_left(pool, cover))
     for round_ in range(ROUNDS):
         enough = len(cover.chosen) == 1 and cover.covered >= pool.wanted.least
         if enough or still >= max(len(cover.chosen), PATIENCE):

@@ -16,7 +16,7 @@ from ...motion.ik.plan import check_start
 from ...path import Path
 from ...strategies.tasks.task import Task
 from .seams import Division, Seam, SheetMotion, SheetPiece, SheetSequence, UnservedPart, allowed, fewest_changes
-from .sheet import Sheet, known
+from .sheet import Sheet, known, postures_of_sheets
 from .still_motion import Hindrance, Stage, StillMotion, joined, still_motions, straight_seconds
 
 NEAR = 1e-9  # share of a path's duration within which two instants are one
@@ -48,11 +48,32 @@ def follow_sheets(
     Raises:
         ArgumentError: q0 is a posture of no sheet; bad stops. StartError: its tool is not at the start of the path.
     """
-    along = _Along.of(task, sheets, clear, path, q0, stops, whole("samples", samples), middle)
-    first = None if q0 is None else _stands_on(along, task.robot.checked(q0, "the start posture"))
+    # The instants, and the tool's poses there. Its rotation is the path's own, or begins with that at q0.
+    shares = np.zeros(0) if stops is None or callable(stops) else _shares(stops)
+    start = None if q0 is None else task.robot.checked(q0, "the start posture")
+    t = _instants(path, whole("samples", samples), shares)
+    tool = path.at(t)
+    begun = middle[:3, :3] if start is None else task._place(start)[1]
+    poses = np.repeat(np.eye(4)[None], len(t), axis=0)
+    poses[:, :3, 3] = tool.position
+    poses[:, :3, :3] = tool.rotation @ (begun if path.rotation is None else path.rotation)
+    # Where the sheet may change.
+    may: Flags = np.ones(len(t), dtype=bool)
+    if callable(stops):
+        may = allowed(stops, poses)
+    elif stops is not None:
+        may = np.any(np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration, axis=1)
+    # The joints of each sheet, and the steps on which they continue.
+    q = postures_of_sheets(sheets, poses, clear, task.n)
+    served = known(q)[:, :-1] & known(q)[:, 1:]
+    for s, sheet in enumerate(sheets):
+        i = np.flatnonzero(served[s])
+        on, reached = answers(sheet.ik, poses[i + 1], q[s, i])
+        served[s, i] = reached & (np.abs(on - q[s, i + 1]).max(axis=1) < AGREE)
+    along = _Along(task, tuple(sheets), clear, path, t, poses, q, served, may)
+    first = None if start is None else _stands_on(along, start)
     changes = _Changes(along)
-    best = changes.best(first)
-    return _motion(along, changes, best, first)
+    return _motion(along, changes, changes.best(first), first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,40 +89,6 @@ class _Along(Value):
     q: Array
     served: Flags
     may: Flags
-
-    @classmethod
-    def of(
-        cls,
-        task: Task,
-        sheets: Sequence[Sheet],
-        clear: Clear | None,
-        path: Path,
-        q0: ArrayLike | None,
-        stops: Stops,
-        samples: int,
-        middle: Matrix,
-    ) -> _Along:
-        """That of a path."""
-        shares = np.zeros(0) if stops is None or callable(stops) else _shares(stops)
-        t = _instants(path, samples, shares)
-        samples_of_path = path.at(t)
-        begun = middle[:3, :3] if q0 is None else task._place(task.robot.checked(q0, "the start posture"))[1]
-        poses = np.repeat(np.eye(4)[None], len(t), axis=0)
-        poses[:, :3, 3] = samples_of_path.position
-        poses[:, :3, :3] = samples_of_path.rotation @ (begun if path.rotation is None else path.rotation)
-        may: Flags = np.ones(len(t), dtype=bool)
-        if callable(stops):
-            may = allowed(stops, poses)
-        elif stops is not None:
-            may = np.any(np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration, axis=1)
-        q = np.array([sheet.postures(poses, clear)[0] for sheet in sheets]).reshape(len(sheets), len(t), task.n)
-        there = known(q)
-        served = there[:, :-1] & there[:, 1:]
-        for s, sheet in enumerate(sheets):
-            i = np.flatnonzero(served[s])
-            on, reached = answers(sheet.ik, poses[i + 1], q[s, i])
-            served[s, i] = reached & (np.abs(on - q[s, i + 1]).max(axis=1) < AGREE)
-        return cls(task, tuple(sheets), clear, path, t, poses, q, served, may)
 
     def share(self, i: int) -> float:
         """Where a sample is, as a share of the path's duration."""
@@ -190,6 +177,7 @@ def turnings(sequence: SheetSequence, first: int | None) -> list[tuple[int, int,
 
 def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | None) -> SheetMotion:
     """The motion of a choice of sheets."""
+    # The pieces between changes of the sheet: served, or left out.
     labels = best.sheets
     ends = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), len(labels)]
     turning = {i: (a, b) for i, a, b in turnings(best, first)}
@@ -205,6 +193,7 @@ def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | 
             left_out.append(UnservedPart(start, stop, *_unserved(along, a, b)))
             parts.append([])
             continue
+        # A change with the tool still, or a division where there is none.
         if a in turning and changes.seconds[(a, *turning[a])] > 0:
             change = (a, *turning[a])
             motion = changes.motions.get(change)

@@ -11,13 +11,13 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, DividedPathError, NoSeamError
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
-from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, runs
 from ...motion.checks import Clear
 from ...motion.trajectory import Trajectory
 from ...path import Path
 from ...path.workspaces import Workspace
 from ...strategies.tasks.task import Task
-from .sheet import Sheet, known
+from .sheet import Sheet, known, postures_of_sheets
 from .still_motion import Hindrance, StillMotion, still_motions, still_trajectory, straight_seconds
 
 # Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
@@ -173,7 +173,7 @@ def _placed(
         chosen = allowed(at, poses)
         return poses[chosen], q[:, chosen]
     T = at.poses(min(PLACES, at.size or PLACES)) if isinstance(at, Workspace) else _given(task, at, middle)
-    return T, np.array([sheet.postures(T, clear)[0] for sheet in sheets]).reshape(len(sheets), len(T), task.n)
+    return T, postures_of_sheets(sheets, T, clear, task.n)
 
 
 def allowed(where: Callable[[Matrix], bool], poses: Array) -> Flags:
@@ -237,9 +237,8 @@ class Division(Value):
     reason: str
 
     def __str__(self) -> str:
-        return (
-            f"divided at {_percent(self.at)} of the path, from sheet {self.first} to sheet {self.second}: {self.reason}"
-        )
+        sheets = f"from sheet {self.first} to sheet {self.second}"
+        return f"divided at {_percent(self.at)} of the path, {sheets}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,10 +375,9 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
     k = served.shape[1]
     chosen = np.full(k, -1)
     some = served.any(axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], some, [False]]).astype(int)))
-    runs = edges.reshape(-1, 2).tolist()
-    divisions, changes, seconds = max(0, len(runs) - 1), 0, 0.0
-    for begin, end in runs:
+    parts = runs(some).tolist()
+    divisions, changes, seconds = max(0, len(parts) - 1), 0, 0.0
+    for begin, end in parts:
         stands = first if begin == 0 else None
         labels, cost = _run(steps[:, begin:end], served[:, begin:end], change[begin:end], stands)
         chosen[begin:end] = labels

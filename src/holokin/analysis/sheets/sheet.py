@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -243,3 +243,8 @@ def allowed_postures(
 def known(q: Array) -> Flags:
     """Which postures (..., n) are there: rows of NaN stand for none."""
     return np.asarray(np.isfinite(q).all(axis=-1))
+
+
+def postures_of_sheets(sheets: Sequence[Sheet], T: Array, clear: Clear | None, n: int) -> Array:
+    """The joints of each sheet (S, k, n) at tool poses (k, 4, 4), NaN where it does not serve."""
+    return np.array([sheet.postures(T, clear)[0] for sheet in sheets]).reshape(len(sheets), len(T), n)

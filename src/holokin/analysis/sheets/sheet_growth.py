@@ -212,7 +212,7 @@ def _others(pairs: Indices, i: int) -> Indices:
 
 # --- What a leaf serves, and what it costs: estimates, by many straight lines side by side.
 
-LAWS = 6  # laws of which leaves are looked at all over the workspace. On a Panda the first three made up the cover.
+MOST_STRATEGIES = 6  # whose leaves are tried all over the workspace. On a Panda the first three made up the cover.
 
 # Share of a straight line below which a step is given up: what lies behind is reached from pose to pose.
 SHORTEST = 1 / 64
@@ -221,8 +221,8 @@ SHORTEST = 1 / 64
 JUMP, JUMPS = 0.5, 10.0
 
 MARGIN = 0.1  # share of a joint's range next to a limit that counts as near it
-ROUGH = 64  # poses by which laws are put in order
-STARTS = 8  # postures at one pose through which leaves of each law are tried
+ROUGH = 64  # poses by which strategies are put in order
+STARTS = 8  # postures at one pose through which leaves of each strategy are tried
 
 
 def cost_of(strategy: HolonomicStrategy, q: Matrix, poses: SearchedPoses) -> float:
@@ -243,10 +243,11 @@ def cost_of(strategy: HolonomicStrategy, q: Matrix, poses: SearchedPoses) -> flo
     return float(np.sqrt(np.mean(np.sum(G**2, axis=(1, 2)))) * (1 + near + JUMPS * jumps))
 
 
-def fitting_laws(
+def fitting_candidates(
     task: Task, T: Array, center: Matrix, strategies: Sequence[HolonomicStrategy] | None, clear: Clear | None
 ) -> list[Candidate]:
-    """The laws whose leaves are tried: those given; else of all that fit, those whose leaves serve most at the centre.
+    """The strategies whose leaves are tried: those given; else of all that fit, those whose leaves serve most at the
+    centre.
 
     Where nothing is redundant there is one: its leaves are the branches of the arm.
     """
@@ -264,7 +265,7 @@ def fitting_laws(
 
 
 def lines_served(
-    law: Candidate,
+    candidate: Candidate,
     starts: Matrix,
     T: Array,
     clear: Clear | None,
@@ -272,18 +273,18 @@ def lines_served(
     native: int | None = None,
     levels: Matrix | None = None,
 ) -> tuple[Flags, Array]:
-    """(which poses of T (k, 4, 4) the leaves of a law through postures (s, n) serve (s, k), postures (s, k, n)), along
-    the straight path from each; levels: of the poses (k, r) for a start, by default that of the start."""
+    """(which poses of T (k, 4, 4) the leaves of a strategy through postures (s, n) serve (s, k), postures (s, k, n)),
+    along the straight path from each; levels: of the poses (k, r) for a start, by default that of the start."""
     shape = len(starts), len(T)
-    if law.strategy is None:
-        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
+    if candidate.strategy is None:
+        return np.zeros(shape, dtype=bool), np.zeros((*shape, candidate.task.n))
     try:
-        ends = along_leaf(law.strategy, starts, T, levels, native, SHORTEST)
+        ends = along_leaf(candidate.strategy, starts, T, levels, native, SHORTEST)
     except HolokinError:  # it is singular at a start
-        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
-    q = ends.q.reshape(-1, law.task.n)
-    within = ends.reached.ravel() & law.task.robot.within(q)
-    return allowed_postures(law.strategy, q, within, rcond, clear).reshape(shape), ends.q
+        return np.zeros(shape, dtype=bool), np.zeros((*shape, candidate.task.n))
+    q = ends.q.reshape(-1, candidate.task.n)
+    within = ends.reached.ravel() & candidate.task.robot.within(q)
+    return allowed_postures(candidate.strategy, q, within, rcond, clear).reshape(shape), ends.q
 
 
 def side_by_side(
@@ -305,20 +306,22 @@ def side_by_side(
 
 
 def _best(served: list[Flags], count: int) -> Indices:
-    """The laws with the widest leaf, and those that add most to what is served: the first LAWS of them."""
+    """The strategies with the widest leaf, and those that add most to what is served: the first MOST_STRATEGIES of
+    them."""
     widest = np.array([flags.mean(axis=1).max(initial=0.0) for flags in served])
     together = np.array([flags.any(axis=0).mean() for flags in served])
     order = np.argsort(-(widest + 0.5 * together), kind="stable")
-    return np.asarray(order[: min(LAWS, count)], dtype=int)
+    return np.asarray(order[: min(MOST_STRATEGIES, count)], dtype=int)
 
 
-# --- Laws whose level is a polynomial of the tool pose, fitted so that one leaf serves more poses.
+# --- Strategies whose level is a polynomial of the tool pose, fitted so that one leaf serves more poses.
 #
 #     g(q) = c(q) - zeta(x)
 #
-# At a pose x the self-motion leads through many levels of a law c(q), and the limits allow some of them. A polynomial
-# zeta that is an allowed level at each pose gives a law that serves them all on one leaf, g = 0. The levels that are
-# allowed are looked at once for each sheet that a search began with; each polynomial then is a linear program.
+# At a pose x the self-motion leads through many levels of a constraint c(q), and the limits allow some of them. A
+# polynomial zeta that is an allowed level at each pose gives a strategy that serves them all on one leaf, g = 0. The
+# levels that are allowed are looked at once for each sheet that a search began with; each polynomial then is a linear
+# program.
 
 STEPS = 16  # levels on each side of that of the start at most
 DEGREES = (1, 2, 3)  # of the polynomials that are tried
@@ -336,9 +339,9 @@ SMALL = 0.03  # what a coefficient of one step costs against a pose that is miss
 
 @dataclass(frozen=True, eq=False)
 class LevelTable(Value):
-    """Which levels (l,) of a law the poses T (k, 4, 4) have on one branch: postures q (l, k, n), NaN for none."""
+    """Which levels (l,) of a strategy the poses T (k, 4, 4) have on one branch: postures q (l, k, n), NaN for none."""
 
-    law: Candidate
+    candidate: Candidate
     T: Array
     levels: Vector
     step: float
@@ -352,7 +355,7 @@ class LevelTable(Value):
         if not self.allowed.any():
             return None
         try:
-            return coordinates_of(chart_of(self.law.task, self.T[middle, :3, :3]), self._some[self.allowed])
+            return coordinates_of(chart_of(self.candidate.task, self.T[middle, :3, :3]), self._some[self.allowed])
         except ArgumentError:
             return None
 
@@ -378,8 +381,8 @@ class LevelTable(Value):
         return np.where(best > 0, low, np.nan), np.where(best > 0, high, np.nan)
 
     def fitted(self, weights: Vector) -> list[tuple[Candidate, Vector, Vector]]:
-        """Laws fitted to the poses, by their weights (k,); of each a posture (n,), and the levels of this law that it
-        wants at the poses (k,), NaN where none is known."""
+        """Strategies fitted to the poses, by their weights (k,); of each a posture (n,), and the levels of this
+        strategy that it wants at the poses (k,), NaN where none is known."""
         c, strategies = self.coordinates, []
         if c is None:
             return []
@@ -396,27 +399,27 @@ class LevelTable(Value):
             wanted, room = np.full(len(self.T), np.nan), np.full(len(self.T), -np.inf)
             wanted[rows] = A @ (x := _short(x, self.step))
             room[rows] = np.minimum(wanted[rows] - low, high - wanted[rows])
-            if (law := self._law(c, x, degree, room, wanted)) is not None:
-                strategies.append((*law, wanted))
+            if (candidate := self._tilted_candidate(c, x, degree, room, wanted)) is not None:
+                strategies.append((*candidate, wanted))
         return strategies
 
-    def _law(
+    def _tilted_candidate(
         self, c: Coordinates, x: Vector, degree: int, room: Vector, wanted: Vector
     ) -> tuple[Candidate, Vector] | None:
-        """The law of a polynomial's coefficients (t,), and its posture at the pose with most room (k,) on both sides of
-        the level that it wants there."""
-        task, base = self.law.task, self.law.strategy
+        """The strategy of a polynomial's coefficients (t,), and its posture at the pose with most room (k,) on both
+        sides of the level that it wants there."""
+        task, base = self.candidate.task, self.candidate.strategy
         if base is None:
             return None
         pose = int(np.argmax(room))
         level = int(np.argmin(np.where(known(self.q[:, pose]), np.abs(self.levels - wanted[pose]), np.inf)))
-        name = f"{self.law.name}, level of degree {degree}"
+        name = f"{self.candidate.name}, level of degree {degree}"
         zeta = Polynomial(c, x[None])
         strategy = holonomic(task, tilted(base.constraint, zeta, chart=c.chart, name=name), name=name)
         q, reached = one_by_one(strategy, self.q[level, pose][None], self.T[pose][None], levels=np.zeros(1))
         if not reached[0] or not task.robot.within(q[0]):
             return None
-        return Candidate(name, zeta.keys_over(self.law.keys), task, strategy, 0.0), q[0]
+        return Candidate(name, zeta.keys_over(self.candidate.keys), task, strategy, 0.0), q[0]
 
 
 def _short(x: Vector, step: float) -> Vector:
@@ -425,7 +428,7 @@ def _short(x: Vector, step: float) -> Vector:
 
 
 def level_table(
-    law: Candidate,
+    candidate: Candidate,
     strategy: HolonomicStrategy,
     q0: Vector,
     step: float,
@@ -434,7 +437,7 @@ def level_table(
     go: Go,
     native: int | None,
 ) -> LevelTable:
-    """The levels of a law at poses T (k, 4, 4), on the branch of a posture q0 (n,) of the law's own.
+    """The levels of a strategy at poses T (k, 4, 4), on the branch of a posture q0 (n,) of the strategy's own.
 
     From q0 the self-motion leads to other levels. On each of them the leaf is followed to all poses, first straight,
     then from neighbour to neighbour, and at each pose from level to level, as long as that adds any.
@@ -443,7 +446,7 @@ def level_table(
         step: between levels [units of c]. near: of each pose its neighbours (k, m). go: straight along the leaf, to
             what is allowed.
     """
-    start_pose = pose_from(*law.task._poses(q0[None]))
+    start_pose = pose_from(*candidate.task._poses(q0[None]))
     levels, starts = _along_self_motion(strategy, q0, start_pose, step)
     count, k = len(levels), len(T)
     q = along_leaf(strategy, starts, T, native_from=native)
@@ -464,7 +467,7 @@ def level_table(
             )
             there[~reached] = np.nan
             rows[start_pose] = _allowed(go, there, start_pose % k)
-    return LevelTable(law, T, levels, step, rows.reshape(count, k, -1))
+    return LevelTable(candidate, T, levels, step, rows.reshape(count, k, -1))
 
 
 def _along_self_motion(strategy: HolonomicStrategy, q0: Vector, pose: Array, step: float) -> tuple[Vector, Matrix]:

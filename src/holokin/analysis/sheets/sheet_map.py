@@ -32,7 +32,7 @@ from ...strategies.tasks.task import Task
 from ..coverage.starts import postures_at, reached
 from .follow_sheets import Stops, follow_sheets
 from .seams import Seams, SheetMotion, Where, seams_of
-from .sheet import PosePoints, Sheet, known, seen_features
+from .sheet import PosePoints, Sheet, known, postures_of_sheets, seen_features
 
 BLOCKED_LOOKS = 200  # poses for which clear postures are searched for at most, to tell why they are not served
 
@@ -49,16 +49,13 @@ class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
     @property
     def text(self) -> str:
         """The cause in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    PoseRest.SERVED: "served by a sheet",
-    PoseRest.NOT_COVERED: "the arm reaches it, but with the joints of no sheet",
-    PoseRest.BLOCKED: "every posture found is too near to an obstacle, the floor or another link",
-    PoseRest.LIMITS: "every posture found is beyond the joint limits",
-    PoseRest.OUT_OF_REACH: "out of reach: no posture was found",
-}
+        return (
+            "served by a sheet",
+            "the arm reaches it, but with the joints of no sheet",
+            "every posture found is too near to an obstacle, the floor or another link",
+            "every posture found is beyond the joint limits",
+            "out of reach: no posture was found",
+        )[self]
 
 
 def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
@@ -90,6 +87,11 @@ class SheetAnswers(NoTruthValue, Value, ask="`.served`"):
 
     def __len__(self) -> int:
         return len(self.sheet)
+
+    def __str__(self) -> str:
+        counts = [(s, int((self.sheet == s).sum())) for s in np.unique(self.sheet[self.served]).tolist()]
+        by_sheet = "".join(f"; {count} by sheet {s}" for s, count in counts)
+        return f"{int(self.served.sum())} of {len(self)} poses are served{by_sheet}"
 
     @property
     def served(self) -> Flags:
@@ -215,8 +217,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("to be asked", poses)
-        postures = [sheet.postures(T, self.clear)[0] for sheet in self.sheets]
-        return np.array(postures).reshape(len(self), len(T), self.task.n)
+        return postures_of_sheets(self.sheets, T, self.clear, self.task.n)
 
     @typed
     def why(self, pose: PoseLike) -> PoseRest:
@@ -349,7 +350,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def __str__(self) -> str:
         lines = [self.sentence]
         for s, sheet in enumerate(self.sheets):
-            lines.append(f"  sheet {s}: {sheet}; taken at {(self.labels == s).sum()} poses, serves {self._served(s)}")
+            count = f"taken at {(self.labels == s).sum()} poses, serves {known(self.q[s]).sum()}"
+            lines.append(f"  sheet {s}: {sheet}; {count}")
         for rest in list(PoseRest)[1:]:
             if (self.rest == rest).any():
                 lines.append(f"  {(self.rest == rest).sum()} of {len(self.poses)} poses: {rest.text}")
@@ -357,9 +359,6 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         jumps = f"at {len(self.cuts)} of {len(self.pairs)} pairs of neighbouring poses the joints jump"
         lines.append(f"  {jumps} ({fewest} with these sheets)")
         return "\n".join(lines)
-
-    def _served(self, s: int) -> int:
-        return int(known(self.q[s]).sum())
 
     def _pose(self, pose: PoseLike) -> Matrix:
         given = pose_numbers("a tool pose", pose)
@@ -418,6 +417,7 @@ def write_sheets(found: Sheets, path: str | FilePath) -> None:
     Raises:
         ArgumentError: strategies that were given as values, which no file can hold. WriteError.
     """
+    # What cannot be written as numbers is text.
     for sheet in found.sheets:
         if not sheet.keys and found.task.n > found.task.m:
             cure = "a file holds strategies that hk.sheets chose itself, or pickle the map: pickle.dump(sheets, file)"
@@ -477,6 +477,7 @@ def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build:
     Raises:
         SheetsFileError: it cannot be read, or is of another robot, task or scene.
     """
+    # The numbers, and the text that says what they are of: is it this task, and this scene?
     file = FilePath(path)
     try:
         arrays = _arrays(file)
@@ -495,14 +496,16 @@ def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build:
         raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
     if about["around"] != _digest(task.robot, scene):
         raise SheetsFileError(file, "it is of another scene", "give the scene that was given to hk.sheets")
+    # The map, whose postures must lie at their poses and on their leaves.
     try:
-        sheets = tuple(
-            _sheet(build(leaf["keys"], task, q0, leaf["name"]), q0, leaf, q, arrays["poses"])
-            for leaf, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True)
-        )
+        sheets: list[Sheet] = []
+        for leaf, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True):
+            strategy, there = build(leaf["keys"], task, q0, leaf["name"]), known(q)
+            stations = q[there], arrays["poses"][there]
+            sheets.append(Sheet(strategy, q0, float(leaf["rcond"]), leaf["keys"], *stations))
         cloud = arrays["cloud"] if len(arrays["cloud"]) else arrays["poses"]
         sheets_map = Sheets(
-            task, _workspace_of(about["workspace"], cloud), sheets, tool_poses("of the map", arrays["poses"]),
+            task, _workspace_of(about["workspace"], cloud), tuple(sheets), tool_poses("of the map", arrays["poses"]),
             arrays["q"], arrays["labels"], arrays["rest"], arrays["pairs"], arrays["cuts"], about["least_cuts"],
             about["least"], about["candidates"], float(about["length"]), scene, about["stopped"],
         )  # fmt: skip
@@ -512,12 +515,6 @@ def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build:
     if bad:
         raise SheetsFileError(file, bad, CHANGED)
     return sheets_map
-
-
-def _sheet(strategy: HolonomicStrategy, q0: Vector, about: Mapping[str, Any], q: Matrix, poses: Array) -> Sheet:
-    """A sheet whose stations are its postures q (k, n) at the poses (k, 4, 4), NaN where it has none."""
-    there = known(q)
-    return Sheet(strategy, q0, float(about["rcond"]), about["keys"], q[there], poses[there])
 
 
 def _arrays(file: FilePath) -> dict[str, Any]:

@@ -88,6 +88,11 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
         """How long it takes; infinite where there is none."""
         return float(self.t[-1]) if len(self.t) else float("inf")
 
+    def __str__(self) -> str:
+        if self.hindrance is not None:
+            return f"no motion: {self.hindrance.text}"
+        return f"a motion of {self.seconds:.2f} s with the tool still, through {len(self.q)} postures"
+
     def reversed(self) -> StillMotion:
         """The way back."""
         return StillMotion(self.q[::-1], self.seconds - self.t[::-1], self.hindrance) if len(self.t) else self
@@ -146,7 +151,7 @@ def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None, thoroug
     same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
     if same.any():
         others = iter(still_motions(task, A[~same], B[~same], clear, thorough))
-        return [_rest(a) if motion else next(others) for a, motion in zip(A, same, strict=True)]
+        return [StillMotion(a[None], np.zeros(1)) if rests else next(others) for a, rests in zip(A, same, strict=True)]
     if task.n == task.m:
         return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
@@ -157,10 +162,6 @@ def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None, thoroug
         for i, motion in zip(again, _traced(task, A[again], B[again], clear, False)[0], strict=True):
             motions[i] = motion
     return motions
-
-
-def _rest(q: Vector) -> StillMotion:
-    return StillMotion(q[None], np.zeros(1))
 
 
 def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
@@ -402,24 +403,14 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
     corners |= {int(a) + c for a, stage in zip(first, stages, strict=False) for c in stage.corners}
     joints, rates = put([stage.q for stage in stages]), put([stage.dq for stage in stages])
     T, off, robot = put([stage.poses for stage in stages]), put([stage.residual for stage in stages]), task.robot
+    units = tuple(c.unit for c in robot.coordinates)
     measures = Measures(
         dq=lambda k: rates[:k],
         x=lambda k: task.value_batch(joints[:k]),
         error=lambda k: task.error(joints[:k], T[:k, :3, 3], T[:k, :3, :3]),
-        sigma=lambda k: np.asarray(
-            np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1], dtype=float
-        ),
+        sigma=lambda k: np.asarray(np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1]),
         residual=lambda k: off[:k],
     )
-    return Trajectory(
-        robot,
-        tuple(c.unit for c in robot.coordinates),
-        task.row_names,
-        task.units,
-        put([stage + start for stage, start in zip(t, starts, strict=False)]),
-        joints,
-        (0, len(joints) - 1),
-        Status.COMPLETE,
-        measures,
-        tuple(sorted(corners)),
-    )
+    times, ends = put([stage + start for stage, start in zip(t, starts, strict=False)]), (0, len(joints) - 1)
+    rows, done = (task.row_names, task.units), (Status.COMPLETE, measures, tuple(sorted(corners)))
+    return Trajectory(robot, units, *rows, times, joints, ends, *done)

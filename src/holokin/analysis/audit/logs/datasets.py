@@ -112,8 +112,7 @@ def read_dataset(folder: Path) -> Dataset:
     """
     info = read_json(folder / INFO)
     _check_info(folder / INFO, info)
-    rows = _episodes_v3(folder) if info["codebase_version"] == "v3.0" else _episodes_v2(folder)
-    episodes = [_episode(folder, info, row) for row in rows]
+    episodes = [_episode(folder, info, row) for row in _episode_rows(folder, info["codebase_version"])]
     where, first = folder / "meta", 0
     if not episodes:
         raise RecordingError(where, "has no episodes", "record one")
@@ -204,24 +203,21 @@ def reading(file: Path) -> Iterator[None]:
 
 def read_json(file: Path) -> Any:
     """What a JSON file holds. Raises: RecordingError."""
-    text = _text(file)
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise RecordingError(file, f"is no JSON ({shown(str(problem), 120)})", "download it anew") from problem
+    return _value_of(file, _text(file), "is")
 
 
 def read_lines(file: Path) -> list[Any]:
     """What a file holds that has a JSON value a line. Raises: RecordingError."""
-    values = []
-    for number, line in enumerate(_text(file).split("\n"), 1):
-        if line.strip():
-            try:
-                values.append(json.loads(line))
-            except (ValueError, RecursionError) as problem:
-                fact = f"line {number} is no JSON ({shown(str(problem), 120)})"
-                raise RecordingError(file, fact, "download it anew") from problem
-    return values
+    lines = enumerate(_text(file).split("\n"), 1)
+    return [_value_of(file, line, f"line {number} is") for number, line in lines if line.strip()]
+
+
+def _value_of(file: Path, text: str, what: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as problem:
+        fact = f"{what} no JSON ({shown(str(problem), 120)})"
+        raise RecordingError(file, fact, "download it anew") from problem
 
 
 def read_parquet(file: Path, begins: tuple[str, ...] = ("",)) -> Any:
@@ -293,18 +289,14 @@ def _is_feature(feature: Any) -> bool:
     )
 
 
-def _episodes_v3(folder: Path) -> list[dict[str, Any]]:
-    episodes: list[dict[str, Any]] = []
-    for file in episode_files(folder):
-        episodes += read_parquet(file, _FACTS).to_pylist()
-    return episodes
-
-
-def _episodes_v2(folder: Path) -> list[dict[str, Any]]:
-    first, episodes = 0, []
-    for row in read_lines(folder / "meta" / "episodes.jsonl"):
+def _episode_rows(folder: Path, version: str) -> list[dict[str, Any]]:
+    """What meta/ says of each episode. Raises: RecordingError."""
+    if version == "v3.0":
+        return [row for file in episode_files(folder) for row in read_parquet(file, _FACTS).to_pylist()]
+    first, episodes, file = 0, [], folder / "meta" / "episodes.jsonl"
+    for row in read_lines(file):
         if not isinstance(row, dict) or not isinstance(row.get("length"), int):
-            raise RecordingError(folder / "meta" / "episodes.jsonl", "has a line without a length", "download it anew")
+            raise RecordingError(file, "has a line without a length", "download the dataset anew")
         episodes.append(row | {"dataset_from_index": first})
         first += row["length"]
     return episodes
@@ -435,15 +427,13 @@ class JointFeature(Value):
 
     def joints(self, robot: Robot, values: Matrix, degrees: bool | None = None) -> Matrix:
         """Joints (k, n) in rad and m of values in the robot's order."""
-        return self.counts.joints(robot.joint_names, values, self._units(robot, degrees))
+        units = np.where(robot.hinges & bool(self.degrees if degrees is None else degrees), np.pi / 180, 1.0)
+        return self.counts.joints(robot.joint_names, values, units)
 
     def values(self, robot: Robot, joints: Matrix) -> Matrix:
         """What the dataset has for joints (k, n)."""
-        return self.counts.values(robot.joint_names, joints, self._units(robot, None))
-
-    def _units(self, robot: Robot, degrees: bool | None) -> Vector:
-        unit = bool(self.degrees) if degrees is None else degrees
-        return np.where(robot.hinges & unit, np.pi / 180, 1.0)
+        units = np.where(robot.hinges & bool(self.degrees), np.pi / 180, 1.0)
+        return self.counts.values(robot.joint_names, joints, units)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ....base.arguments import AxisCounts, typed
 from ....base.errors import ArgumentError, RecordingError
 from ....base.files import is_folder
-from ....base.types import Array, Flags, Indices, Matrix, Vector, positive
+from ....base.types import Array, Flags, Indices, Matrix, Vector, positive, runs
 from ....motion.trajectory import GAP, Recording
 from ....robot import Robot
 from .bag import read_bag
@@ -78,19 +78,19 @@ def hinge_turns(values: Numbers, steps: Numbers, robot: Robot, joint: int) -> Hi
     if most > 2 * TURN or (not cut and (high - low > TURN + 2 * NOISE or most > TURN + NOISE)):
         # no interval of a turn that drivers use holds the values: they count turns
         return HingeTurns(None, begins, np.ones(len(begins), bool), False)
-    whole, joined = np.zeros(0, values.dtype), values
-    if cut or turns.any():
+    whole: Numbers | None = None
+    if turns.any():
         whole = np.zeros_like(values)
         np.cumsum(turns, out=whole[1:])
         whole *= TURN
-        joined = values + whole
+    joined = values if whole is None else values + whole
     lowest, highest = np.minimum.reduceat(joined, begins), np.maximum.reduceat(joined, begins)
     moves, known = _into_limits(lowest, highest, robot.lower[joint], robot.upper[joint])
     if moves.any():
-        whole = whole if len(whole) else np.zeros_like(values)
+        whole = np.zeros_like(values) if whole is None else whole
         for first, last, move in zip(begins, [*begins[1:], len(values)], TURN * moves, strict=True):
             whole[first:last] += move
-    return HingeTurns(whole if len(whole) else None, begins, known, bool(turns.any()))
+    return HingeTurns(whole, begins, known, bool(turns.any()))
 
 
 def _least_turns(values: Numbers, steps: Numbers, speed: float) -> tuple[Rows, Flags]:
@@ -309,6 +309,7 @@ def joined(log: Recording, robot: Robot, counts_turns: bool, breaks: Sequence[in
 
 def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, counts: AxisCounts) -> Matrix:
     """Joints in rad and m: the unit is looked for in the extremes of the columns, since a log may be long."""
+    # The extremes of the joints, read in rad or in degrees.
     names, turning = robot.joint_names, robot.hinges
     units = {unit: np.where(turning & unit, np.pi / 180, 1.0) for unit in (False, True)}
     ends = np.stack([q.min(axis=0), q.max(axis=0)])
@@ -317,6 +318,7 @@ def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, count
         q_ends = counts.joints(names, ends, units[unit])
         return q_ends.min(axis=0), q_ends.max(axis=0)
 
+    # Positions that nobody believes, degrees where radians are due, and ticks of encoders are refused.
     lowest, highest = extremes(bool(degrees))
     reach = np.maximum(-lowest, highest)
     far = int(np.argmax(reach))
@@ -388,7 +390,9 @@ def read_runs(
     pieces: list[_Piece] = []
     for path in map(Path, paths):
         samples = _samples_of(path, robot, topic, columns, time, skip_bad)
-        for part in _by_clock(samples) if split else [samples]:
+        back = np.flatnonzero(np.diff(samples.t) < 0) + 1 if split else ()  # where the clock is set back
+        for first, last in pairwise([0, *map(int, back), len(samples.t)]):
+            part = samples.some(first, last) if split else samples
             if len(part.t) > 1:
                 pieces.append(_Piece(recorded(path, part, robot, degrees, counts), samples.origin))
     if not pieces:
@@ -396,16 +400,10 @@ def read_runs(
     logs = _joined(pieces, robot, anew=not split, counts_turns=counts_turns)
     if not split:
         return logs
-    runs = tuple(part for log in logs for part in _without_rests(log, idle))
-    if not runs:
+    moving = tuple(part for log in logs for part in _without_rests(log, idle))
+    if not moving:
         raise RecordingError(paths[0], "all joints rest", "log a motion of the arm, or leave out --split")
-    return tuple(replace(part, source=f"{part.source}, run {k} of {len(runs)}") for k, part in enumerate(runs, 1))
-
-
-def _by_clock(samples: Samples) -> list[Samples]:
-    """The samples cut where the time is set back."""
-    cuts = [0, *(np.flatnonzero(np.diff(samples.t) < 0) + 1), len(samples.t)]
-    return [samples.some(int(a), int(b)) for a, b in pairwise(cuts)]
+    return tuple(replace(part, source=f"{part.source}, run {k} of {len(moving)}") for k, part in enumerate(moving, 1))
 
 
 def _joined(pieces: Sequence[_Piece], robot: Robot, *, anew: bool, counts_turns: bool) -> tuple[Recording, ...]:
@@ -449,14 +447,13 @@ def _without_rests(log: Recording, idle: float) -> list[Recording]:
     first = np.flatnonzero(np.diff(block, prepend=-1))
     low, high = np.minimum.reduceat(log.q, first), np.maximum.reduceat(log.q, first)
     still = ((high - low) <= STILL).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int))).reshape(-1, 2)
     stop = np.append(first, len(log.t))
-    rests = [(stop[a], stop[b] - 1) for a, b in edges if log.t[stop[b] - 1] - log.t[stop[a]] >= idle * 3 / 4]
+    rests = [(stop[a], stop[b] - 1) for a, b in runs(still) if log.t[stop[b] - 1] - log.t[stop[a]] >= idle * 3 / 4]
     begins = [0, *(int(b) for _, b in rests)]
     ends = [*(int(a) for a, _ in rests), len(log.t) - 1]
-    runs = []
+    parts = []
     for a, b in zip(begins, ends, strict=True):
         if b > a + 1 and float(np.ptp(log.q[a : b + 1], axis=0).max()) > STILL:
             span = f"from {log.t[a]:.4g} to {log.t[b]:.4g} s"
-            runs.append(replace(log.part(a, b + 1), notes=(*log.notes, span)))
-    return runs
+            parts.append(replace(log.part(a, b + 1), notes=(*log.notes, span)))
+    return parts
