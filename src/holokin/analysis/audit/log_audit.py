@@ -486,8 +486,8 @@ def audit_recording(
             cycle] that must be excluded before the joints are called the same.
         length_scale: [m/rad] of the distance of two poses, see `find_cycles`.
 
-    Raises:
-        RecordingError: fewer than two cycles. ArgumentError, ShapeError: a bad argument. UnknownNameError: no such tip.
+
+        Raises: RecordingError: fewer than two cycles. ArgumentError, ShapeError: a bad argument. UnknownNameError: no such tip.
     """
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise ArgumentError("tolerance", tolerance, "give a positive number [rad or m]")

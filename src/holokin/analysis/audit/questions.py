@@ -128,10 +128,7 @@ def _area_unit(task: Task, i: int, j: int) -> str:
 
 def _steps(task: Task, position: Vector, rotation: Matrix, rows: tuple[int, int], size: float) -> list[Vector]:
     """The least twists (6,) of a tool at a pose that change one of two task rows each, by the sides of a loop.
-
-    Raises:
-        SingularityError where the representation is singular.
-    """
+    Raises: SingularityError where the representation is singular."""
     twists = np.asarray(np.linalg.pinv(_rates(task, rotation)).T, dtype=float)
     inward = [-1.0 if (row := task.rows[k]) < 3 and position[row] > 0 else 1.0 for k in rows]
     return [size * sign * SIDES[task.units[k]] * twists[k] for sign, k in zip(inward, rows, strict=True)]
@@ -143,10 +140,7 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     Position rows move towards the robot's base first. With turns the last side is the shortest turn that closes the
     loop; it differs from that of a rectangle by the product of the sides, so that the area in other planes is smaller
     by the size of the loop. One row alone (i = j) gives the path there and back.
-
-    Raises:
-        SingularityError where the representation is singular.
-    """
+    Raises: SingularityError where the representation is singular."""
     from scipy.spatial.transform import Rotation
 
     a, b = _steps(task, position, rotation, (i, j), size)
@@ -433,10 +427,7 @@ def ask_two_paths(setup: AuditSetup, path: Path) -> Answer:
 
 def ask_speed(setup: AuditSetup, path: Path) -> Answer:
     """The same half loop at half and at twice the speed; the step is scaled along, so its error is not counted.
-
-    Raises:
-        ControllerError.
-    """
+    Raises: ControllerError."""
     half = path.part(0.0, 0.5)
     ends = [setup.run(half.at_speed(path.speed * k, path.angular_speed * k)).q[-1] for k in (0.5, 1.0, 2.0)]
     scaled = setup.run(half.at_speed(path.speed * 2, path.angular_speed * 2), dt=setup.dt / 2).q[-1]
@@ -451,10 +442,7 @@ def ask_speed(setup: AuditSetup, path: Path) -> Answer:
 
 def ask_start(setup: AuditSetup, path: Path) -> Answer:
     """From another posture with the same tool pose: does the difference stay, or does the law forget it?
-
-    Raises:
-        ControllerError.
-    """
+    Raises: ControllerError."""
     if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
     curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1, limits=bool(setup.task.robot.within(setup.q0)))
@@ -473,10 +461,7 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
 
     And does it go as well by fine stairs as straight, as it does where dq is linear in x'? Then a loop drifts by
     area times curvature: as the size squared where that is alike all over the loop, else as it may.
-
-    Raises:
-        ControllerError, SingularityError.
-    """
+    Raises: ControllerError, SingularityError."""
     if plane is None:
         return "not asked: a task of one row has no plane to loop in", {}
     # Two sizes of the loop; the smaller one that drifts well is gone round backward and slowly, too.

@@ -10,8 +10,8 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
-from ...motion.checks import Clear, Clearances, Scene
+from ...base.types import ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
+from ...motion.checks import Clearances, Scene
 from ...path.workspaces import Workspace
 from ...robot import check_metres
 from ...strategies import HolonomicStrategy
@@ -19,7 +19,7 @@ from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import check_that_joints_move
 from .candidate_sheets import CandidateSheets, fitting_candidates
 from .set_cover import Cover, continued, fewest, labelled, same_postures
-from .sheet import known, neighbours, spread_out, turn_length
+from .sheet import known, neighbours, postures_of_sheets, spread_out, turn_length
 from .sheet_growth import SearchedPoses
 from .sheet_map import PoseRest, Sheets, rests_of
 
@@ -82,8 +82,8 @@ def sheets(
     Returns:
         The sheets; `print` says what they serve, and why the other poses are not served.
 
-    Raises:
-        OutOfReachError: no pose of the workspace is reached within the joint limits and clear of what was named.
+
+        Raises: OutOfReachError: no pose of the workspace is reached within the joint limits and clear of what was named.
         ArgumentError: a task of several frames, strategies of another task, or none of whose leaves serves a pose; bad
         numbers. UnknownNameError: no such link. JointLimitError: a q0 beyond them. ShapeError, NotFiniteError.
     """
@@ -101,9 +101,31 @@ def sheets(
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
-    given = _given(task, q0)
-    pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, search, limit, progress)
-    return _mapped(task, workspace, T, rest, within, pool, cover, scene, stopped)
+    # The fewest of many leaves that serve the share.
+    given, end = _given(task, q0), time.monotonic() + limit
+    poses = SearchedPoses.of(T[within], turn_length(task), FIRST)
+    center = T[within][spread_out(T[within], np.arange(len(within)), 1, turn_length(task))[0]]
+    progress("which strategies fit")
+    candidates = fitting_candidates(task, poses.T, center, strategies, clear)
+    pool = CandidateSheets(
+        task, poses if search else poses.all, candidates, clear, rcond, own=strategies is None, share=share
+    )
+    cover, stopped = _search(pool, given, center if search else None, end, progress)
+    # Their postures at all the poses, and which sheet is taken at each, that of most poses first.
+    chosen = [pool.found[i].sheet for i in cover.chosen]
+    q = np.full((len(chosen), len(T), task.n), np.nan)
+    q[:, within] = postures_of_sheets(chosen, T[within], clear, task.n)
+    there = known(q)
+    chosen = [replace(sheet, stations=q[s, there[s]], places=T[there[s]]) for s, sheet in enumerate(chosen)]
+    pairs = within[neighbours(T[within], turn_length(task))]
+    labels = labelled(there, pairs, continued(chosen, T, q, pairs), same_postures(q))
+    order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
+    place = np.append(np.argsort(order), -1)
+    rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
+    return Sheets(
+        task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
+        labels.least, cover.least, len(pool.found), turn_length(task), scene, stopped,
+    )  # fmt: skip
 
 
 def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: float, rcond: float) -> None:
@@ -135,31 +157,22 @@ def _why(rest: Indices) -> str:
 
 
 def _search(
-    task: Task,
-    T: Array,
-    strategies: Sequence[HolonomicStrategy] | None,
-    q0: Matrix,
-    share: float,
-    rcond: float,
-    clear: Clear | None,
-    search: bool,
-    seconds: float,
-    progress: Callable[[str], None],
-) -> tuple[CandidateSheets, Cover, bool]:
-    """Leaves through postures at poses all over, until the fewest that serve the share get no fewer.
+    pool: CandidateSheets, q0: Matrix, center: Matrix | None, end: float, progress: Callable[[str], None]
+) -> tuple[Cover, bool]:
+    """(the fewest leaves that serve the share, whether the search was stopped early).
 
-    A part of the poses is searched. When the choice gets no better, it is asked about more of them, at last about all:
-    those that it leaves out are searched, too.
+    Leaves through postures at poses all over are tried, until their number gets no fewer. A part of the poses is
+    searched. When the choice gets no better, it is asked about more of them, at last about all: those that it leaves
+    out are searched, too.
+
+    Args:
+        q0: postures (s, n) whose leaves are candidates, too. center: the pose that is tried first; None for no search.
+        end: time of the clock [s] after which no more leaves are looked for.
     """
-    end, poses = time.monotonic() + seconds, SearchedPoses.of(T, turn_length(task), FIRST)
-    center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
-    progress("which strategies fit")
-    candidates, own = fitting_candidates(task, poses.T, center, strategies, clear), strategies is None
-    pool = CandidateSheets(task, poses if search else poses.all, candidates, clear, rcond, own, share)
     try:
-        for candidate in candidates:
+        for candidate in pool.candidates:
             pool.add(candidate, q0)
-        if search:
+        if center is not None:
             pool.grow(center, np.arange(0), end, progress)
             _try_rounds(pool, end, progress)
         stopped = time.monotonic() > end
@@ -168,18 +181,14 @@ def _search(
             raise
         stopped = True
     if not pool.found:
+        names = [candidate.name for candidate in pool.candidates]
         cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
-        raise ArgumentError(
-            "the strategies",
-            [candidate.name for candidate in pool.candidates],
-            f"no leaf of them serves a pose: {cure}",
-        )
+        raise ArgumentError("the strategies", names, f"no leaf of them serves a pose: {cure}")
     try:
         progress("asking the sheets")
-        cover = _asked(pool)
+        return _asked(pool), stopped
     except KeyboardInterrupt:  # sheets that were not asked serve what is straight from their q0
-        cover, stopped = _cover(pool), True
-    return pool, cover, stopped
+        return _cover(pool), True
 
 
 def _try_rounds(pool: CandidateSheets, end: float, progress: Callable[[str], None]) -> None:
@@ -257,32 +266,3 @@ def _cover(pool: CandidateSheets) -> Cover:
     cover = fewest(pool.sets, pool.wanted.least, pool.costs, PROGRAM, weights, pool.wanted.preferred)
     widest = np.argsort(-(pool.sets[cover.chosen] @ weights), kind="stable")
     return replace(cover, chosen=cover.chosen[widest])
-
-
-def _mapped(
-    task: Task,
-    workspace: Workspace,
-    T: Array,
-    rest: Indices,
-    within: Indices,
-    pool: CandidateSheets,
-    cover: Cover,
-    scene: Scene | None,
-    stopped: bool,
-) -> Sheets:
-    """The sheets chosen, that of most poses first, with what each sampled pose gets."""
-    chosen = [pool.found[i].sheet for i in cover.chosen]
-    q = np.full((len(chosen), len(T), task.n), np.nan)
-    for s, sheet in enumerate(chosen):
-        q[s, within] = sheet.postures(T[within], pool.clear)[0]
-    there = known(q)
-    chosen = [replace(sheet, stations=q[s, there[s]], places=T[there[s]]) for s, sheet in enumerate(chosen)]
-    pairs = within[neighbours(T[within], turn_length(task))]
-    labels = labelled(known(q), pairs, continued(chosen, T, q, pairs), same_postures(q))
-    order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
-    place = np.append(np.argsort(order), -1)
-    rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
-    return Sheets(
-        task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
-        labels.least, cover.least, len(pool.found), turn_length(task), scene, stopped,
-    )  # fmt: skip

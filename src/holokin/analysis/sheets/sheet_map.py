@@ -138,8 +138,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
 
         Of a task of positions a point (3,) or (2,) will do.
 
-        Raises:
-            NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
+
+            Raises: NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         T = self._pose(pose)
         answer = self._answer(T, ())
@@ -153,8 +153,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         So a loop changes its sheet only where it must, and it sees a change in the index. The joints of the new sheet
         are elsewhere: `s.seams()` has the motions that lead there.
 
-        Raises:
-            NoSheetError: no sheet serves the pose. BranchError: only sheets of the posture's own leaf do, with other
+
+            Raises: NoSheetError: no sheet serves the pose. BranchError: only sheets of the posture's own leaf do, with other
             joints than those to which the leaf leads from it. ShapeError, NotFiniteError, ArgumentError: a bad pose or
             posture.
         """
@@ -198,8 +198,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def batch(self, poses: PoseLike) -> SheetAnswers:
         """The answers of many tool poses (k, 4, 4), each as `s(pose)`. A pose that no sheet serves does not raise.
 
-        Raises:
-            ShapeError, NotFiniteError, ArgumentError: bad poses.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("of the batch", poses)
         places, known_rows = self._known
@@ -213,8 +213,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def postures(self, poses: PoseLike) -> Array:
         """The joints of every sheet (S, k, n) at tool poses (k, 4, 4), NaN where it does not serve.
 
-        Raises:
-            ShapeError, NotFiniteError, ArgumentError: bad poses.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("to be asked", poses)
         return postures_of_sheets(self.sheets, T, self.clear, self.task.n)
@@ -223,8 +223,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def why(self, pose: PoseLike) -> PoseRest:
         """Why a tool pose (4, 4) is served or not: a search for postures there. `.text` says it in words.
 
-        Raises:
-            ShapeError, NotFiniteError, ArgumentError: a bad pose.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         T = self._pose(pose)
         if any(sheet.posture(T, self.clear) is not None for sheet in self.sheets):
@@ -246,8 +246,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Returns:
             The seams; `.between(first, second)` has that of a pair.
 
-        Raises:
-            ArgumentError, ShapeError, NotFiniteError: bad poses.
+
+            Raises: ArgumentError, ShapeError, NotFiniteError: bad poses.
         """
         return seams_of(self.task, self.sheets, self.poses, self.q, self.clear, at, self.workspace.center)
 
@@ -273,8 +273,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Returns:
             The motion; `.trajectory` is that of the whole path, with its changes.
 
-        Raises:
-            ArgumentError: q0 is a posture of no sheet there, bad stops or samples. StartError: its tool is not at the
+
+            Raises: ArgumentError: q0 is a posture of no sheet there, bad stops or samples. StartError: its tool is not at the
             start of the path. ShapeError, NotFiniteError.
         """
         return follow_sheets(self.task, self.sheets, self.clear, path, q0, stops, samples, self.workspace.center)
@@ -302,8 +302,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Returns:
             The region: its share, its certificate, and what is not proven and why.
 
-        Raises:
-            ArgumentError: no such sheet; a workspace that is no box. NoProofError, SingularityError, ExpressionError.
+
+            Raises: ArgumentError: no such sheet; a workspace that is no box. NoProofError, SingularityError, ExpressionError.
         """
         if not 0 <= sheet < len(self):
             raise ArgumentError("the sheet", sheet, f"give an index from 0 to {len(self) - 1}")
@@ -414,42 +414,28 @@ Build = Callable[[Mapping[str, Any], Task, Vector, str], HolonomicStrategy]
 def write_sheets(found: Sheets, path: str | FilePath) -> None:
     """Write a map of sheets, complete or not at all.
 
-    Raises:
-        ArgumentError: strategies that were given as values, which no file can hold. WriteError.
+
+    Raises: ArgumentError: strategies that were given as values, which no file can hold. WriteError.
     """
     # What cannot be written as numbers is text.
     for sheet in found.sheets:
         if not sheet.keys and found.task.n > found.task.m:
             cure = "a file holds strategies that hk.sheets chose itself, or pickle the map: pickle.dump(sheets, file)"
             raise ArgumentError("the strategy of a sheet", sheet.name, cure)
-    about = {
-        "format": FORMAT,
-        "robot": found.task.robot.name,
-        "joints": found.task.robot.joint_names,
-        "task": found.task.name,
-        "leaves": [{"name": sheet.name, "keys": dict(sheet.keys), "rcond": sheet.rcond} for sheet in found.sheets],
-        "workspace": _workspace_keys(found.workspace),
-        "length": found.length,
-        "stopped": found.stopped,
-        "least": found.least,
-        "least_cuts": found.least_cuts,
-        "candidates": found.candidates,
-        "around": _digest(found.task.robot, found.scene),
-    }
-    q0 = np.array([sheet.q0 for sheet in found.sheets]).reshape(-1, found.task.n)
+    robot, facts = found.task.robot, ("length", "stopped", "least", "least_cuts", "candidates")
+    about: dict[str, Any] = {"format": FORMAT, "robot": robot.name, "joints": robot.joint_names}
+    about |= {"task": found.task.name, "workspace": _workspace_keys(found.workspace)}
+    about |= {"leaves": [{"name": s.name, "keys": dict(s.keys), "rcond": s.rcond} for s in found.sheets]}
+    about |= {name: getattr(found, name) for name in facts} | {"around": _digest(robot, found.scene)}
+    # The given poses of the workspace, where these are not the sampled ones.
+    space, cloud = found.workspace, found.poses[:0]
+    if isinstance(space, PoseCloud) and len(space.given) != len(found.poses):
+        cloud = space.given
+    arrays = {name: getattr(found, name) for name in ("poses", "q", "labels", "rest", "pairs", "cuts")}
+    arrays |= {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), "cloud": cloud}
+    arrays["q0"] = np.array([sheet.q0 for sheet in found.sheets]).reshape(-1, found.task.n)
     with replacing(path) as part, part.open("wb") as stream:
-        np.savez_compressed(
-            stream,
-            about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
-            q0=q0,
-            poses=found.poses,
-            q=found.q,
-            labels=found.labels,
-            rest=found.rest,
-            pairs=found.pairs,
-            cuts=found.cuts,
-            cloud=_cloud(found),
-        )
+        np.savez_compressed(stream, **arrays)
 
 
 def _digest(robot: Robot, scene: Scene | None) -> str | None:
@@ -472,11 +458,8 @@ def _digest(robot: Robot, scene: Scene | None) -> str | None:
 
 
 def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build: Build) -> Sheets:
-    """The map of a file, for the task that it was made for.
-
-    Raises:
-        SheetsFileError: it cannot be read, or is of another robot, task or scene.
-    """
+    """The map of a file, for the task that it was made for. Raises: SheetsFileError: it cannot be read, or is of
+    another robot, task or scene."""
     # The numbers, and the text that says what they are of: is it this task, and this scene?
     file = FilePath(path)
     try:
@@ -584,14 +567,6 @@ def _fault(sheets_map: Sheets) -> str:
         if not (np.abs(off) <= OFF).all() or not task.robot.within(sheet.begin).all():
             return f"postures of sheet {s} do not lie at their poses, on their leaf, within the limits"
     return ""
-
-
-def _cloud(sheets_map: Sheets) -> Array:
-    """The given poses of the workspace (l, 4, 4), where these are not the sampled ones; else none (0, 4, 4)."""
-    space = sheets_map.workspace
-    if isinstance(space, PoseCloud) and len(space.given) != len(sheets_map.poses):
-        return space.given
-    return sheets_map.poses[:0]
 
 
 def _workspace_keys(space: Workspace) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import sys
 from array import array
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,21 @@ def broken(file: Path, why: str) -> RecordingError:
     """The refusal of a bag whose bytes make no sense."""
     cure = "give a rosbag2 folder with metadata.yaml, or a whole .mcap, .db3 or .bag file"
     return RecordingError(file, f"cannot be read as a bag ({shown(why, 200)})", cure)
+
+
+@contextmanager
+def _refusals(file: Path) -> Iterator[None]:
+    """Whatever the parsers of a bag raise at broken bytes becomes a refusal of the file.
+
+    They and the libraries beneath (sqlite, zstd, lz4, yaml, struct) have no common error, and raise MemoryError or
+    OverflowError at senseless sizes. So everything is caught, round calls of theirs alone.
+    """
+    try:
+        yield
+    except HolokinError:
+        raise
+    except Exception as problem:  # noqa: BLE001
+        raise broken(file, f"{type(problem).__name__}: {problem}") from None
 
 
 def _unpacker(kind: str) -> Any:
@@ -109,7 +124,7 @@ def _too_large(file: Path, what: str, most: int) -> RecordingError:
 
 def check_folder(folder: Path) -> list[Path]:
     """The files of a rosbag2 folder. Raises: RecordingError when it cannot be read without harm."""
-    try:
+    with _refusals(folder):
         parts = sorted(folder.iterdir())
         for part in parts:
             if not (part.is_dir() or part.is_file()):
@@ -132,10 +147,6 @@ def check_folder(folder: Path) -> list[Path]:
                 with part.open("rb") as stream:
                     pieces = iter(lambda: stream.read(_PIECE), b"")
                     _check_size(folder, shown(part.name), "zstd", pieces, MOST_FILE)
-    except RecordingError:
-        raise
-    except Exception as problem:  # noqa: BLE001  zstd's errors are its own, and need the extra to be named
-        raise broken(folder, f"{type(problem).__name__}: {problem}") from None
     return files
 
 
@@ -144,30 +155,25 @@ def _check_mcap(file: Path) -> None:
     size = file.stat().st_size
     chunks: dict[int, int] = {}
     indexed: set[int] = set()
-    try:
-        with file.open("rb") as stream:
-            if stream.read(8) != b"\x89MCAP0\r\n":
-                raise broken(file, "it does not begin like an MCAP file")
-            place = 8
-            while place + 9 <= size:
-                stream.seek(place)
-                kind, length = struct.unpack("<BQ", stream.read(9))
-                if place + 9 + length > size:
-                    raise broken(file, f"the record at byte {place} is longer than the file")
-                if kind == 0x06:
-                    chunks[place] = _check_chunk(file, stream, place, length)
-                if kind == 0x08:
-                    where, says = _index(stream.read(min(length, 2**20)))
-                    if where in indexed or chunks.get(where) != says:
-                        raise broken(file, f"its index names a chunk at byte {where} that is not there")
-                    indexed.add(where)
-                if kind == 0x02:
-                    break
-                place += 9 + length
-    except RecordingError:
-        raise
-    except Exception as problem:  # noqa: BLE001  the unpackers have errors of their own
-        raise broken(file, f"{type(problem).__name__}: {problem}") from None
+    with _refusals(file), file.open("rb") as stream:
+        if stream.read(8) != b"\x89MCAP0\r\n":
+            raise broken(file, "it does not begin like an MCAP file")
+        place = 8
+        while place + 9 <= size:
+            stream.seek(place)
+            kind, length = struct.unpack("<BQ", stream.read(9))
+            if place + 9 + length > size:
+                raise broken(file, f"the record at byte {place} is longer than the file")
+            if kind == 0x06:
+                chunks[place] = _check_chunk(file, stream, place, length)
+            if kind == 0x08:
+                where, says = _index(stream.read(min(length, 2**20)))
+                if where in indexed or chunks.get(where) != says:
+                    raise broken(file, f"its index names a chunk at byte {where} that is not there")
+                indexed.add(where)
+            if kind == 0x02:
+                break
+            place += 9 + length
 
 
 def _check_chunk(file: Path, stream: Any, place: int, length: int) -> int:
@@ -200,17 +206,13 @@ def _index(record: bytes) -> tuple[int, int]:
 def _check_sqlite(file: Path) -> None:
     """Raises: RecordingError when a database is none, or computes its rows (views, generated columns): that may never
     end."""
-    try:
+    with _refusals(file):
         with file.open("rb") as stream:
             if stream.read(16) != b"SQLite format 3\0":
                 raise broken(file, "it does not begin like an SQLite file")
-        base = sqlite3.connect(f"file:{quote(str(file.absolute()))}?mode=ro&immutable=1", uri=True)
-        try:
+        uri = f"file:{quote(str(file.absolute()))}?mode=ro&immutable=1"
+        with closing(sqlite3.connect(uri, uri=True)) as base:
             rows = base.execute("SELECT type, sql FROM sqlite_master").fetchmany(10_000)
-        finally:
-            base.close()
-    except (OSError, sqlite3.Error, ValueError, OverflowError) as problem:
-        raise broken(file, f"{type(problem).__name__}: {problem}") from None
     for kind, sql in rows:
         computed = re.search(r"\bas\s*\(|\bvirtual\s+table\b", str(sql or ""), re.IGNORECASE)
         if kind not in ("table", "index") or computed:
@@ -304,21 +306,6 @@ def read_bag(file: Path, robot: Robot, topic: str | None, columns: Columns | Non
         return samples
     finally:
         reader.close()
-
-
-@contextmanager
-def _refusals(file: Path) -> Iterator[None]:
-    """Whatever the parsers of a bag raise at broken bytes becomes a refusal of the file.
-
-    They and the libraries beneath (sqlite, zstd, lz4, yaml, struct) have no common error, and raise MemoryError or
-    OverflowError at senseless sizes. So everything is caught, round calls of theirs alone.
-    """
-    try:
-        yield
-    except HolokinError:
-        raise
-    except Exception as problem:  # noqa: BLE001
-        raise broken(file, f"{type(problem).__name__}: {problem}") from None
 
 
 def _states(file: Path, reader: Any, wanted: list[Any], parse: Any) -> Iterator[_State]:

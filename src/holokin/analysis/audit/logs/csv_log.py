@@ -47,11 +47,8 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
 
     A JointState as `ros2 topic echo --csv` writes it names its joints in each row: stamp, frame, names, positions, and
     perhaps velocities and efforts. Else the number of columns tells: a time, or seconds and nanoseconds, then the
-    joints in the robot's order, perhaps their rates, perhaps their efforts.
-
-    Raises:
-        RecordingError: columns that nobody knows.
-    """
+    joints in the robot's order, perhaps their rates, perhaps their efforts. Raises: RecordingError: columns that nobody
+    knows."""
     form = _joint_state(cells, robot)
     if form is None and all(map(_is_number, cells)):
         # By the number of columns, where one form alone has so many; a stamp in two parts holds whole numbers.
@@ -118,11 +115,8 @@ def read_csv(
 ) -> Samples:
     """The samples of a CSV file; columns and time name its columns, of a file without a header by their numbers.
 
-    skip_bad: rows that cannot be read are left out and counted; else the first one is refused.
-
-    Raises:
-        RecordingError. UnknownNameError, ArgumentError: as `columns_named`.
-    """
+    skip_bad: rows that cannot be read are left out and counted; else the first one is refused. Raises: RecordingError.
+    UnknownNameError, ArgumentError: as `columns_named`."""
     # What is learnt of the columns when the header is read: names, times, units, and joints named in each row.
     times: list[TimeColumns] = []
     notes: list[str] = []
