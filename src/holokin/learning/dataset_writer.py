@@ -111,8 +111,8 @@ def _write_meta(
         episodes: those that the new dataset has; firsts: the first row of each in it.
         learnt: statistics of the changed columns, by episode and column.
 
-
-        Raises: RecordingError: metadata that cannot be read.
+    Raises:
+        RecordingError: metadata that cannot be read.
     """
     if len(episodes) < len(dataset.episodes):
         # The statistics of the columns that count episodes and rows.
@@ -298,8 +298,8 @@ def write_changed(
         left_out: episodes that the new dataset does not have; those after them move up.
         about: what meta/holokin.json says of it.
 
-
-        Raises: RecordingError: a file that cannot be read. OSError: one that cannot be written.
+    Raises:
+        RecordingError: a file that cannot be read. OSError: one that cannot be written.
     """
     _copy_texts(dataset, out)
     episodes = [e for e in dataset.episodes if e.index not in set(left_out)]

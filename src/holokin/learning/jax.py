@@ -37,8 +37,8 @@ class JaxInverse(Value):
             q (..., n) in the dtype of `poses`, computed in float64 on the processor, and status (...), an
             `InverseStatus` as int32. Where a pose is not reached q is NaN and its derivative zero.
 
-
-            Raises: ArgumentError: what is no array of floats; quaternions without an order; third derivatives. ShapeError.
+        Raises:
+            ArgumentError: what is no array of floats; quaternions without an order; third derivatives. ShapeError.
         """
         extra("jax", "jax", "interop")
         import jax.numpy as jnp  # pyright: ignore[reportMissingImports]
@@ -65,8 +65,8 @@ def inverse(ik: InverseKinematics) -> JaxInverse:
     Args:
         ik: of `hk.ik(strategy, q0)`.
 
-
-        Raises: MissingExtraError: JAX is not installed.
+    Raises:
+        MissingExtraError: JAX is not installed.
     """
     extra("jax", "jax", "interop")
     return JaxInverse(ik, JointMap(ik))

@@ -235,8 +235,8 @@ def read_tensors(
     Args:
         xp: the library. tensor: makes its tensor of an array.
 
-
-        Raises: ShapeError; ArgumentError: quaternions without their order.
+    Raises:
+        ShapeError; ArgumentError: quaternions without their order.
     """
     frames, (start_p, start_R) = joints.task.frames, joints.start
     axes = _leading_axes(tuple(poses.shape), joints.shapes)

@@ -41,8 +41,8 @@ def lerobot_step(
         prefix: what stands before the point in the names of the pose's entries.
         motors: joint -> name of its motor; by default they have the same names.
 
-
-        Raises: MissingExtraError: lerobot is not installed. ArgumentError, UnknownNameError: motors of other joints.
+    Raises:
+        MissingExtraError: lerobot is not installed. ArgumentError, UnknownNameError: motors of other joints.
     """
     robot = ik.strategy.task.robot
     names = {joint: joint for joint in robot.joint_names} | dict(motors or {})

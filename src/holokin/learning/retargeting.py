@@ -238,8 +238,8 @@ def retarget(
             "skip" leaves out their episodes; "nearest" takes the nearest pose of the leaf.
         double: write joints in double precision; by default in that of the dataset, which rounds them.
 
-
-        Raises: RecordingError: a dataset that cannot be read. ArgumentError: no columns; a folder that exists. WriteError.
+    Raises:
+        RecordingError: a dataset that cannot be read. ArgumentError: no columns; a folder that exists. WriteError.
     """
     if bad not in ("refuse", "skip", "nearest"):
         raise ArgumentError("bad", bad, 'say "refuse", "skip" or "nearest"')

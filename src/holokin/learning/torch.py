@@ -40,8 +40,8 @@ class TorchInverse(Value):
             an `InverseStatus` as int64. Where a pose is not reached q is NaN and its derivative zero: mask the loss by
             `status == 0`, and the other poses of the batch keep their gradients.
 
-
-            Raises: ArgumentError: what is no tensor of floats; quaternions without an order; third derivatives. ShapeError.
+        Raises:
+            ArgumentError: what is no tensor of floats; quaternions without an order; third derivatives. ShapeError.
         """
         from .torch_rules import solved
 
@@ -59,8 +59,8 @@ def inverse(ik: InverseKinematics) -> TorchInverse:
     Args:
         ik: of `hk.ik(strategy, q0)`.
 
-
-        Raises: MissingExtraError: torch is not installed.
+    Raises:
+        MissingExtraError: torch is not installed.
     """
     extra("torch", "torch", "interop")
     return TorchInverse(ik, JointMap(ik))

@@ -300,8 +300,8 @@ def audit(
         metrics: name -> a function of your own of the trajectory of all cycles round the first loop, which gives a
             number, or None. Each is a finding "metric NAME", apart from the verdict.
 
-
-        Raises: ArgumentError, ShapeError, NotFiniteError: bad arguments, as a strategy of another robot; not a bad law.
+    Raises:
+        ArgumentError, ShapeError, NotFiniteError: bad arguments, as a strategy of another robot; not a bad law.
         OpenPathError: a path is not closed.
         StartError: a path does not begin at the tool. SingularityError: the task has orientation rows alone, and their
             representation is singular at the start.

@@ -99,8 +99,8 @@ def find_cycles(
             `FREE`, none; or the one about which the tool may spin.
         length_scale: [m/rad], what one radian of turn counts beside metres in the distance of two poses.
 
-
-        Raises: RecordingError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
+    Raises:
+        RecordingError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
     """
     motion = ToolMotion(robot, recording.q, tip, axes, length_scale)
     extent, noise = motion.extent_and_noise()

@@ -311,8 +311,8 @@ def audit_dataset(
         near: distance [m] of poses that count as equal; angles count `length_scale` [m/rad].
         tolerance: joint distance [rad or m] that counts as equal.
 
-
-        Raises: RecordingError: a dataset that cannot be read. ArgumentError: a bad argument. UnknownNameError: no such tip.
+    Raises:
+        RecordingError: a dataset that cannot be read. ArgumentError: a bad argument. UnknownNameError: no such tip.
     """
     for what, value in (("near", near), ("tolerance", tolerance), ("length_scale", length_scale)):
         positive(what, value)

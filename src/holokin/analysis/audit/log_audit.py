@@ -19,7 +19,7 @@ from .arcs import FREE, WHOLE, encoder_levels, rounding_of
 from .cycles import LENGTH_SCALE, Cycles, crossings, find_cycles
 from .logs import Recording, joined_turns
 from .logs.log_formats import less_turns
-from .questions import Distance, LogVerdict, first_limit, spread, to_pose
+from .questions import Distance, LogVerdict, first_limit, to_pose
 from .trend import (
     CONFIDENCE,
     FEWEST,
@@ -262,6 +262,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything found, as plain data for JSON (no NaN, no infinity)."""
+        # The cycles and the trends, one row each.
         c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
         keys = ("start_sample", "stop_sample", "direction", "duration_s", "moving_s", "drift")
         columns = [x.tolist() for x in (c.q0, c.stop, c.direction, c.duration, c.moving, self.drift)]
@@ -486,8 +487,8 @@ def audit_recording(
             cycle] that must be excluded before the joints are called the same.
         length_scale: [m/rad] of the distance of two poses, see `find_cycles`.
 
-
-        Raises: RecordingError: fewer than two cycles. ArgumentError, ShapeError: a bad argument. UnknownNameError: no such tip.
+    Raises:
+        RecordingError: fewer than two cycles. ArgumentError, ShapeError: a bad argument. UnknownNameError: no such tip.
     """
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise ArgumentError("tolerance", tolerance, "give a positive number [rad or m]")
@@ -521,7 +522,9 @@ def audit_recording(
     # The floor: the joint distance that moves of the tool and encoder noise explain.
     pairs = max(count * (count - 1) // 2, 1)
     widest = quantile((1 - CONFIDENCE) / (pairs * poses * axes.shape[2]), np.inf) * np.sqrt(2)
-    between_moves = np.linalg.norm(spread(visits - cycles.q), axis=1)  # shifts of the tool, which spare joints follow
+    between_moves = np.linalg.norm(
+        np.ptp(visits - cycles.q, axis=0), axis=1
+    )  # shifts of the tool, which spare joints follow
     by_shifts = np.sqrt(np.maximum(between_moves**2 - 2 * (SHIFT * of_moves) ** 2, 0.0))
     floor = np.maximum(moved.max(axis=0), LEAF_SLOPE * by_shifts) + widest * of_joints.max(axis=1)
     floor[[0, -1]] = floor[[0, -1]].max()
@@ -553,7 +556,7 @@ def audit_recording(
         joint = int(np.argmax(np.abs(gap[p])))
         return Distance(float(abs(gap[p, joint])), robot.joint_names[joint], float(phase[p]), bool(over.max() > 0))
 
-    between = distance(np.max([spread(visits[cycles.direction == way]) for way in ways], axis=0))
+    between = distance(np.max([np.ptp(visits[cycles.direction == way], axis=0) for way in ways], axis=0))
     by_way = by_speed = None
     if len(ways) == 2:
         by_way = distance(visits[cycles.direction > 0][-1] - visits[cycles.direction < 0][-1])

@@ -89,11 +89,6 @@ def to_pose(task: Task, q: Matrix, position: Matrix, rotation: Array) -> tuple[M
     return q + move, np.abs(move).max(axis=1)
 
 
-def spread(visits: Array) -> Matrix:
-    """Largest distance of each joint between visits (c, P, n) of the same poses -> (P, n)."""
-    return visits.max(axis=0) - visits.min(axis=0)
-
-
 # --- Loops of the tool in the plane of two task rows, and the area that a loop encloses in each such plane.
 #
 # The drift of a small loop is the sum over the planes (i, j) of enclosed area times curvature F_ij (theory 1.1): a loop

@@ -82,8 +82,8 @@ def sheets(
     Returns:
         The sheets; `print` says what they serve, and why the other poses are not served.
 
-
-        Raises: OutOfReachError: no pose of the workspace is reached within the joint limits and clear of what was named.
+    Raises:
+        OutOfReachError: no pose of the workspace is reached within the joint limits and clear of what was named.
         ArgumentError: a task of several frames, strategies of another task, or none of whose leaves serves a pose; bad
         numbers. UnknownNameError: no such link. JointLimitError: a q0 beyond them. ShapeError, NotFiniteError.
     """

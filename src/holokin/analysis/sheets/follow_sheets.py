@@ -45,8 +45,8 @@ def follow_sheets(
     Args:
         middle: the pose (4, 4) whose rotation the tool starts with, where neither path nor q0 say one.
 
-
-        Raises: ArgumentError: q0 is a posture of no sheet; bad stops. StartError: its tool is not at the start of the path.
+    Raises:
+        ArgumentError: q0 is a posture of no sheet; bad stops. StartError: its tool is not at the start of the path.
     """
     # The instants, and the tool's poses there. Its rotation is the path's own, or begins with that at q0.
     shares = np.zeros(0) if stops is None or callable(stops) else _shares(stops)

@@ -146,8 +146,8 @@ def seams_of(
         at: where seams may lie; a function chooses among the poses, others bring their own.
         middle: the pose (4, 4) whose rotation the points of a task of positions take.
 
-
-        Raises: ArgumentError, ShapeError, NotFiniteError: bad poses.
+    Raises:
+        ArgumentError, ShapeError, NotFiniteError: bad poses.
     """
     poses, q = _placed(task, sheets, poses, q, clear, at, middle)
     seams: list[Seam] = []
@@ -293,8 +293,8 @@ class SheetMotion(NoTruthValue, Value, ask="`.complete`"):
 
         It has the path's own times, longer where a joint would exceed its speed limit; the tool rests at seams.
 
-
-            Raises: DividedPathError: the path is divided, or not served as a whole.
+        Raises:
+            DividedPathError: the path is divided, or not served as a whole.
         """
         if self.complete:
             return self.parts[0]

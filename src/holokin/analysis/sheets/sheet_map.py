@@ -138,8 +138,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
 
         Of a task of positions a point (3,) or (2,) will do.
 
-
-            Raises: NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        Raises:
+            NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         T = self._pose(pose)
         answer = self._answer(T, ())
@@ -153,8 +153,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         So a loop changes its sheet only where it must, and it sees a change in the index. The joints of the new sheet
         are elsewhere: `s.seams()` has the motions that lead there.
 
-
-            Raises: NoSheetError: no sheet serves the pose. BranchError: only sheets of the posture's own leaf do, with other
+        Raises:
+            NoSheetError: no sheet serves the pose. BranchError: only sheets of the posture's own leaf do, with other
             joints than those to which the leaf leads from it. ShapeError, NotFiniteError, ArgumentError: a bad pose or
             posture.
         """
@@ -198,8 +198,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def batch(self, poses: PoseLike) -> SheetAnswers:
         """The answers of many tool poses (k, 4, 4), each as `s(pose)`. A pose that no sheet serves does not raise.
 
-
-        Raises: ShapeError, NotFiniteError, ArgumentError: bad poses.
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("of the batch", poses)
         places, known_rows = self._known
@@ -213,8 +213,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def postures(self, poses: PoseLike) -> Array:
         """The joints of every sheet (S, k, n) at tool poses (k, 4, 4), NaN where it does not serve.
 
-
-        Raises: ShapeError, NotFiniteError, ArgumentError: bad poses.
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("to be asked", poses)
         return postures_of_sheets(self.sheets, T, self.clear, self.task.n)
@@ -223,8 +223,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def why(self, pose: PoseLike) -> PoseRest:
         """Why a tool pose (4, 4) is served or not: a search for postures there. `.text` says it in words.
 
-
-        Raises: ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         T = self._pose(pose)
         if any(sheet.posture(T, self.clear) is not None for sheet in self.sheets):
@@ -246,8 +246,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Returns:
             The seams; `.between(first, second)` has that of a pair.
 
-
-            Raises: ArgumentError, ShapeError, NotFiniteError: bad poses.
+        Raises:
+            ArgumentError, ShapeError, NotFiniteError: bad poses.
         """
         return seams_of(self.task, self.sheets, self.poses, self.q, self.clear, at, self.workspace.center)
 
@@ -273,8 +273,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Returns:
             The motion; `.trajectory` is that of the whole path, with its changes.
 
-
-            Raises: ArgumentError: q0 is a posture of no sheet there, bad stops or samples. StartError: its tool is not at the
+        Raises:
+            ArgumentError: q0 is a posture of no sheet there, bad stops or samples. StartError: its tool is not at the
             start of the path. ShapeError, NotFiniteError.
         """
         return follow_sheets(self.task, self.sheets, self.clear, path, q0, stops, samples, self.workspace.center)
@@ -302,8 +302,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Returns:
             The region: its share, its certificate, and what is not proven and why.
 
-
-            Raises: ArgumentError: no such sheet; a workspace that is no box. NoProofError, SingularityError, ExpressionError.
+        Raises:
+            ArgumentError: no such sheet; a workspace that is no box. NoProofError, SingularityError, ExpressionError.
         """
         if not 0 <= sheet < len(self):
             raise ArgumentError("the sheet", sheet, f"give an index from 0 to {len(self) - 1}")
@@ -414,8 +414,8 @@ Build = Callable[[Mapping[str, Any], Task, Vector, str], HolonomicStrategy]
 def write_sheets(found: Sheets, path: str | FilePath) -> None:
     """Write a map of sheets, complete or not at all.
 
-
-    Raises: ArgumentError: strategies that were given as values, which no file can hold. WriteError.
+    Raises:
+        ArgumentError: strategies that were given as values, which no file can hold. WriteError.
     """
     # What cannot be written as numbers is text.
     for sheet in found.sheets:

@@ -127,8 +127,8 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
     Returns:
         The motion, or the reason why there is none.
 
-
-        Raises: ArgumentError: the postures have different tool poses; a joint has no speed limit. JointLimitError, ShapeError,
+    Raises:
+        ArgumentError: the postures have different tool poses; a joint has no speed limit. JointLimitError, ShapeError,
         NotFiniteError.
     """
     a, b = (task.robot.checked(q, what) for q, what in ((qa, "the first posture"), (qb, "the second posture")))

@@ -106,8 +106,8 @@ def read_dataset(folder: Path) -> Dataset:
     Args:
         folder: it has `meta/info.json`.
 
-
-        Raises: RecordingError: files that are missing, broken or of another format; paths that lead out of the folder; episodes
+    Raises:
+        RecordingError: files that are missing, broken or of another format; paths that lead out of the folder; episodes
             that do not follow each other. MissingExtraError: pyarrow is not installed.
     """
     info = read_json(folder / INFO)
@@ -136,8 +136,8 @@ def rows(
         episodes: those that are wanted; by default all.
         size: rows of a batch.
 
-
-        Raises: RecordingError: a data file that is missing, broken, or holds something else than `meta/` says.
+    Raises:
+        RecordingError: a data file that is missing, broken, or holds something else than `meta/` says.
     """
     chosen = None if episodes is None else set(episodes)
     for file in dataset.files():
@@ -479,8 +479,8 @@ def joint_feature(
         counts_turns: the values of hinges count whole turns.
         signs, offsets, scales: how the column counts joints, as of `read_recording`.
 
-
-        Raises: RecordingError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
+    Raises:
+        RecordingError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
     """
     names, file = _names_of(dataset, feature), dataset.folder / INFO
     counts = AxisCounts(signs or {}, offsets or {}, scales or {}).known(robot.joint_names)
@@ -518,8 +518,8 @@ def pose_feature(
         angles: "rad" or "deg", of roll, pitch, yaw and rotation vectors; by default rad.
         order: "xyzw" or "wxyz" of quaternions whose entries are numbered.
 
-
-        Raises: RecordingError: no such entries. UnknownNameError: no such column. ArgumentError.
+    Raises:
+        RecordingError: no such entries. UnknownNameError: no such column. ArgumentError.
     """
     names = _names_of(dataset, feature)
     plain = [_plain(name) for name in names]

@@ -83,8 +83,11 @@ def columns_named(
     what: str = "columns",
 ) -> list[int]:
     """The places of the robot's joints in a header, in its order; joints without a column have their own names.
-    Raises: RecordingError: the file has no such column. ArgumentError: too few or too many, or one column for two joints.
-    UnknownNameError: a joint that the robot has not."""
+
+    Raises:
+        RecordingError: the file has no such column. ArgumentError: too few or too many, or one column for two joints.
+        UnknownNameError: a joint that the robot has not.
+    """
     if columns is None:
         return joint_columns(file, header, robot, robot.joint_names, what)
     # The column that is named for each joint.

@@ -229,8 +229,8 @@ def read_recording(
         signs, offsets, scales: how the log counts joints, as `export.Wiring` for programs: scale * value = sign * joint
             + offset [rad or m], each by the name of the joint; a scale is in rad or m, as 2 pi / 4096 of an encoder.
 
-
-        Raises: RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
+    Raises:
+        RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
             its line), time that runs backward or stands still with other joints, degrees where radians are due,
             encoder ticks without scales.
         MissingExtraError: a bag, and rosbags is not installed.
@@ -380,8 +380,8 @@ def read_runs(
         split: cut where the clock is set back and where all joints rest for `idle` [s]; each part is a run.
         degrees, topic, columns, time, skip_bad, counts_turns, signs, offsets, scales: as of `read_recording`.
 
-
-        Raises: ArgumentError: no file, a rest that is not positive. RecordingError: as `read_recording`; nothing moves.
+    Raises:
+        ArgumentError: no file, a rest that is not positive. RecordingError: as `read_recording`; nothing moves.
     """
     positive("idle", idle, "give a positive number of seconds")
     if not paths:
