@@ -14,17 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from ..analysis.audit.logs import Dataset, Episode, JointFeature, PoseFeature
-from ..analysis.audit.logs.datasets import (
-    batches,
-    check_inside,
-    episode_files,
-    numeric,
-    read_json,
-    read_lines,
-    read_parquet,
-    reading,
-)
+from ..analysis.audit.logs import Dataset, Episode, JointFeature, PoseFeature, datasets
 from ..base.errors import RecordingError
 from ..base.files import shown
 from ..base.types import Array, Matrix
@@ -132,7 +122,7 @@ def _write_meta(
         if file.exists():
             # meta/stats.json: the columns that changed, or, where episodes are left out, all of them.
             all_of_them = len(episodes) < len(dataset.episodes)
-            old = read_json(file)
+            old = datasets.read_json(file)
             changed = {name for stats in learnt.values() for name in stats}
             for column in {name for stats in whole for name in stats} if all_of_them else changed:
                 joined = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
@@ -161,11 +151,11 @@ def check_meta(dataset: Dataset) -> None:
                 for values in row["stats"].values():
                     _as_arrays(values)
         else:
-            for file in episode_files(dataset.folder):
-                table = read_parquet(file)
+            for file in datasets.episode_files(dataset.folder):
+                table = datasets.read_parquet(file)
                 for row in table.select([name for name in table.column_names if name.startswith("stats/")]).to_pylist():
                     _stats_of(row)
-    if (dataset.folder / SUMMARY).exists() and not isinstance(read_json(dataset.folder / SUMMARY), dict):
+    if (dataset.folder / SUMMARY).exists() and not isinstance(datasets.read_json(dataset.folder / SUMMARY), dict):
         raise RecordingError(dataset.folder / SUMMARY, "has no statistics by column", "download the dataset anew")
 
 
@@ -175,7 +165,7 @@ def _statistics(dataset: Dataset) -> list[dict[str, Any]]:
     if not file.exists():
         cure = "download the dataset anew, or let LeRobot's convert_dataset_v20_to_v21.py write the file"
         raise RecordingError(file, "there is no such file, and a dataset of v2.1 has one", cure)
-    lines = read_lines(file)
+    lines = datasets.read_lines(file)
     sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in lines)
     if not sound or [row.get("episode_index") for row in lines] != list(range(len(dataset.episodes))):
         raise RecordingError(file, "has not a line with the statistics of each episode", "download the dataset anew")
@@ -206,8 +196,8 @@ def _write_v3(
     from pyarrow import parquet
 
     numbers, whole = {e.index: i for i, e in enumerate(episodes)}, []
-    for file in episode_files(dataset.folder):
-        table = read_parquet(file)
+    for file in datasets.episode_files(dataset.folder):
+        table = datasets.read_parquet(file)
         old = table.column("episode_index").to_pylist()
         table = table.filter(pyarrow.array([e in numbers for e in old]))
         old = [e for e in old if e in numbers]
@@ -256,7 +246,7 @@ def _write_v2(dataset: Dataset, episodes: Sequence[Episode], learnt: Learnt, out
     numbers = {e.index: i for i, e in enumerate(episodes)}
     left_out = len(episodes) < len(dataset.episodes)
     if left_out:
-        rows = [row for row in read_lines(dataset.folder / EPISODES) if row["episode_index"] in numbers]
+        rows = [row for row in datasets.read_lines(dataset.folder / EPISODES) if row["episode_index"] in numbers]
         _write_lines(out / EPISODES, [row | {"episode_index": numbers[row["episode_index"]]} for row in rows])
     lines, whole = [], []
     for row in _statistics(dataset):
@@ -324,7 +314,7 @@ def _copy_texts(dataset: Dataset, out: Path) -> None:
     """The metadata, of which some is written anew later, and the dataset's card. Raises: RecordingError."""
     for file in [*(dataset.folder / "meta").rglob("*"), *map(dataset.folder.joinpath, ("README.md", "LICENSE"))]:
         if file.is_file():
-            check_inside(dataset.folder, "meta", file)
+            datasets.check_inside(dataset.folder, "meta", file)
             target = out / file.relative_to(dataset.folder)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, target)
@@ -379,7 +369,7 @@ class _Writer:
         writer, done = None, 0
         written: list[list[Matrix]] = [[] for _ in self.changes]
         try:
-            for batch in batches(file, count):
+            for batch in datasets.batches(file, count):
                 for change, q, values in zip(self.changes, joints, written, strict=True):
                     values.append(self._values(file, change, batch, q[done : done + len(batch)]))
                 table = self._changed(batch, [values[-1] for values in written], in_file)
@@ -428,8 +418,8 @@ class _Writer:
         source = change.source
         if isinstance(source, PoseFeature):
             return q.astype(change.kind)
-        with reading(file):
-            old = numeric(self.dataset, file, source.name, batch.column(source.name))
+        with datasets.reading(file):
+            old = datasets.numeric(self.dataset, file, source.name, batch.column(source.name))
         old[:, source.places] = source.values(self.task.robot, q)
         return old.astype(change.kind if change.double else np.dtype(self.dataset.features[source.name]["dtype"]))
 

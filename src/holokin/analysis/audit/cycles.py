@@ -69,11 +69,6 @@ class Cycles:
     def __len__(self) -> int:
         return len(self.q0)
 
-    @property
-    def ends(self) -> Matrix:
-        """Postures at which each cycle ends (c, n)."""
-        return np.where((self.direction > 0)[:, None], self.q[:, -1], self.q[:, 0])
-
 
 @dataclass(frozen=True, eq=False)
 class _Track:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,7 @@ from .sheet import Sheet, known
 NODES = 5000  # nodes of the search tree after which the best x is taken: the same one on a slow and on a fast machine
 
 
-@dataclass(frozen=True, eq=False)
-class Optimum(Value):
+class Optimum(NamedTuple):
     """x (k,), None where time was too short to find any; bound: no x has less, -inf where nothing is known."""
 
     x: Vector | None
@@ -37,13 +36,9 @@ def least(
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     limits: Any = low, high
-    result = milp(
-        cost,
-        constraints=LinearConstraint(rows, *limits),
-        integrality=np.asarray(whole, dtype=int),
-        bounds=Bounds(0.0, 1.0),
-        options={"time_limit": seconds, "node_limit": NODES, "mip_rel_gap": gap},
-    )
+    options = {"time_limit": seconds, "node_limit": NODES, "mip_rel_gap": gap}
+    unknowns = {"integrality": np.asarray(whole, dtype=int), "bounds": Bounds(0.0, 1.0)}
+    result = milp(cost, constraints=LinearConstraint(rows, *limits), options=options, **unknowns)
     known = getattr(result, "mip_dual_bound", None)
     bound = result.fun if known is None and result.status == 0 else known
     return Optimum(result.x, -np.inf if bound is None else float(bound))
@@ -68,11 +63,6 @@ class Cover(Value):
     chosen: Indices
     least: int
     covered: float
-
-    @property
-    def proven(self) -> bool:
-        """Whether no fewer sets will do."""
-        return self.least == len(self.chosen)
 
 
 def fewest(

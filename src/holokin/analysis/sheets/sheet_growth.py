@@ -252,16 +252,18 @@ def fitting_candidates(
     Where nothing is redundant there is one: its leaves are the branches of the arm.
     """
     if strategies is not None:
-        return [Candidate(one.name, {}, task, one) for one in strategies]
+        return [Candidate(strategy.name, {}, task, strategy) for strategy in strategies]
     if task.n == task.m:
         only = holonomic(task, custom(lambda _q: [], rows=0), name="branch")
         return [Candidate("branch", {}, task, only)]
     starts = postures_at(task, center, STARTS)
     starts = starts if len(starts) else regular_starts(task)[:STARTS]
-    found = [one for one in candidates(task, starts) if one.strategy is not None]
+    fitting = [candidate for candidate in candidates(task, starts) if candidate.strategy is not None]
     some = T[:: max(1, len(T) // ROUGH)]
-    sizes = [lines_served(one, starts, some, clear, 0.0)[0] for one in found]
-    return [found[i] for i in _best(sizes, len(found))]
+    served = [lines_served(candidate, starts, some, clear, 0.0)[0] for candidate in fitting]
+    # Those with the widest leaf, and those that add most to what is served.
+    worth = [flags.mean(axis=1).max(initial=0.0) + 0.5 * flags.any(axis=0).mean() for flags in served]
+    return [fitting[i] for i in np.argsort(-np.array(worth), kind="stable")[:MOST_STRATEGIES]]
 
 
 def lines_served(
@@ -303,15 +305,6 @@ def side_by_side(
         return q, allowed_postures(strategy, q, reached & strategy.task.robot.within(q), rcond, clear)
 
     return go
-
-
-def _best(served: list[Flags], count: int) -> Indices:
-    """The strategies with the widest leaf, and those that add most to what is served: the first MOST_STRATEGIES of
-    them."""
-    widest = np.array([flags.mean(axis=1).max(initial=0.0) for flags in served])
-    together = np.array([flags.any(axis=0).mean() for flags in served])
-    order = np.argsort(-(widest + 0.5 * together), kind="stable")
-    return np.asarray(order[: min(MOST_STRATEGIES, count)], dtype=int)
 
 
 # --- Strategies whose level is a polynomial of the tool pose, fitted so that one leaf serves more poses.
@@ -397,7 +390,8 @@ class LevelTable(Value):
             if x is None:
                 continue
             wanted, room = np.full(len(self.T), np.nan), np.full(len(self.T), -np.inf)
-            wanted[rows] = A @ (x := _short(x, self.step))
+            x = np.round(x, 6 - math.floor(math.log10(self.step)))  # numbers that a job can be read with
+            wanted[rows] = A @ x
             room[rows] = np.minimum(wanted[rows] - low, high - wanted[rows])
             if (candidate := self._tilted_candidate(c, x, degree, room, wanted)) is not None:
                 strategies.append((*candidate, wanted))
@@ -420,11 +414,6 @@ class LevelTable(Value):
         if not reached[0] or not task.robot.within(q[0]):
             return None
         return Candidate(name, zeta.keys_over(self.candidate.keys), task, strategy, 0.0), q[0]
-
-
-def _short(x: Vector, step: float) -> Vector:
-    """Numbers that a job can be read with: to a millionth of the step between levels, or a little better."""
-    return np.asarray(np.round(x, 6 - math.floor(math.log10(step))))
 
 
 def level_table(

@@ -9,20 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ....base import tables
 from ....base.errors import RecordingError
 from ....base.files import listed
-from ....base.tables import (
-    UNITS,
-    WORDS,
-    Rows,
-    TimeColumns,
-    no_time,
-    number_in,
-    read_table,
-    time_columns,
-    unit_in,
-    unit_of,
-)
 from ....base.types import Matrix, Vector
 from ....robot import Robot
 from .joint_columns import (
@@ -50,7 +39,7 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
     joints in the robot's order, perhaps their rates, perhaps their efforts. Raises: RecordingError: columns that nobody
     knows."""
     form = _joint_state(cells, robot)
-    if form is None and all(map(_is_number, cells)):
+    if form is None and all(tables.number_in(cell) is not None for cell in cells):
         # By the number of columns, where one form alone has so many; a stamp in two parts holds whole numbers.
         whole = all(cell.strip().isdigit() for cell in cells[:2])
         fitting = [form for form in _forms(robot).get(len(cells), []) if whole or form[0][0] not in STAMPS]
@@ -72,14 +61,14 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
 
 def _joint_state(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | None:
     """Of a JointState: the joints' names stand in the row itself."""
-    there = [k for k, cell in enumerate(cells) if k > 1 and not _is_number(cell) and cell]
+    there = [k for k, cell in enumerate(cells) if k > 1 and tables.number_in(cell) is None and cell]
     if not there or not set(robot.joint_names) <= {cells[k] for k in there}:
         return None
     first = min(cells.index(joint) for joint in robot.joint_names)
     while first - 1 in there and cells[first - 1].strip() and first - 1 > 2:  # joints of other parts before them
         first -= 1
     last = first
-    while last < len(cells) and not _is_number(cells[last]):
+    while last < len(cells) and tables.number_in(cells[last]) is None:
         last += 1
     count, rest = last - first, len(cells) - last
     joints = list(cells[first:last])
@@ -102,10 +91,6 @@ def _forms(robot: Robot) -> dict[int, list[tuple[list[str], str]]]:
     return forms
 
 
-def _is_number(text: str) -> bool:
-    return number_in(text) is not None
-
-
 CURE = "log a header and at least two cycles"
 _WHOLE = re.compile(r"[+-]?\d{1,19}")
 
@@ -118,7 +103,7 @@ def read_csv(
     skip_bad: rows that cannot be read are left out and counted; else the first one is refused. Raises: RecordingError.
     UnknownNameError, ArgumentError: as `columns_named`."""
     # What is learnt of the columns when the header is read: names, times, units, and joints named in each row.
-    times: list[TimeColumns] = []
+    times: list[tables.TimeColumns] = []
     notes: list[str] = []
     bad: list[RecordingError] | None = [] if skip_bad else None
 
@@ -138,13 +123,13 @@ def read_csv(
     def wanted(names: Sequence[str]) -> list[int]:
         header = [plain_name(name) for name in names]
         if time is None:
-            columns_of_time = time_columns(names)
+            columns_of_time = tables.time_columns(names)
             if columns_of_time is None:
-                raise no_time(file, header)
+                raise tables.no_time(file, header)
             times.append(columns_of_time)
         else:
             place = column_named(file, header, time, "the time")
-            times.append(TimeColumns((place,), unit_in(names[place])))
+            times.append(tables.TimeColumns((place,), tables.unit_in(names[place])))
         beside = names_beside(header)
         named_in_rows = columns is None and beside and not set(robot.joint_names) <= set(header)
         places = [] if named_in_rows else columns_named(file, header, robot, columns)
@@ -161,7 +146,7 @@ def read_csv(
     stamps: _Stamps | None = None
     q, numbers = array("d"), array("q")
     cure = "t and the robot's joints"
-    for rows in read_table(file, wanted, CURE, cure, headless=headless, bad=bad, labels=labels):
+    for rows in tables.read_table(file, wanted, CURE, cure, headless=headless, bad=bad, labels=labels):
         count = len(times[0].places)
         stamps = stamps or _Stamps(times[0])
         stamps.add(rows.table[:, :count], rows.texts)
@@ -190,7 +175,7 @@ class _JointsByName:
         self.file, self.robot, self.given, self.pattern = file, robot, given, pattern
         self.known: dict[tuple[str, ...], Sequence[int]] = {}
 
-    def ordered(self, values: Matrix, rows: Rows) -> Matrix:
+    def ordered(self, values: Matrix, rows: tables.Rows) -> Matrix:
         """Values (k, c) of the named joints -> (k, n). Raises: RecordingError."""
         places = np.empty((len(values), self.robot.n), dtype=np.intp)
         for k, names in enumerate(rows.labels):
@@ -217,7 +202,7 @@ class _JointsByName:
 class _Stamps:
     """Times, piece by piece: as numbers, and as exact integers as long as all are whole."""
 
-    def __init__(self, columns: TimeColumns) -> None:
+    def __init__(self, columns: tables.TimeColumns) -> None:
         self.split, self.unit, self.whole, self.origin = columns.split, columns.unit, not columns.split, 0.0
         self.values, self.ticks = array("d"), array("q")
 
@@ -251,8 +236,8 @@ class _Stamps:
                 since = (ticks - ticks[0]).astype(float)
             else:
                 since = t - first
-            unit = self.unit or unit_of(file, t, steady=True)
+            unit = self.unit or tables.unit_of(file, t, steady=True)
             if self.unit is None and unit != "s":
-                notes.append(f"stamps read as {WORDS[unit]}")
-            size = UNITS[unit]
+                notes.append(f"stamps read as {tables.WORDS[unit]}")
+            size = tables.UNITS[unit]
             return (since * size, first * size) if abs(first * size) > 1e6 or size < 1 else (t, 0.0)
