@@ -473,6 +473,11 @@ def plain_data(value: Any) -> Any:
     return _plain_fields(value) if is_dataclass(value) else str(value)
 
 
+def runs(flags: Flags) -> Indices:
+    """The first index, and that after the last, (r, 2) of each run of True among flags (k,)."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).reshape(-1, 2)
+
+
 def some(part: Any, chosen: Any) -> Any:
     """Some of the rows of a value whose fields are arrays of a row each."""
     return type(part)(*(getattr(part, f.name)[chosen] for f in fields(part)))

@@ -6,25 +6,15 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
-from ..analysis.audit.logs import Dataset, Episode, JointFeature, PoseFeature
-from ..analysis.audit.logs.datasets import (
-    batches,
-    check_inside,
-    episode_files,
-    numeric,
-    read_json,
-    read_lines,
-    read_parquet,
-    reading,
-)
+from ..analysis.audit.logs import Dataset, Episode, JointFeature, PoseFeature, datasets
 from ..base.errors import RecordingError
 from ..base.files import shown
 from ..base.types import Array, Matrix
@@ -32,8 +22,7 @@ from ..strategies.tasks.task import Task
 
 # --- Statistics of a dataset's columns, episode by episode and together, by the definitions of LeRobot.
 
-QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
-"""Those that format v3.0 keeps, as q01 to q99."""
+QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)  # those that format v3.0 keeps, as q01 to q99
 
 _QUANTILE = re.compile(r"q(\d\d)")
 
@@ -42,10 +31,8 @@ Stats = dict[str, Array]
 
 def _episode_stats(values: Matrix, names: Iterable[str]) -> Stats:
     """Statistics of a column (k, d) of one episode: min, max, mean, std, count, quantiles q01 to q99, as named."""
-    stats: Stats = {
-        "min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0),
-        "count": np.array([len(values)]),
-    }  # fmt: skip
+    stats: Stats = {name: getattr(values, name)(axis=0) for name in ("min", "max", "mean", "std")}
+    stats["count"] = np.array([len(values)])
     for name in names:
         match = _QUANTILE.fullmatch(name)
         if match:
@@ -101,9 +88,13 @@ Learnt = dict[int, dict[str, Stats]]
 
 
 def _write_meta(
-    dataset: Dataset, features: dict[str, Any], episodes: Sequence[Episode], firsts: dict[int, int], learnt: Learnt,
+    dataset: Dataset,
+    features: dict[str, Any],
+    episodes: Sequence[Episode],
+    firsts: dict[int, int],
+    learnt: Learnt,
     out: Path,
-) -> None:  # fmt: skip
+) -> None:
     """Write the metadata that differs into a folder that has a copy of the old.
 
     Args:
@@ -114,20 +105,24 @@ def _write_meta(
         RecordingError: metadata that cannot be read.
     """
     if len(episodes) < len(dataset.episodes):
-        _learn_numbers(dataset, episodes, firsts, learnt)
+        # The statistics of the columns that count episodes and rows.
+        names = _usual_names(dataset.version)
+        for number, e in enumerate(episodes):
+            index = firsts[e.index] + np.arange(e.length, dtype=float)
+            learnt[e.index]["index"] = _episode_stats(index[:, None], names)
+            learnt[e.index]["episode_index"] = _episode_stats(np.full((e.length, 1), float(number)), names)
     info = dataset.info | {"features": features} | _totals(dataset, episodes)
     (out / "meta" / "info.json").write_text(json.dumps(info, indent=4, ensure_ascii=False), "utf-8")
     file = dataset.folder / SUMMARY
     with _of_its_form(dataset):
-        whole = (
-            _write_v3(dataset, episodes, firsts, learnt, out)
-            if dataset.version == "v3.0"
-            else _write_v2(dataset, episodes, learnt, out)
-        )
+        if dataset.version == "v3.0":
+            whole = _write_v3(dataset, episodes, firsts, learnt, out)
+        else:
+            whole = _write_v2(dataset, episodes, learnt, out)
         if file.exists():
             # meta/stats.json: the columns that changed, or, where episodes are left out, all of them.
             all_of_them = len(episodes) < len(dataset.episodes)
-            old = read_json(file)
+            old = datasets.read_json(file)
             changed = {name for stats in learnt.values() for name in stats}
             for column in {name for stats in whole for name in stats} if all_of_them else changed:
                 joined = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
@@ -156,11 +151,11 @@ def check_meta(dataset: Dataset) -> None:
                 for values in row["stats"].values():
                     _as_arrays(values)
         else:
-            for file in episode_files(dataset.folder):
-                table = read_parquet(file)
+            for file in datasets.episode_files(dataset.folder):
+                table = datasets.read_parquet(file)
                 for row in table.select([name for name in table.column_names if name.startswith("stats/")]).to_pylist():
                     _stats_of(row)
-    if (dataset.folder / SUMMARY).exists() and not isinstance(read_json(dataset.folder / SUMMARY), dict):
+    if (dataset.folder / SUMMARY).exists() and not isinstance(datasets.read_json(dataset.folder / SUMMARY), dict):
         raise RecordingError(dataset.folder / SUMMARY, "has no statistics by column", "download the dataset anew")
 
 
@@ -170,7 +165,7 @@ def _statistics(dataset: Dataset) -> list[dict[str, Any]]:
     if not file.exists():
         cure = "download the dataset anew, or let LeRobot's convert_dataset_v20_to_v21.py write the file"
         raise RecordingError(file, "there is no such file, and a dataset of v2.1 has one", cure)
-    lines = read_lines(file)
+    lines = datasets.read_lines(file)
     sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in lines)
     if not sound or [row.get("episode_index") for row in lines] != list(range(len(dataset.episodes))):
         raise RecordingError(file, "has not a line with the statistics of each episode", "download the dataset anew")
@@ -193,15 +188,6 @@ def _totals(dataset: Dataset, episodes: Sequence[Episode]) -> dict[str, Any]:
     return totals
 
 
-def _learn_numbers(dataset: Dataset, episodes: Sequence[Episode], firsts: dict[int, int], learnt: Learnt) -> None:
-    """The statistics of the columns that count episodes and rows."""
-    names = _usual_names(dataset.version)
-    for number, e in enumerate(episodes):
-        index = firsts[e.index] + np.arange(e.length, dtype=float)
-        learnt[e.index]["index"] = _episode_stats(index[:, None], names)
-        learnt[e.index]["episode_index"] = _episode_stats(np.full((e.length, 1), float(number)), names)
-
-
 def _write_v3(
     dataset: Dataset, episodes: Sequence[Episode], firsts: dict[int, int], learnt: Learnt, out: Path
 ) -> list[dict[str, Stats]]:
@@ -210,8 +196,8 @@ def _write_v3(
     from pyarrow import parquet
 
     numbers, whole = {e.index: i for i, e in enumerate(episodes)}, []
-    for file in episode_files(dataset.folder):
-        table = read_parquet(file)
+    for file in datasets.episode_files(dataset.folder):
+        table = datasets.read_parquet(file)
         old = table.column("episode_index").to_pylist()
         table = table.filter(pyarrow.array([e in numbers for e in old]))
         old = [e for e in old if e in numbers]
@@ -225,16 +211,24 @@ def _write_v3(
         for column in sorted({name for e in old for name in learnt[e]}):
             for what in learnt[old[0]][column]:
                 new[f"stats/{column}/{what}"] = [learnt[e][column][what].tolist() for e in old]
-        for name, values in new.items():
-            place = table.schema.get_field_index(name)
-            if place < 0:
-                table = table.append_column(name, pyarrow.array(values))
-            else:
-                field = table.schema.field(place)
-                table = table.set_column(place, field, pyarrow.array(values, field.type))
+        table = _with_columns(table, new)
         parquet.write_table(table, target, compression="snappy")
         whole += [_stats_of(row) for row in table.to_pylist()]
     return whole
+
+
+def _with_columns(table: Any, columns: Mapping[str, Any]) -> Any:
+    """A table with columns in place of those of their names, of whose types they become, or behind the others."""
+    import pyarrow
+
+    for name, values in columns.items():
+        place = table.schema.get_field_index(name)
+        if place < 0:
+            table = table.append_column(name, pyarrow.array(values))
+        else:
+            old = table.schema.field(place)
+            table = table.set_column(place, old, pyarrow.array(values, old.type))
+    return table
 
 
 def _stats_of(row: dict[str, Any]) -> dict[str, Stats]:
@@ -252,9 +246,8 @@ def _write_v2(dataset: Dataset, episodes: Sequence[Episode], learnt: Learnt, out
     numbers = {e.index: i for i, e in enumerate(episodes)}
     left_out = len(episodes) < len(dataset.episodes)
     if left_out:
-        rows = [row | {"episode_index": numbers[row["episode_index"]]}
-                for row in read_lines(dataset.folder / EPISODES) if row["episode_index"] in numbers]  # fmt: skip
-        _write_lines(out / EPISODES, rows)
+        rows = [row for row in datasets.read_lines(dataset.folder / EPISODES) if row["episode_index"] in numbers]
+        _write_lines(out / EPISODES, [row | {"episode_index": numbers[row["episode_index"]]} for row in rows])
     lines, whole = [], []
     for row in _statistics(dataset):
         if row["episode_index"] not in numbers:
@@ -279,6 +272,11 @@ class Change:
     file: Path
     name: str
     double: bool
+
+    @property
+    def kind(self) -> Any:
+        """The type of its numbers."""
+        return np.float64 if self.double else np.float32
 
 
 def write_changed(
@@ -316,31 +314,38 @@ def _copy_texts(dataset: Dataset, out: Path) -> None:
     """The metadata, of which some is written anew later, and the dataset's card. Raises: RecordingError."""
     for file in [*(dataset.folder / "meta").rglob("*"), *map(dataset.folder.joinpath, ("README.md", "LICENSE"))]:
         if file.is_file():
-            check_inside(dataset.folder, "meta", file)
+            datasets.check_inside(dataset.folder, "meta", file)
             target = out / file.relative_to(dataset.folder)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, target)
 
 
+@dataclass(eq=False)
 class _Writer:
-    """Data files with changed columns, one after the other, and what is learnt of these columns on the way."""
+    """Data files with changed columns, one after the other, and what is learnt of these columns on the way.
 
-    def __init__(
-        self, dataset: Dataset, task: Task, changes: Sequence[Change], numbers: dict[int, int],
-        firsts: dict[int, int], out: Path,
-    ) -> None:  # fmt: skip
-        self.dataset, self.task, self.changes, self.out = dataset, task, changes, out
-        self.numbers, self.firsts = numbers, firsts
-        self.renumbered = len(numbers) < len(dataset.episodes)
-        self.stats: dict[int, dict[str, Stats]] = {i: {} for i in numbers}
-        self.rounded = 0.0
+    numbers, firsts: of each episode that stays its number and its first row in the new dataset.
+    """
+
+    dataset: Dataset
+    task: Task
+    changes: Sequence[Change]
+    numbers: dict[int, int]
+    firsts: dict[int, int]
+    out: Path
+    stats: Learnt = field(default_factory=dict)
+    rounded: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.renumbered = len(self.numbers) < len(self.dataset.episodes)
+        self.stats = {i: {} for i in self.numbers}
 
     def features(self) -> dict[str, Any]:
         """The features of the new dataset."""
         features = dict(self.dataset.features)
         robot = self.task.robot
         for change in self.changes:
-            kind = "float64" if change.double else "float32"
+            kind = np.dtype(change.kind).name
             if isinstance(change.source, JointFeature):
                 features[change.name] = features[change.name] | ({"dtype": kind} if change.double else {})
             else:
@@ -353,22 +358,20 @@ class _Writer:
         from pyarrow import parquet
 
         in_file = [e for e in self.dataset.episodes if e.file == file]
-        count = sum(e.length for e in in_file)
-        joints = [self._joints(stream, count) for stream in streams]
+        count, n = sum(e.length for e in in_file), self.task.n
+        joints = [np.fromfile(stream, count=count * n).reshape(count, n) for stream in streams]
         episodes = [e for e in in_file if e.index in self.numbers]
-        for change, q in zip(self.changes, joints, strict=True):
-            self._measure(change, q, in_file)
         if not episodes:
             return
+        # The rows, a batch after the other, with the new columns.
         target = self.out / self._target(episodes[0])
         target.parent.mkdir(parents=True, exist_ok=True)
         writer, done = None, 0
         written: list[list[Matrix]] = [[] for _ in self.changes]
         try:
-            for batch in batches(file, count):
-                parts = [q[done : done + len(batch)] for q in joints]
-                for change, q, values in zip(self.changes, parts, written, strict=True):
-                    values.append(self._values(file, change, batch, q))
+            for batch in datasets.batches(file, count):
+                for change, q, values in zip(self.changes, joints, written, strict=True):
+                    values.append(self._values(file, change, batch, q[done : done + len(batch)]))
                 table = self._changed(batch, [values[-1] for values in written], in_file)
                 done += len(batch)
                 if writer is None:
@@ -377,17 +380,15 @@ class _Writer:
         finally:
             if writer is not None:
                 writer.close()
-        for change, values in zip(self.changes, written, strict=True):
-            self._learn(change, np.vstack(values), in_file)
-
-    def _learn(self, change: Change, values: Matrix, in_file: Sequence[Episode]) -> None:
-        """The statistics of a column in the episodes of a file."""
-        first = 0
-        for e in in_file:
-            mine = values[first : first + e.length].astype(float)
-            first += e.length
-            if e.index in self.numbers:
-                self.stats[e.index][change.name] = _episode_stats(mine, _usual_names(self.dataset.version))
+        # The statistics of the new columns, and how far rounding moves the tool.
+        names, columns = _usual_names(self.dataset.version), [np.vstack(values) for values in written]
+        ends = np.cumsum([e.length for e in in_file])
+        for e, end in zip(in_file, ends, strict=True):
+            for change, q, values in zip(self.changes, joints, columns, strict=True):
+                if e.index in self.numbers:
+                    part = slice(end - e.length, end)
+                    self.stats[e.index][change.name] = _episode_stats(values[part].astype(float), names)
+                    self._measure(change, q[part])
 
     def _target(self, episode: Episode) -> Path:
         """Where the file of an episode is in the new dataset, from its folder."""
@@ -397,10 +398,6 @@ class _Writer:
         fields = {"episode_chunk": number // self.dataset.info["chunks_size"], "episode_index": number}
         there = self.dataset.place("data_path", self.dataset.info["data_path"], **fields)
         return there.relative_to(self.dataset.folder)
-
-    def _joints(self, stream: IO[bytes], count: int) -> Matrix:
-        n = self.task.n
-        return np.fromfile(stream, count=count * n).reshape(count, n)
 
     def _changed(self, batch: Any, columns: Sequence[Matrix], in_file: Sequence[Episode]) -> Any:
         """A batch with its new columns, without the episodes that are left out."""
@@ -412,39 +409,26 @@ class _Writer:
             there = table.schema.get_field_index(change.name)
             table = table.append_column(*column) if there < 0 else table.set_column(there, *column)
         if any(change.double or isinstance(change.source, PoseFeature) for change in self.changes):
-            table = table.replace_schema_metadata(
-                {k: v for k, v in (table.schema.metadata or {}).items() if k != b"huggingface"}
-            )
+            metadata = {k: v for k, v in (table.schema.metadata or {}).items() if k != b"huggingface"}
+            table = table.replace_schema_metadata(metadata)
         return self._renumbered(table, in_file) if self.renumbered else table
 
     def _values(self, file: Path, change: Change, batch: Any, q: Matrix) -> Any:
         """The numbers of a column's rows, rounded as they are written."""
-        robot = self.task.robot
-        kind = np.float64 if change.double else np.float32
-        if isinstance(change.source, PoseFeature):
-            return q.astype(kind)
         source = change.source
-        with reading(file):
-            old = numeric(self.dataset, file, source.name, batch.column(source.name))
-        if not change.double:
-            kind = np.dtype(self.dataset.features[source.name]["dtype"])
-        old[:, source.places] = source.values(robot, q)
-        return old.astype(kind)
+        if isinstance(source, PoseFeature):
+            return q.astype(change.kind)
+        with datasets.reading(file):
+            old = datasets.numeric(self.dataset, file, source.name, batch.column(source.name))
+        old[:, source.places] = source.values(self.task.robot, q)
+        return old.astype(change.kind if change.double else np.dtype(self.dataset.features[source.name]["dtype"]))
 
-    def _measure(self, change: Change, q: Matrix, in_file: Sequence[Episode]) -> None:
-        """How far rounding moves the tool."""
-        source, robot = change.source, self.task.robot
-        kind = np.float64 if change.double else np.float32
-        first = 0
-        for e in in_file:
-            mine = q[first : first + e.length]
-            first += e.length
-            if e.index in self.numbers:
-                if isinstance(source, JointFeature):
-                    written = source.joints(robot, source.values(robot, mine).astype(kind).astype(float))
-                else:
-                    written = mine.astype(kind).astype(float)
-                self.rounded = max(self.rounded, float(np.abs(self.task.error(written, *self.task._poses(mine))).max()))
+    def _measure(self, change: Change, q: Matrix) -> None:
+        """How far rounding the joints (k, n) moves the tool."""
+        source, robot, written = change.source, self.task.robot, q.astype(change.kind).astype(float)
+        if isinstance(source, JointFeature):
+            written = source.joints(robot, source.values(robot, q).astype(change.kind).astype(float))
+        self.rounded = max(self.rounded, float(np.abs(self.task.error(written, *self.task._poses(q))).max()))
 
     def _renumbered(self, table: Any, in_file: Sequence[Episode]) -> Any:
         """Rows of the episodes that stay, with their new numbers."""
@@ -456,14 +440,9 @@ class _Writer:
         first = {e.index: e.first for e in in_file}
         old = episode[keep]
         moved = np.array([self.firsts[e] - first[e] for e in old], dtype=np.int64)
-        for name, values in {
-            "episode_index": np.array([self.numbers[e] for e in old], dtype=np.int64),
-            "index": table.column("index").to_numpy() + moved,
-        }.items():
-            place = table.schema.get_field_index(name)
-            column = pyarrow.array(values, table.schema.field(name).type)
-            table = table.set_column(place, table.schema.field(name), column)
-        return table
+        numbers = np.array([self.numbers[e] for e in old], dtype=np.int64)
+        columns = {"episode_index": numbers, "index": table.column("index").to_numpy() + moved}
+        return _with_columns(table, columns)
 
 
 def _column_of(values: Matrix, change: Change, table: Any) -> tuple[Any, Any]:
@@ -505,11 +484,8 @@ def _video(dataset: Dataset, template: str, key: str, episode: Episode, number: 
     """The video file of an episode, where its number is `number`."""
     if dataset.version == "v3.0":
         numbers = [episode.facts.get(f"videos/{key}/{what}") for what in ("chunk_index", "file_index")]
-        whole = [
-            int(number_of_row)
-            for number_of_row in numbers
-            if isinstance(number_of_row, int | float) and float(number_of_row).is_integer()
-        ]  # of pandas
+        # Whole numbers, which pandas may write as floats.
+        whole = [int(index) for index in numbers if isinstance(index, int | float) and float(index).is_integer()]
         if len(whole) < 2:
             fact = f"does not say which file has the video {key} of episode {episode.index}"
             raise RecordingError(dataset.folder / "meta" / "episodes", fact, "download the dataset anew")

@@ -20,12 +20,12 @@ def solve(joints: JointMap, given: Any, p: Any, R: Any) -> tuple[Any, Any]:
     lead, n = p.shape[:-1], joints.task.n
     axes = given.ndim - len(lead)
 
-    def found(given: Array, R: Array) -> tuple[Any, Any]:
+    def solve_on_host(given: Array, R: Array) -> tuple[Any, Any]:
         q, status = joints.solve(*_rows((given, axes), (R, 3)))
         return q, status.astype(np.int32)
 
     shapes = (jax.ShapeDtypeStruct((*lead, n), p.dtype), jax.ShapeDtypeStruct(lead, np.int32))
-    return _on_host(found, shapes, given, R)
+    return _on_host(solve_on_host, shapes, given, R)
 
 
 @solve.defjvp

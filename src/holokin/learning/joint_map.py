@@ -24,11 +24,10 @@ from ..strategies.tasks.task import Task
 from ..symbolic import SX, Function, horzcat, jacobian, symbol, vec, vertcat
 from ..symbolic.rotations import skew
 
+# Poses from which native code is worth its compiler, which takes a second once: a policy is trained in many steps.
 NATIVE_FROM = 64
-"""Poses from which native code is worth its compiler, which takes a second once: a policy is trained in many steps."""
 
-NATIVE_SLOPES_FROM = 2_000
-"""The same for second derivatives, whose code is ten times as long."""
+NATIVE_SLOPES_FROM = 2_000  # the same for second derivatives, whose code is ten times as long
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +88,10 @@ class JointMap(Value):
         if sound.any():
             k, m = int(sound.sum()), self.task.m
             rotations = _stacked(R[sound])
-            dG = self._gain_slopes.batch(q[sound], native_from=NATIVE_SLOPES_FROM).reshape(
-                k, n, n, m
-            )  # (k, i, by, row)
-            dE = self._rate_slopes.batch(rotations, native_from=NATIVE_SLOPES_FROM).reshape(
-                k, 6 * frames, m, 3 * frames
-            )
-            by_joints[sound] = np.einsum("kijm,kmt->kitj", dG, self._E(R[sound]))
+            dG = self._gain_slopes.batch(q[sound], native_from=NATIVE_SLOPES_FROM)
+            dE = self._rate_slopes.batch(rotations, native_from=NATIVE_SLOPES_FROM)
+            by_joints[sound] = np.einsum("kijm,kmt->kitj", dG.reshape(k, n, n, m), self._E(R[sound]))
+            dE = dE.reshape(k, 6 * frames, m, 3 * frames)
             by_turns[sound] = np.einsum("kim,ktmw->kitw", self._G(q[sound]), dE)
         return by_joints, by_turns
 
@@ -104,9 +100,8 @@ class JointMap(Value):
         return G.reshape(len(q), self.task.n, self.task.m)
 
     def _E(self, R: Array) -> Array:
-        return self._rates.batch(_stacked(R), native_from=NATIVE_FROM).reshape(
-            len(R), self.task.m, 6 * self.task.frames
-        )
+        E = self._rates.batch(_stacked(R), native_from=NATIVE_FROM)
+        return E.reshape(len(R), self.task.m, 6 * self.task.frames)
 
     @cached_property
     def _rates(self) -> Function:
@@ -128,11 +123,9 @@ class JointMap(Value):
         strategy = self.ik.strategy
         e, m = strategy.expressions, strategy.task.m
         G = e.rate(SX.eye(m), written_out=True).X
-        tool, rule = [], []
-        for j in range(strategy.task.n):
-            tool.append(_slope(e.J, e.q[j]) @ G)
-            rule.append(_slope(e.planes, e.q[j]) @ G)
-        solution = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
+        joints = range(strategy.task.n)
+        tool, rule = (horzcat(*(_slope(M, e.q[j]) @ G for j in joints)) for M in (e.J, e.planes))
+        solution = e.rate(tool, rule, written_out=True)
         return Function("gain_slopes", {"q": e.q}, {"dG": -solution.X})
 
 
@@ -157,8 +150,7 @@ def _stacked(R: Array) -> Array:
 # The library is an argument `xp`: of torch and of `jax.numpy` the functions used here have one signature. Leading axes,
 # any number, are those of a batch.
 
-ORDERS = {"wxyz": (0, 1, 2, 3), "xyzw": (1, 2, 3, 0)}
-"""Which of w, x, y, z each number of a quaternion is."""
+ORDERS = {"wxyz": (0, 1, 2, 3), "xyzw": (1, 2, 3, 0)}  # which of w, x, y, z each number of a quaternion is
 
 
 class JointTensors(NamedTuple):
@@ -190,8 +182,8 @@ def _quaternion_form() -> Array:
     return C
 
 
+# w_k = TURN_kij (dR R^T)_ij: the angular velocity of the part of dR that keeps R a rotation.
 TURN = -0.5 * _levi_civita()
-"""w_k = TURN_kij (dR R^T)_ij: the angular velocity of the part of dR that keeps R a rotation."""
 
 QUATERNION = _quaternion_form()
 
@@ -212,18 +204,6 @@ def _product(A: Any, B: Any) -> Any:
     return (A[..., :, :, None] * B[..., None, :, :]).sum(-2)
 
 
-def _form_of(order: Any) -> Array:
-    """C (3, 3, 4, 4) with R_ij = C_ijab q_a q_b of a unit quaternion q (4,) as it is written.
-
-    Raises:
-        ArgumentError: no order.
-    """
-    if not isinstance(order, str) or order not in ORDERS:
-        raise ArgumentError("order", order, f"say how the quaternions are written: {' or '.join(map(repr, ORDERS))}")
-    places = ORDERS[order]
-    return QUATERNION[:, :, places][:, :, :, places]
-
-
 def angular_velocity(xp: Any, turn: Any, R: Any, dR: Any) -> Any:
     """w (..., 3) of the part of dR (..., 3, 3) that keeps R a rotation."""
     return xp.einsum("kij,...il,...jl->...k", turn, dR, R)
@@ -239,8 +219,7 @@ def third_derivative() -> ArgumentError:
     return ArgumentError("the derivative of inverse kinematics", "a third one", "ask for first and second derivatives")
 
 
-@dataclass(frozen=True, eq=False)
-class GivenTensors:
+class GivenTensors(NamedTuple):
     """Batches as they are given: `given` as `ik.batch` takes it, positions (..., 3F), rotations (..., F, 3, 3)."""
 
     given: Any
@@ -266,9 +245,13 @@ def read_tensors(
         wanted = (*poses.shape[:-1], 4)
         if shape[-1] != 3 or tuple(turns.shape) != wanted:
             raise ShapeError("the quaternions", f"{wanted}, with positions (..., 3)", tuple(turns.shape))
-        # Rotations (..., 3, 3) of quaternions (..., 4) of any length, with the form of their order.
+        if not isinstance(order, str) or order not in ORDERS:
+            cure = f"say how the quaternions are written: {' or '.join(map(repr, ORDERS))}"
+            raise ArgumentError("order", order, cure)
+        # Rotations (..., 3, 3) of quaternions (..., 4) of any length, by the form of their order.
+        form = QUATERNION[:, :, ORDERS[order]][:, :, :, ORDERS[order]]
         square = (turns * turns).sum(-1)[..., None, None]
-        R = xp.einsum("ijab,...a,...b->...ij", tensor(_form_of(order)), turns, turns) / square
+        R = xp.einsum("ijab,...a,...b->...ij", tensor(form), turns, turns) / square
         last = xp.broadcast_to(tensor(np.array([[0.0, 0.0, 0.0, 1.0]])), (*poses.shape[:-1], 1, 4))
         given = xp.concatenate([xp.concatenate([R, poses[..., None]], -1), last], -2)
         return GivenTensors(given, poses.reshape(*lead, 3 * frames), R.reshape(*lead, frames, 3, 3))
@@ -283,8 +266,9 @@ def read_tensors(
 
 def _leading_axes(shape: tuple[int, ...], known: tuple[tuple[int, ...], ...]) -> int:
     """How many axes of a shape are of the batch: those before the first known shape that fits. Raises: ShapeError."""
-    for shape_of_one in known:
-        if len(shape) >= len(shape_of_one) and shape[len(shape) - len(shape_of_one) :] == shape_of_one:
-            return len(shape) - len(shape_of_one)
-    words = " or ".join(f"(..., {', '.join(map(str, shape_of_one))})" for shape_of_one in known)
+    for inner in known:
+        axes = len(shape) - len(inner)
+        if axes >= 0 and shape[axes:] == inner:
+            return axes
+    words = " or ".join(f"(..., {', '.join(map(str, inner))})" for inner in known)
     raise ShapeError("the tool poses", words, shape)

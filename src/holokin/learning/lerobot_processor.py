@@ -14,8 +14,8 @@ from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Vector
 from ..motion.ik import InverseKinematics
 
+# Entries of an action that hold the tool pose: a point [m], and a rotation vector [rad] in the frame of the base.
 POSE = ("x", "y", "z", "wx", "wy", "wz")
-"""Entries of an action that hold the tool pose: a point [m], and a rotation vector [rad] in the frame of the base."""
 
 
 @typed
@@ -75,6 +75,7 @@ def _step_class() -> Any:
     except ImportError:
         raise MissingExtraError("the package lerobot itself (pip install lerobot)", "lerobot") from None
 
+    # Made when it is asked for, since only lerobot itself has its parent.
     class PoseToJointsOnLeaf(RobotActionProcessorStep):
         """A tool pose becomes joints on one leaf."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,8 +22,7 @@ from ..motion.ik import InverseKinematics, InverseStatus
 from ..robot import Robot
 from .dataset_writer import Change, check_meta, write_changed
 
-FAR = 0.5
-"""Median distance [rad or m] of an action from the state beyond which it is doubted to be a position."""
+FAR = 0.5  # median distance [rad or m] of an action from the state beyond which it is doubted to be a position
 
 
 def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature]) -> None:
@@ -47,71 +46,45 @@ def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature
 
 # --- The joints of a dataset on one leaf: a posture for each tool pose of its columns, and which poses have none.
 
-JUMPED = -1
-"""The status of a frame at which the joints jump, beside those of `InverseStatus`."""
+JUMPED = -1  # the status of a frame at which the joints jump, beside those of `InverseStatus`
 
+# Joint move [rad or m] from a frame to the next that is a jump, unless the joints of the dataset moved as fast.
 STEP = 0.5
-"""Joint move [rad or m] from a frame to the next that is a jump, unless the joints of the dataset moved as fast."""
 
-RATIO = 5.0
-"""How many times as far as the joints of the dataset the new ones may move besides."""
-
-EDGE = 0.02
-"""How near to singular postures `nearest` goes, as its `rcond`."""
+RATIO = 5.0  # how many times as far as the joints of the dataset the new ones may move besides
+EDGE = 0.02  # how near to singular postures `nearest` goes, as its `rcond`
 
 Source = JointFeature | PoseFeature
 
 
-@dataclass(frozen=True, eq=False)
-class NewJoints(Value):
-    """The new joints of one column: `file` has them in double precision, (k, n) in rad and m, in the order of the rows.
+@dataclass(eq=False)
+class _NewJoints:
+    """The new joints of one column, found a batch after the other; `file` gets them, (k, n) in rad and m, row by row.
 
-    status (k,): of each row an `InverseStatus`, or `JUMPED`; before (k,): the same before the nearest poses were taken.
-    kept: how far the tool is at most from its pose [m or rad] where that was reached; moved: how far from it [m] where
-    the nearest pose was taken.
+    status: of the rows of each batch an `InverseStatus`, or `JUMPED`; before: the same before the nearest poses were
+    taken. kept: how far the tool is at most from its pose [m or rad] where that was reached; moved: how far from it [m]
+    where the nearest pose was taken. ends: least and largest joints (2, n) of the dataset. last: of the row before, the
+    episode, the new joints and the old ones.
     """
 
+    dataset: Dataset
+    ik: InverseKinematics
     source: Source
     file: Path
-    status: Indices
-    before: Indices
-    kept: float
-    moved: float
+    tip: str | None
+    nearest: bool
+    threads: int | None
+    status: list[Indices] = field(default_factory=list)
+    before: list[Indices] = field(default_factory=list)
+    kept: float = 0.0
+    moved: float = 0.0
+    ends: Matrix | None = None
+    last: tuple[int, Matrix, Matrix] | None = None
 
-
-def _new_joints(
-    dataset: Dataset, ik: InverseKinematics, sources: Sequence[Source], tip: str | None, nearest: bool, work: Path,
-    threads: int | None,
-) -> list[NewJoints]:  # fmt: skip
-    """Postures on the leaf for every row of some columns, written into files of a folder. Raises: RecordingError."""
-    names = list(dict.fromkeys(source.name for source in sources))
-    solvers = [_Solver(dataset, ik, source, tip, nearest, threads) for source in sources]
-    files = [work / f"joints-{i}" for i in range(len(sources))]
-    streams = [file.open("wb") for file in files]
-    try:
-        for part in rows(dataset, names):
-            for solver, stream in zip(solvers, streams, strict=True):
-                solver.solved(part).tofile(stream)
-    finally:
-        for stream in streams:
-            stream.close()
-    return [solver.result(file) for solver, file in zip(solvers, files, strict=True)]
-
-
-class _Solver:
-    """The leaf's postures for one column, a batch after the other."""
-
-    def __init__(
-        self, dataset: Dataset, ik: InverseKinematics, source: Source, tip: str | None, nearest: bool,
-        threads: int | None,
-    ) -> None:  # fmt: skip
-        self.dataset, self.ik, self.source, self.tip = dataset, ik, source, tip
-        self.nearest, self.threads = nearest, threads
-        self.status: list[Indices] = []
-        self.before: list[Indices] = []
-        self.last: tuple[int, Matrix, Matrix] | None = None
-        self.kept = self.moved = 0.0
-        self.low, self.high = (np.full(ik.strategy.task.robot.n, end) for end in (np.inf, -np.inf))
+    @property
+    def column(self) -> str:
+        """The column that gets the joints."""
+        return self.source.name if isinstance(self.source, JointFeature) else f"{self.source.name}.joints"
 
     def solved(self, part: Rows) -> Matrix:
         """Postures (k, n) of a batch of rows; NaN where there is none."""
@@ -120,7 +93,8 @@ class _Solver:
         old = np.zeros((len(values), robot.n))
         if isinstance(self.source, JointFeature):
             old = postures_of(self.dataset, robot, self.source, values)
-            self.low, self.high = np.minimum(self.low, old.min(axis=0)), np.maximum(self.high, old.max(axis=0))
+            every = old if self.ends is None else np.vstack([self.ends, old])
+            self.ends = np.stack([every.min(axis=0), every.max(axis=0)])
             place, turn = robot.pose_batch(old, self.tip)
         else:
             place, turn = tool_poses_of(self.dataset, self.source, values, part.frame)
@@ -150,22 +124,30 @@ class _Solver:
         """Rows to which the new joints jump within an episode."""
         before = self.last or (-1, np.full_like(q[0], np.nan), old[0])
         whole, source = np.vstack([before[1], q]), np.vstack([before[2], old])
-        of = np.append(before[0], episode)
+        episodes = np.append(before[0], episode)
         moves = np.diff(whole, axis=0), less_turns(np.diff(source, axis=0), self.ik.strategy.task.robot.hinges)
         step, usual = (np.abs(motion).max(axis=1) for motion in moves)
         self.last = int(episode[-1]), q[-1], old[-1]
         with np.errstate(invalid="ignore"):
-            return np.flatnonzero((of[1:] == of[:-1]) & (step > STEP + RATIO * usual))
-
-    def result(self, file: Path) -> NewJoints:
-        """What was found of all rows. Raises: RecordingError: values that are no angles."""
-        if isinstance(self.source, JointFeature):
-            check_normalized(self.dataset, self.ik.strategy.task.robot, self.source, self.low, self.high)
-        status, before = np.concatenate(self.status), np.concatenate(self.before)
-        return NewJoints(self.source, file, status, before, self.kept, self.moved)
+            return np.flatnonzero((episodes[1:] == episodes[:-1]) & (step > STEP + RATIO * usual))
 
 
-WHY = {
+def _find_joints(dataset: Dataset, columns: Sequence[_NewJoints]) -> None:
+    """Find the postures on the leaf of every row, and write them. Raises: RecordingError."""
+    streams = [column.file.open("wb") for column in columns]
+    try:
+        for part in rows(dataset, list(dict.fromkeys(column.source.name for column in columns))):
+            for column, stream in zip(columns, streams, strict=True):
+                column.solved(part).tofile(stream)
+    finally:
+        for stream in streams:
+            stream.close()
+    for column in columns:
+        if isinstance(column.source, JointFeature) and column.ends is not None:
+            check_normalized(dataset, column.ik.strategy.task.robot, column.source, *column.ends)
+
+
+_WHY = {
     JUMPED: "the joints jump",
     InverseStatus.LIMIT: "beyond the joint limits",
     InverseStatus.LEAF_ENDS: "the leaf ends before",
@@ -175,11 +157,9 @@ WHY = {
     InverseStatus.NOT_A_ROTATION: "no rotation",
     InverseStatus.JUMP: "the rule jumps",
 }
-"""Why a frame has no posture, in words."""
 
 
-MOST_LINES = 12
-"""Bad episodes that are told; `bad` has all."""
+MOST_LINES = 12  # bad episodes that are told; `bad` has all
 
 
 @dataclass(frozen=True)
@@ -218,21 +198,21 @@ class Retargeted(NoTruthValue, Value, ask="`.written`"):
     nearest: tuple[int, float]
 
     def __str__(self) -> str:
-        lines = [str(frames) for frames in self.bad[:MOST_LINES]]
-        if len(self.bad) > MOST_LINES:
-            lines.append(
-                f"... and {len(self.bad) - MOST_LINES} more, {sum(frames.count for frames in self.bad)} frames in all"
-            )
         if self.written is None:
-            return "\n".join([*lines, f"no dataset was written; the joints that were computed are in {self.joints}"])
-        if self.left_out:
-            lines.append(f"left out: episodes {', '.join(map(str, self.left_out))}")
-        if self.nearest[0]:
-            lines.append(f"{self.nearest[0]} frames have the nearest pose, up to {1e3 * self.nearest[1]:.3g} mm away")
-        lines.append(f"{self.frames} frames of {', '.join(self.columns)} written to {self.written}")
-        lines.append(
-            f"tool poses are kept to {self.kept:.1g} m or rad, and to {self.rounded:.1g} in the numbers written"
-        )
+            lines = [f"no dataset was written; the joints that were computed are in {self.joints}"]
+        else:
+            lines = [f"{self.frames} frames of {', '.join(self.columns)} written to {self.written}"]
+            kept = f"tool poses are kept to {self.kept:.1g} m or rad"
+            lines.append(f"{kept}, and to {self.rounded:.1g} in the numbers written")
+            if self.nearest[0]:
+                away = f"up to {1e3 * self.nearest[1]:.3g} mm away"
+                lines.append(f"{self.nearest[0]} frames have the nearest pose, {away}")
+            if self.left_out:
+                lines.append(f"left out: episodes {', '.join(map(str, self.left_out))}")
+        lines += [str(frames) for frames in self.bad[:MOST_LINES]]
+        if len(self.bad) > MOST_LINES:
+            count = sum(frames.count for frames in self.bad)
+            lines.append(f"... and {len(self.bad) - MOST_LINES} more, {count} frames in all")
         return "\n".join(lines)
 
 
@@ -271,12 +251,19 @@ def retarget(
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
     with aside(out.parent) as work:
-        joints = _new_joints(dataset, ik, sources, tip, bad == "nearest", work, threads)
+        # The new joints of all columns, and the frames that have none.
+        files = [work / f"joints-{i}" for i in range(len(sources))]
+        joints = [
+            _NewJoints(dataset, ik, source, file, tip, bad == "nearest", threads)
+            for source, file in zip(sources, files, strict=True)
+        ]
+        _find_joints(dataset, joints)
         bads = _bad_frames(dataset, joints)
-        at_nearest = sum(int((new.before != new.status).sum()) for new in joints) if bad == "nearest" else 0
+        pairs = [pair for new in joints for pair in zip(new.before, new.status, strict=True)]
+        at_nearest = sum(int((before != now).sum()) for before, now in pairs) if bad == "nearest" else 0
         facts = {
             "bad": tuple(bads),
-            "columns": tuple(_column(new.source) for new in joints),
+            "columns": tuple(new.column for new in joints),
             "kept": max(new.kept for new in joints),
             "nearest": (at_nearest, max(new.moved for new in joints)),
         }
@@ -286,10 +273,10 @@ def retarget(
             return Retargeted(None, file, 0, left_out=(), rounded=np.nan, **facts)
         left = tuple(sorted({new.episode for new in bads}))
         if len(left) == len(dataset.episodes):
-            raise ArgumentError(
-                "episodes without a bad frame", 0, "choose another strategy or q0: nothing would be left"
-            )
-        changes = [Change(new.source, new.file, _column(new.source), double) for new in joints]
+            cure = "choose another strategy or q0: nothing would be left"
+            raise ArgumentError("episodes without a bad frame", 0, cure)
+        # The dataset, in a folder aside that is moved to its place when it is complete.
+        changes = [Change(new.source, new.file, new.column, double) for new in joints]
         with writing(out):
             rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _provenance(ik, tip))
             os.rename(work / "new", out)
@@ -298,59 +285,52 @@ def retarget(
         return Retargeted(out, None, frames, left_out=left, rounded=rounded, **facts)
 
 
-def _column(source: Source) -> str:
-    """The column that gets the joints."""
-    return source.name if isinstance(source, JointFeature) else f"{source.name}.joints"
+def _why(status: int) -> str:
+    """Why a frame has no posture, in words."""
+    return _WHY.get(status) or InverseStatus(status).name.lower()
 
 
-def _bad_frames(dataset: Dataset, joints: Sequence[NewJoints]) -> list[BadFrames]:
-    out = []
+def _bad_frames(dataset: Dataset, joints: Sequence[_NewJoints]) -> list[BadFrames]:
+    bads = []
+    begins = np.array([e.first for e in dataset.episodes])
     for new in joints:
-        wrong = np.flatnonzero((new.status < 0) | (new.status > InverseStatus.CLAMPED))
-        begins = np.array([e.first for e in dataset.episodes])
-        of = np.searchsorted(begins, wrong, side="right") - 1
-        for e in np.unique(of):
-            mine = wrong[of == e]
-            kinds, counts = np.unique(new.status[mine], return_counts=True)
-            why = ", ".join(
-                WHY.get(int(kind), InverseStatus(int(kind)).name.lower()) for kind in kinds[np.argsort(-counts)]
-            )
-            out.append(BadFrames(int(e), new.source.name, len(mine), int(mine[0] - begins[e]), why))
-    return sorted(out, key=lambda b: (b.episode, b.column))
+        status = np.concatenate(new.status)
+        wrong = np.flatnonzero((status < 0) | (status > InverseStatus.CLAMPED))
+        episodes = np.searchsorted(begins, wrong, side="right") - 1
+        for e in np.unique(episodes):
+            frames = wrong[episodes == e]
+            kinds, counts = np.unique(status[frames], return_counts=True)
+            why = ", ".join(_why(int(kind)) for kind in kinds[np.argsort(-counts)])
+            bads.append(BadFrames(int(e), new.source.name, len(frames), int(frames[0] - begins[e]), why))
+    return sorted(bads, key=lambda b: (b.episode, b.column))
 
 
 def _provenance(ik: InverseKinematics, tip: str | None) -> dict[str, Any]:
     """What the new dataset says of how it was made."""
-    robot = ik.strategy.task.robot
-    return {
-        "robot": robot.name, "strategy": ik.strategy.name, "task": ik.strategy.task.name, "tip": tip,
-        "joints": list(robot.joint_names), "q0": ik.q0.tolist(), "joint limits": ik.limits,
-    }  # fmt: skip
+    strategy, robot = ik.strategy, ik.strategy.task.robot
+    about = {"robot": robot.name, "strategy": strategy.name, "task": strategy.task.name, "tip": tip}
+    return about | {"joints": list(robot.joint_names), "q0": ik.q0.tolist(), "joint limits": ik.limits}
 
 
-def _keep_joints(dataset: Dataset, ik: InverseKinematics, joints: Sequence[NewJoints], work: Path, out: Path) -> Path:
+def _keep_joints(dataset: Dataset, ik: InverseKinematics, joints: Sequence[_NewJoints], work: Path, out: Path) -> Path:
     """All joints that were computed, in a parquet file beside the folder that was not made."""
     import pyarrow
     from pyarrow import parquet
 
-    robot = ik.strategy.task.robot
-    names = list(robot.joint_names)
+    names = list(ik.strategy.task.robot.joint_names)
     target, part, writer = out.with_name(f"{out.name}-joints.parquet"), work / "joints.parquet", None
     try:
         for new in joints:
+            status = np.concatenate(new.status)
             with new.file.open("rb") as stream:
-                for episode in dataset.episodes:
-                    q = np.fromfile(stream, count=episode.length * robot.n).reshape(-1, robot.n)
-                    status = new.status[episode.first : episode.first + episode.length]
-                    words = [WHY.get(int(s), InverseStatus(int(s)).name.lower()) if s else "" for s in status]
-                    table = pyarrow.table(
-                        {
-                            "column": [new.source.name] * len(q), "episode_index": [episode.index] * len(q),
-                            "frame_index": np.arange(len(q)), **dict(zip(names, q.T.copy(), strict=True)), "bad": words,
-                        }
-                    )  # fmt: skip
-                    writer = writer or parquet.ParquetWriter(part, table.schema)
-                    writer.write_table(table)
+                for e in dataset.episodes:
+                    q = np.fromfile(stream, count=e.length * len(names)).reshape(-1, len(names))
+                    table = {"column": [new.source.name] * len(q), "episode_index": [e.index] * len(q)}
+                    table |= {"frame_index": np.arange(len(q)), **dict(zip(names, q.T.copy(), strict=True))}
+                    table["bad"] = [_why(int(s)) if s else "" for s in status[e.first : e.first + e.length]]
+                    written = pyarrow.table(table)
+                    writer = writer or parquet.ParquetWriter(part, written.schema)
+                    writer.write_table(written)
     finally:
         if writer is not None:
             writer.close()

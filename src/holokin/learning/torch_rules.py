@@ -21,8 +21,8 @@ def _solved(joints: JointMap, poses: Any, quaternions: Any, order: str | None) -
     return JointTensors(q.to(dtype=poses.dtype, device=poses.device), status.to(device=poses.device))
 
 
+# Not for torch's compiler, which would trace through NumPy into native code, for minutes.
 solved: Any = torch.compiler.disable(_solved)
-"""Not for torch's compiler, which would trace through NumPy into native code, for minutes."""
 
 
 def _on_processor(what: str, tensor: Any) -> Any:
@@ -42,8 +42,8 @@ class Inverse(torch.autograd.Function):
     @staticmethod
     def forward(joints: JointMap, given: Any, p: Any, R: Any) -> tuple[Any, Any]:
         """The joints, by `ik.batch`."""
-        lead, shape = p.shape[:-1], _shape_of_one(given, p)
-        q, status = joints.solve(_rows(given, shape), _rows(R, R.shape[-3:]))
+        lead = p.shape[:-1]
+        q, status = joints.solve(_rows(given, given.shape[len(lead) :]), _rows(R, R.shape[-3:]))
         return torch.tensor(q).reshape(*lead, q.shape[-1]), torch.tensor(status.astype(np.int64)).reshape(lead)
 
     @staticmethod
@@ -146,10 +146,7 @@ class Slopes(torch.autograd.Function):
         """There are none. Raises: ArgumentError."""
         raise third_derivative()
 
-    @staticmethod
-    def jvp(ctx: Any, *tangents: Any) -> Any:
-        """There are none. Raises: ArgumentError."""
-        raise third_derivative()
+    jvp = backward
 
     @staticmethod
     def vmap(info: Any, in_dims: tuple[Any, ...], *args: Any) -> tuple[Any, Any]:
@@ -160,10 +157,6 @@ class Slopes(torch.autograd.Function):
 def _rows(tensor: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A tensor (..., *shape) as an array (k, *shape)."""
     return tensor.detach().numpy().reshape(-1, *shape)
-
-
-def _shape_of_one(given: Any, p: Any) -> tuple[int, ...]:
-    return tuple(given.shape[p.ndim - 1 :])
 
 
 def _in_front(info: Any, dims: tuple[Any, ...], tensors: tuple[Any, ...]) -> list[Any]:

@@ -16,6 +16,7 @@ from conftest import PANDA_START, PPR_CENTER, PPR_START, sampled
 from holokin.analysis.audit import LogVerdict
 from holokin.analysis.audit.arcs import noise_level
 from holokin.analysis.audit.cycles import crossings, find_cycles
+from holokin.analysis.audit.logs import Recording
 from holokin.analysis.audit.questions import first_limit, to_pose
 from holokin.analysis.audit.trend import Trend
 from holokin.app.cli import main as cli
@@ -51,17 +52,13 @@ def paused(q: np.ndarray, at: float, samples: int) -> np.ndarray:
     return np.vstack([q[:i], np.repeat(q[i][None], samples, axis=0), q[i:]])
 
 
-def recorded(
-    pieces: Sequence[np.ndarray], noise: float = 0.0, robot: hk.Robot = PANDA
-) -> hk.analysis.audit.logs.Recording:
+def recorded(pieces: Sequence[np.ndarray], noise: float = 0.0, robot: hk.Robot = PANDA) -> Recording:
     q = np.vstack([pieces[0], *(p[1:] for p in pieces[1:])])
     q = q + noise * np.random.default_rng(3).normal(size=q.shape)
-    return hk.analysis.audit.logs.Recording(robot.joint_names, 0.01 * np.arange(len(q)), q, "memory")
+    return Recording(robot.joint_names, 0.01 * np.arange(len(q)), q, "memory")
 
 
-def settling(
-    cycles: Sequence[float], rest: float = 0.8, samples: int = 400
-) -> tuple[hk.analysis.audit.logs.Recording, np.ndarray]:
+def settling(cycles: Sequence[float], rest: float = 0.8, samples: int = 400) -> tuple[Recording, np.ndarray]:
     """Pseudo-inverse with a posture task in the null space, by Euler steps; a cycle takes cycles[i] times as long.
 
     Returns the log and the postures at the cycles' ends.
@@ -122,9 +119,7 @@ def test_at_the_crossing_of_an_eight_only_a_holonomic_arm_has_the_same_joints_tw
     for strategy in (DRIFTING, HOME):
         pieces = walk(strategy, loops * 3)
         log = recorded(pieces, noise)
-        audit = hk.audit_recording(
-            hk.analysis.audit.logs.Recording(log.joint_names, log.t[37:], log.q[37:], "begun on the way"), PANDA
-        )
+        audit = hk.audit_recording(Recording(log.joint_names, log.t[37:], log.q[37:], "begun on the way"), PANDA)
         exact = np.abs(pieces[3][-1] - pieces[3][0]).max()
         assert audit.at_crossings.value == pytest.approx(exact, abs=1e-3 if noise else 1e-4)
         assert audit.at_crossings.beyond == (strategy is DRIFTING)
@@ -171,7 +166,7 @@ def test_one_cycle_a_resting_arm_and_an_open_way_are_refused() -> None:
 def test_a_cycle_that_spans_a_gap_is_left_out() -> None:
     whole = recorded(walk(DRIFTING, [CIRCLE] * 5))
     keep = np.r_[0:380, 430 : len(whole)]
-    log = hk.analysis.audit.logs.Recording(whole.joint_names, whole.t[keep], whole.q[keep], "memory")
+    log = Recording(whole.joint_names, whole.t[keep], whole.q[keep], "memory")
     audit = hk.audit_recording(log, PANDA)
     assert len(audit.cycles) + audit.cycles.left_out == 5
     assert audit.cycles.left_out == 1

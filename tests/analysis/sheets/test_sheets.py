@@ -17,7 +17,7 @@ import holokin as hk
 from conftest import campaign
 from handmade_sheets import LIMIT, disc, planar_task
 from holokin.analysis.coverage.starts import Candidate
-from holokin.analysis.sheets import PoseRest, Sheet, Sheets, candidate_sheets
+from holokin.analysis.sheets import PoseRest, Sheet, Sheets, candidate_sheets, write_sheets
 from holokin.analysis.sheets.seams import fewest_changes
 from holokin.analysis.sheets.set_cover import fewest, labelled
 from holokin.analysis.sheets.sheet_growth import SearchedPoses
@@ -53,8 +53,11 @@ def tool_of(q: np.ndarray) -> np.ndarray:
     return np.stack([np.cos(angles).sum(axis=-1), np.sin(angles).sum(axis=-1)], axis=-1)
 
 
-def test_each_posture_has_its_tool_at_the_pose_and_is_within_the_limits(planar: Sheets) -> None:
+def test_each_pose_has_the_sheet_of_its_label_and_a_posture_with_its_tool_there(
+    planar: Sheets,
+) -> None:
     found = planar.batch(planar.poses)
+    np.testing.assert_array_equal(found.sheet, planar.labels)
     assert planar.share >= 0.98
     served = found.served
     np.testing.assert_allclose(tool_of(found.q[served]), planar.poses[served][:, :2, 3], atol=1e-9)
@@ -98,10 +101,6 @@ def test_a_pose_midway_between_sampled_poses_has_the_same_joints_alone_and_in_co
         assert alone[0] == sheet
         np.testing.assert_allclose(alone[1], q, atol=1e-9)
     assert s.batch(asked[:0]).q.shape == (0, 3)
-
-
-def test_the_sheet_is_that_of_the_labels_at_the_sampled_poses(planar: Sheets) -> None:
-    np.testing.assert_array_equal(planar.batch(planar.poses).sheet, planar.labels)
 
 
 def test_a_loop_stays_on_its_sheet_while_that_serves(planar: Sheets) -> None:
@@ -151,7 +150,7 @@ def test_bad_poses_are_refused(planar: Sheets) -> None:
 def test_a_saved_map_answers_the_same_to_the_last_bit(planar: Sheets, tmp_path: Path) -> None:
     keys = {"kind": "linear", "matrix": [[0.0, 1.0, -1.0]]}
     s = replace(planar, sheets=tuple(replace(one, keys=keys) for one in planar.sheets))
-    hk.analysis.sheets.write_sheets(s, tmp_path / "map.npz")
+    write_sheets(s, tmp_path / "map.npz")
     again = hk.read_sheets(tmp_path / "map.npz", planar_task())
     assert str(again) == str(s)
     for i in np.flatnonzero(s.served)[::5]:
@@ -166,7 +165,7 @@ def test_a_saved_map_of_given_poses_has_their_workspace(tmp_path: Path) -> None:
     given = hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2).poses(16, 3)
     for samples in (6, 16):
         s = hk.sheets(task, pose_cloud(given, "taught points"), samples=samples)
-        hk.analysis.sheets.write_sheets(s, tmp_path / "map.npz")
+        write_sheets(s, tmp_path / "map.npz")
         again = hk.read_sheets(tmp_path / "map.npz", task)
         assert str(again.workspace) == str(s.workspace)
         np.testing.assert_array_equal(again.workspace.center, s.workspace.center)
@@ -175,15 +174,15 @@ def test_a_saved_map_of_given_poses_has_their_workspace(tmp_path: Path) -> None:
 def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path: Path) -> None:
     file = tmp_path / "map.npz"
     with pytest.raises(ArgumentError, match="pickle"):  # its strategies were given as values
-        hk.analysis.sheets.write_sheets(planar, file)
+        write_sheets(planar, file)
     keyed = [replace(one, keys={"kind": "lock", "joints": [1]}) for one in planar.sheets]
-    hk.analysis.sheets.write_sheets(replace(planar, sheets=tuple(keyed)), file)
+    write_sheets(replace(planar, sheets=tuple(keyed)), file)
     with pytest.raises(SheetsFileError, match="leaf"):  # another strategy than that of the postures
         hk.read_sheets(file, planar.task)
-    hk.analysis.sheets.write_sheets(replace(planar, sheets=tuple(keyed), labels=planar.labels + 0.5), file)
+    write_sheets(replace(planar, sheets=tuple(keyed), labels=planar.labels + 0.5), file)
     with pytest.raises(SheetsFileError, match="another kind"):
         hk.read_sheets(file, planar.task)
-    hk.analysis.sheets.write_sheets(replace(planar, sheets=tuple(keyed)), file)
+    write_sheets(replace(planar, sheets=tuple(keyed)), file)
     with pytest.raises(SheetsFileError, match="another scene"):
         hk.read_sheets(file, planar.task, scene=hk.Scene())
     with pytest.raises(SheetsFileError, match="it is of"):
@@ -349,31 +348,25 @@ def test_an_obstacle_takes_poses_away_and_is_named() -> None:
         hk.sheets(task, disc(), law, samples=8, scene=hk.Scene(obstacles=[everywhere]))
 
 
-def test_control_c_keeps_what_was_found() -> None:
-    task, said = planar_task(), []
+def interrupted_at(words: str, **options: Any) -> Sheets:
+    """The map of a search in which Ctrl-C is pressed when it says some words."""
 
-    def say(words: str) -> None:
-        said.append(words)
-        if "leaves serve" in words:
+    def say(text: str) -> None:
+        if words in text:
             raise KeyboardInterrupt
 
-    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=60, progress=say)
-    assert s.stopped
-    assert len(s) > 0
-    assert "stopped early" in s.sentence
-
-
-def test_control_c_while_the_sheets_are_asked_keeps_what_was_found() -> None:
     task = planar_task()
+    return hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], progress=say, **options)
 
-    def say(words: str) -> None:
-        if words == "asking the sheets":
-            raise KeyboardInterrupt
 
-    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40, share=0.3, progress=say)
-    assert s.stopped
-    assert s.served.any()
-    assert s.batch(s.poses[s.served]).served.all()
+def test_control_c_keeps_what_was_found() -> None:
+    """In the search, and while the sheets are asked; before anything was found it ends the search."""
+    s = interrupted_at("leaves serve", samples=60)
+    assert s.stopped and len(s) > 0 and "stopped early" in s.sentence
+    s = interrupted_at("asking the sheets", samples=40, share=0.3)
+    assert s.stopped and s.served.any() and s.batch(s.poses[s.served]).served.all()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_at("leaves so far", samples=20)
 
 
 def interrupted_in(monkeypatch: pytest.MonkeyPatch, name: str, at: int) -> list[int]:
@@ -456,17 +449,13 @@ def test_without_a_search_the_leaves_of_the_given_postures_alone_are_compared() 
     assert all(min(np.abs(one.q0 - q).max() for q in np.array(q0)) == 0.0 for one in s.sheets)
 
 
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        ({"share": 0.0}, ArgumentError), ({"share": 1.5}, ArgumentError), ({"samples": 0}, ArgumentError),
-        ({"search": False}, ArgumentError), ({"strategies": []}, ArgumentError), ({"rcond": 1.0}, ArgumentError),
-        ({"scene": 0.0}, ArgumentError),
-        ({"strategies": [hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(0))]}, ArgumentError),
-    ],
-)  # fmt: skip
-def test_bad_numbers_are_refused(words: dict, error: type[Exception]) -> None:
-    with pytest.raises(error):
+BAD = [{"share": 0.0}, {"share": 1.5}, {"samples": 0}, {"search": False}, {"strategies": []}, {"rcond": 1.0}]
+OTHER = hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(0))
+
+
+@pytest.mark.parametrize("words", [*BAD, {"scene": 0.0}, {"strategies": [OTHER]}])
+def test_bad_numbers_are_refused(words: dict) -> None:
+    with pytest.raises(ArgumentError):
         hk.sheets(planar_task(), disc(), **words)
 
 
@@ -481,16 +470,6 @@ def test_laws_without_a_leaf_that_serves_anything_are_named() -> None:
     task = planar_task()
     with pytest.raises(ArgumentError, match="no leaf of them serves"):
         hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, rcond=0.99)
-
-
-def test_control_c_before_anything_was_found_ends_it() -> None:
-    def say(words: str) -> None:
-        if "leaves so far" in words:
-            raise KeyboardInterrupt
-
-    task = planar_task()
-    with pytest.raises(KeyboardInterrupt):
-        hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, progress=say)
 
 
 @pytest.mark.parametrize("share", [0.6, campaign("share", 0.98)])

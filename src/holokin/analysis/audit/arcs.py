@@ -10,18 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.types import Array, Indices, Matrix, Vector, frozen
+from ...base.types import Array, Flags, Indices, Matrix, Vector, frozen, runs
 from ...robot import Robot
 
-NOISE_STEPS = 12.0
-"""Anchors are this many noise levels apart or more, so that noise adds no length."""
-
-BLOCK = 50_000
-"""Samples whose tool poses are in memory at one time: five megabytes."""
+NOISE_STEPS = 12.0  # anchors are this many noise levels apart or more, so that noise adds no length
+BLOCK = 50_000  # samples whose tool poses are in memory at one time: five megabytes
 
 
+# Axes of the tool (3, a), as columns, whose directions belong to its path: all, of a pose; none, of a position.
 WHOLE, FREE = frozen(np.eye(3)), frozen(np.zeros((3, 0)))
-"""Axes of the tool (3, a), as columns, whose directions belong to its path: all, of a pose; none, of a position."""
 
 
 def tool_points(position: Matrix, rotation: Array, axes: Matrix, length_scale: float) -> Matrix:
@@ -39,15 +36,15 @@ def tool_points(position: Matrix, rotation: Array, axes: Matrix, length_scale: f
 
 def noise_level(x: Matrix) -> float:
     """Size (rms norm) of white noise on samples (k, d) of a smooth motion: sixth differences forget the motion."""
-    return _level(_sixth(x)) if len(x) >= 8 else 0.0
+    return _noise_of(_sixth_differences(x)) if len(x) >= 8 else 0.0
 
 
-def _sixth(x: Matrix) -> Vector:
+def _sixth_differences(x: Matrix) -> Vector:
     return np.linalg.norm(np.diff(x, 6, axis=0), axis=1)
 
 
-def _level(sixth: Vector) -> float:
-    return float(np.median(sixth)) / np.sqrt(924.0)
+def _noise_of(sixth_differences: Vector) -> float:
+    return float(np.median(sixth_differences)) / np.sqrt(924.0)
 
 
 def encoder_levels(q: Matrix) -> Vector:
@@ -62,12 +59,12 @@ def encoder_levels(q: Matrix) -> Vector:
 def rounding_of(q: Matrix) -> float:
     """To how much the numbers of a log q (k, n) are rounded [rad or m]: the last decimal that they have in rad, or in
     degrees, or single precision; else what double precision leaves of a sum of some joints."""
-    some = q[:: max(1, len(q) // 300)]
-    if np.array_equal(some, some.astype(np.float32)):
-        return float(np.abs(some).max() * np.finfo(np.float32).eps)
+    rows = q[:: max(1, len(q) // 300)]
+    if np.array_equal(rows, rows.astype(np.float32)):
+        return float(np.abs(rows).max() * np.finfo(np.float32).eps)
     for decimals in range(1, 12):
         for unit in (1.0, 180 / np.pi):
-            scaled = some * unit * 10.0**decimals
+            scaled = rows * unit * 10.0**decimals
             if (np.abs(scaled - np.round(scaled)) <= 1e-3 + 1e-14 * np.abs(scaled)).all():
                 return 10.0**-decimals / unit
     return 1e-12
@@ -114,12 +111,11 @@ class ToolMotion:
 
     def extent_and_noise(self) -> tuple[float, float]:
         """Size of the box that the tool points fill, and their noise level [m]."""
-        sixth, low, high = [], np.inf, -np.inf
+        differences, low, high = [], np.inf, -np.inf
         for _, z in self.blocks(before=6):
             low, high = np.minimum(low, z.min(axis=0)), np.maximum(high, z.max(axis=0))
-            if len(z) > 6:
-                sixth.append(_sixth(z))
-        noise = _level(np.concatenate(sixth)) if len(self) >= 8 else 0.0
+            differences.append(_sixth_differences(z) if len(z) > 6 else np.empty(0))
+        noise = _noise_of(np.concatenate(differences)) if len(self) >= 8 else 0.0
         return float(np.linalg.norm(high - low)), noise
 
 
@@ -176,10 +172,8 @@ class Curve:
 
     def __call__(self, s: Vector | float) -> Array:
         """Values (..., d) at s (...); beyond the ends along the tangents there."""
-        at = np.asarray(s, dtype=float)
-        inside = np.clip(at, self.s[0], self.s[-1])
-        values = self._akima(inside)
-        over = at - inside
+        inside = np.clip(np.asarray(s, dtype=float), self.s[0], self.s[-1])
+        values, over = self._akima(inside), s - inside
         return values + over[..., None] * self._akima(inside, 1) if over.any() else values
 
     def slope(self, s: Vector | float) -> Array:
@@ -187,9 +181,7 @@ class Curve:
         return self._akima(np.clip(np.asarray(s, dtype=float), self.s[0], self.s[-1]), 1)
 
 
-def tool_path(
-    motion: ToolMotion, step: float, noise: float, *, start: int = 0, most: int | None = None
-) -> ToolPath:  # fmt: skip
+def tool_path(motion: ToolMotion, step: float, noise: float, *, start: int = 0, most: int | None = None) -> ToolPath:
     """Keep samples a step [m] apart, corners and tips of turns; what happens while the tool rests is left out.
 
     Args:
@@ -212,41 +204,38 @@ def tool_path(
 def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: int | None) -> tuple[Indices, bool]:
     """The first sample that is `step` [m] from the last one kept, again and again; at the end the farthest, if it is
     over a margin away. And whether that end was reached."""
-    kept, here = [start], motion.at(slice(start, start + 1))[0]
-    farthest, tip = 0.0, -1  # since the last one kept
+    anchors, anchor = [start], motion.at(slice(start, start + 1))[0]
+    farthest, tip = 0.0, -1  # since the last anchor
     for first, z in motion.blocks(start, before=1):
         far = (np.linalg.norm(np.diff(z, axis=0), axis=1) > step).tolist()
         i, chunk = (0 if first == start else 1), 32
         while i < len(z):
-            if i and first + i - 1 == kept[-1] and far[i - 1]:
-                kept.append(first + i)
-                here, farthest, chunk, i = z[i], 0.0, 32, i + 1
-                continue
-            gap = z[i : i + chunk] - here
-            squares = np.einsum("ij,ij->i", gap, gap)
-            hit = squares > step * step
-            found = int(np.argmax(hit))
-            if hit[found]:
-                i += found
-                kept.append(first + i)
-                here, farthest, chunk, i = z[i], 0.0, 32, i + 1
-                continue
-            best = int(np.argmax(squares))
-            if squares[best] > farthest:
-                farthest, tip = float(squares[best]), first + i + best
-            i, chunk = i + chunk, min(2 * chunk, 8192)
-        if most is not None and len(kept) >= most:
-            return np.array(kept), False
+            # The sample after an anchor is often far enough; else the next `chunk` samples are looked at together.
+            next_is_far = i > 0 and first + i - 1 == anchors[-1] and far[i - 1]
+            if not next_is_far:
+                gap = z[i : i + chunk] - anchor
+                squares = np.einsum("ij,ij->i", gap, gap)
+                beyond = int(np.argmax(squares > step * step))
+                if not squares[beyond] > step * step:
+                    best = int(np.argmax(squares))
+                    if squares[best] > farthest:
+                        farthest, tip = float(squares[best]), first + i + best
+                    i, chunk = i + chunk, min(2 * chunk, 8192)
+                    continue
+                i += beyond
+            anchors.append(first + i)
+            anchor, farthest, chunk, i = z[i], 0.0, 32, i + 1
+        if most is not None and len(anchors) >= most:
+            return np.array(anchors), False
     if farthest > margin * margin:
-        kept.append(tip)
-    return np.array(kept), True
+        anchors.append(tip)
+    return np.array(anchors), True
 
 
 def _with_corners(motion: ToolMotion, index: Indices, margin: float) -> Indices:
     """Anchors, and between two of them the sample farthest from their chord, if over a margin [m] off it."""
-    count = len(index) - 1
     ends = motion.at(index)
-    worst, at = np.full(count, margin), np.full(count, -1)
+    worst, corner = np.full(len(index) - 1, margin), np.full(len(index) - 1, -1)
     for first, z in motion.blocks(int(index[0]), int(index[-1])):
         samples = np.arange(first, first + len(z))
         interval = np.searchsorted(index, samples, side="right") - 1
@@ -256,34 +245,37 @@ def _with_corners(motion: ToolMotion, index: Indices, margin: float) -> Indices:
         share = np.clip(np.einsum("ij,ij->i", lever, chord) / squared, 0.0, 1.0)
         off = np.linalg.norm(lever - share[:, None] * chord, axis=1)
         begins = np.flatnonzero(np.diff(interval, prepend=-1))
-        here = interval[begins]
+        intervals = interval[begins]
         most = np.maximum.reduceat(off, begins)
-        over = here[most > worst[here]]
+        over = intervals[most > worst[intervals]]
         if len(over):
-            worst[here] = np.maximum(worst[here], most)
-            rows = np.flatnonzero((off == worst[interval]) & np.isin(interval, over))
-            at[interval[rows[::-1]]] = samples[rows[::-1]]  # the first of equals
-    return np.sort(np.concatenate([index, at[at >= 0]]))
+            worst[intervals] = np.maximum(worst[intervals], most)
+            rows = np.flatnonzero((off == worst[interval]) & np.isin(interval, over))[::-1]
+            corner[interval[rows]] = samples[rows]  # the first of equals
+    return np.sort(np.concatenate([index, corner[corner >= 0]]))
 
 
 # --- The length at which the tool's path repeats.
 
-CLOSE = 0.05
-"""Two visits closer than this share of the loop's size may be visits of one point."""
+CLOSE = 0.05  # two visits closer than this share of the loop's size may be visits of one point
+ALIKE = 0.02  # a path repeats when the median distance between its rounds is below this share of the loop's size
+SURE = ALIKE / 8  # rounds as alike as this are taken without looking for a longer stretch that is more alike
 
-ALIKE = 0.02
-"""A path repeats when the median distance between its rounds is below this share of the loop's size."""
-
-SURE = ALIKE / 8
-"""Rounds as alike as this are taken without looking for a longer stretch that is more alike."""
-
+# Stretches of the path in which a period is looked for, one kind after the other: their step, in the finest ones, and
+# how many steps they have at most. The work, and what is in memory, grow with that. With steps of a 25th of the
+# tool's extent, the longest, a path is just known.
 STRETCHES = ((1, 60_000), (1, 240_000), (4, 240_000), (16, 240_000))
-"""Stretches of the path in which a period is looked for, one kind after the other: their step, in the finest ones, and
-how many steps they have at most. The work, and what is in memory, grow with that. With steps of a 25th of the tool's
-extent, the longest, a path is just known."""
 
 _VISITS = 40  # of a point, that propose lags
 _FEW = 8  # visits that make a close lag worth a look
+
+
+def with_gaps_closed(flags: Flags, reach: int) -> Flags:
+    """Flags (k,) that are true as well in gaps of at most 2 `reach` between runs of True, as at a corner of a path."""
+    from scipy.ndimage import binary_closing
+
+    patch = np.ones(2 * max(1, reach) + 1, dtype=bool)
+    return np.asarray(binary_closing(np.pad(flags, len(patch)), patch)[len(patch) : -len(patch)], dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -310,22 +302,23 @@ def find_period(motion: ToolMotion, noise: float, finest: float) -> Period | Non
     Args:
         noise: of the tool points [m]. finest: step of the finest stretch [m].
     """
-    found: list[Period] = []
+    periods: list[Period] = []
     for coarser, most in STRETCHES:
         first = tool_path(motion, finest * coarser, noise, most=most)
         rows = int(first.index[-1])
         for start in [0] if first.ends else [(len(motion) - rows) // 2, 0, len(motion) - rows]:
             path = tool_path(motion, finest * coarser, noise, start=start, most=most) if start else first
             period = _period(path, most, first.ends) if len(path.index) >= 16 else None
-            found += [period] if period is not None else []
-            if period is not None and period.residual <= SURE:
-                break
-        if first.ends or (found and found[-1].residual <= SURE):
+            if period is not None:
+                periods.append(period)
+                if period.residual <= SURE:
+                    break
+        if first.ends or (periods and periods[-1].residual <= SURE):
             break
-    if not found:
+    if not periods:
         return None
-    best = min(period.residual for period in found)
-    return min((p for p in found if p.residual <= max(3 * best, SURE)), key=lambda p: p.length)
+    best = min(period.residual for period in periods)
+    return min((p for p in periods if p.residual <= max(3 * best, SURE)), key=lambda p: p.length)
 
 
 def _period(path: ToolPath, most: int, whole: bool) -> Period | None:
@@ -335,7 +328,11 @@ def _period(path: ToolPath, most: int, whole: bool) -> Period | None:
     """
     count = int(np.clip(np.ceil(path.length / path.step), 16, most))
     grid = np.linspace(0.0, path.length, count)
-    z = _reduced(path.point(grid))
+    # The points in the few directions in which they vary.
+    z = path.point(grid)
+    z = z - z.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(z.T @ z)
+    z = z @ axes[np.sqrt(sizes / max(sizes[0], 1e-300)) > 1e-4].T
     tested = [(lag, *run) for lag in _lags(z) for run in [repeating(z, lag)] if run is not None]
     if not tested:
         return None
@@ -347,22 +344,13 @@ def _period(path: ToolPath, most: int, whole: bool) -> Period | None:
     return Period(float(begin), float(end), float(lag * grid[1]), residual, whole)
 
 
-def _reduced(z: Matrix) -> Matrix:
-    """The same points in the few directions in which they vary."""
-    centered = z - z.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(centered.T @ centered)
-    keep = np.sqrt(sizes / max(sizes[0], 1e-300)) > 1e-4
-    return centered @ axes[keep].T
-
-
 def _lags(z: Matrix, references: int = 64, most: int = 20) -> list[int]:
     """Lags at which many of the reference points are visited again, or some most closely, shortest first."""
-    found: list[tuple[int, float]] = []
+    revisits: list[tuple[int, float]] = []
     for start in np.unique(np.linspace(0, 0.97 * len(z), references).astype(int)):
         d = np.linalg.norm(z[start:] - z[start], axis=1)
         near = d < CLOSE * np.maximum.accumulate(d)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-        visits = edges.reshape(-1, 2)
+        visits = runs(near)
         visits = visits[visits[:, 0] > 0]
         if len(visits) > _VISITS:  # the next ones, and the closest: beside a point run the rows of a fine raster
             closest = np.minimum.reduceat(np.append(d, np.inf), visits.ravel())[::2]
@@ -370,9 +358,9 @@ def _lags(z: Matrix, references: int = 64, most: int = 20) -> list[int]:
             visits = np.vstack([visits[: _VISITS // 2], visits[order]])
         for a, b in visits:
             lag = int(a + np.argmin(d[a:b]))
-            found.append((lag, float(d[lag])))
+            revisits.append((lag, float(d[lag])))
     groups: list[list[tuple[int, float]]] = []
-    for lag in sorted(found):
+    for lag in sorted(revisits):
         if groups and lag[0] <= 1.02 * groups[-1][0][0] + 1:
             groups[-1].append(lag)
         else:
@@ -396,7 +384,7 @@ def _densest(visits: Matrix) -> tuple[int, float, int]:
 def repeating(z: Matrix, lag: int) -> tuple[int, int, float] | None:
     """(first, last, residual) of the longest stretch in which points z (k, d) have z(i + lag) = z(i), if a whole round
     long."""
-    from scipy.ndimage import binary_closing, maximum_filter1d, minimum_filter1d
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     if not 8 <= lag < len(z) - 4:
         return None
@@ -404,16 +392,14 @@ def repeating(z: Matrix, lag: int) -> tuple[int, int, float] | None:
     window = {"size": lag, "axis": 0, "mode": "nearest", "origin": -((lag - 1) // 2)}
     size = np.linalg.norm(maximum_filter1d(z, **window) - minimum_filter1d(z, **window), axis=1)[: len(gap)]
     distance = np.linalg.norm(gap, axis=1)
-    patch = np.ones(2 * max(1, lag // 100) + 1, dtype=bool)
-    alike = binary_closing(np.pad(distance < CLOSE * size, len(patch)), patch)[len(patch) : -len(patch)]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]]).astype(int))).reshape(-1, 2)
-    if not len(edges):
+    alike = runs(with_gaps_closed(distance < CLOSE * size, lag // 100))
+    if not len(alike):
         return None
-    first, last = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+    first, last = alike[np.argmax(alike[:, 1] - alike[:, 0])]
     if last - first < 0.97 * lag:
         return None
     tangent = np.gradient(z, axis=0)[: len(gap)]
     along = np.einsum("ij,ij->i", gap, tangent) / np.maximum(np.linalg.norm(tangent, axis=1), 1e-300)
     across = np.sqrt(np.maximum(distance**2 - along**2, 0.0))
-    here = slice(first, last)
-    return int(first), int(last + lag), float(np.median(across[here] / size[here]))
+    stretch = slice(first, last)
+    return int(first), int(last + lag), float(np.median(across[stretch] / size[stretch]))

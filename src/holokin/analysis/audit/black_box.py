@@ -49,20 +49,17 @@ from .questions import (
 
 # --- Does a law answer the same call alike, whatever went before? Old calls are asked again, in many pasts.
 
-PLACES = 5
-"""Places along the way at which calls are asked again, in every past."""
-
-IN_A_ROW = 8
-"""How often one call is asked again at once: a law that alternates call by call does so within this many."""
-
-RUNS = 5
-"""Runs of the same way from the same start, so that a law that alternates between runs is seen to."""
+PLACES = 5  # places along the way at which calls are asked again, in every past
+IN_A_ROW = 8  # how often one call is asked again at once: a law that alternates call by call does so within this many
+RUNS = 5  # runs of the same way from the same start, so that a law that alternates between runs is seen to
 
 AT_ONCE, MIDWAY, NEW_RUN, BEGUN_THERE, SAME_RUN = (
-    "immediately after the earlier call", "midway in a run", "in a new run",
+    "immediately after the earlier call",
+    "midway in a run",
+    "in a new run",
     "in a run that begins at the posture of the call",
     "in a repetition of the run",
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,27 +115,31 @@ class _Tally:
 
 def _ask_history(setup: AuditSetup, path: Path) -> Answer:
     """Old calls asked again: at once, in the middle of a run, in new runs, in runs begun there; and whole runs again.
-
-    Raises:
-        ControllerError.
-    """
+    Raises: ControllerError."""
     half = path.part(0.0, 0.5)
     first: list[_Call] = []
     tally = _Tally()
-    ends = [setup.run_of(_recorded(setup.law, first), half).q[-1]]
-    for _ in range(RUNS - 1):
-        ends.append(setup.run_of(_compared(setup.law, first, tally), half).q[-1])
-    setup.run_of(_questioned(setup.law, first, tally, setup.q0), half)
+
+    def record(_inner: Step, call: _Call, _step: int) -> None:
+        first.append(call)
+
+    def compare(_inner: Step, call: _Call, step: int) -> None:
+        """Answers are compared for as long as the law is asked the same."""
+        if step < len(first) and first[step].alike(call.q, call.pose, call.twist, call.dt):
+            tally.note(SAME_RUN, first[step], call.answer)
+
+    # One run whose calls are written down, others that are compared with it, and one in which old calls are repeated.
+    ends = [setup.run(half, law=_watched(setup.law, record)).q[-1]]
+    ends += [setup.run(half, law=_watched(setup.law, compare)).q[-1] for _ in range(RUNS - 1)]
+    setup.run(half, law=_questioned(setup.law, first, tally, setup.q0))
+    # What differed, and by how much.
     apart = max(largest(end - ends[0]) for end in ends)
     asked, other = sum(tally.asked.values()), sum(tally.other.values())
-    metrics = {
-        "calls": float(asked), "otherwise": float(other), "rates_apart": tally.rate, "share": tally.share,
-        "apart": apart, "could_move": tally.same_start * path.duration,
-    }  # fmt: skip
+    metrics = {"calls": float(asked), "otherwise": float(other), "rates_apart": tally.rate, "share": tally.share}
+    metrics |= {"apart": apart, "could_move": tally.same_start * path.duration}
     if not other:
-        said = "all got the same answer as before"
         past = ", ".join(f"{count} {past}" for past, count in tally.asked.items())
-        return f"no memory found: {asked} calls were repeated, and {said} ({past})", metrics
+        return f"no memory found: {asked} calls were repeated, and all got the same answer as before ({past})", metrics
     where = ", ".join(f"{count} of {tally.asked[past]} {past}" for past, count in tally.other.items())
     size = f"by up to {tally.rate:.1e} (per s), {tally.share:.1%}; {RUNS} runs end {apart:.2g} apart"
     what = "remembers its past, or is random"
@@ -147,25 +148,6 @@ def _ask_history(setup: AuditSetup, path: Path) -> Answer:
     elif tally.returned:
         what = "alternates between answers"
     return f"{what}: repeated calls get other answers ({where}), {size}", metrics
-
-
-def _recorded(law: ControlLaw, calls: list[_Call]) -> ControlLaw:
-    """The law, with its calls and answers written down."""
-
-    def see(_inner: Step, call: _Call, _step: int) -> None:
-        calls.append(call)
-
-    return _watched(law, see)
-
-
-def _compared(law: ControlLaw, first: list[_Call], tally: _Tally) -> ControlLaw:
-    """The law in a new run of the same way: its answers compared for as long as it is asked the same."""
-
-    def see(_inner: Step, call: _Call, step: int) -> None:
-        if step < len(first) and first[step].alike(call.q, call.pose, call.twist, call.dt):
-            tally.note(SAME_RUN, first[step], call.answer)
-
-    return _watched(law, see)
 
 
 def _questioned(law: ControlLaw, first: list[_Call], tally: _Tally, q0: Vector) -> ControlLaw:
@@ -212,9 +194,9 @@ def _watched(law: ControlLaw, see: Callable[[Step, _Call, int], None]) -> Contro
     return ControlLaw(law.name, begin)
 
 
+# Joint difference [joint units] that counts: well over the round-off and step error of a sound loop, and about what
+# shows on a robot, 1 mm at the end of 1 m.
 TOLERANCE = 1e-3
-"""Joint difference [joint units] that counts: well over the round-off and step error of a sound loop, and about what
-shows on a robot, 1 mm at the end of 1 m."""
 
 
 @dataclass(frozen=True)
@@ -225,6 +207,9 @@ class Finding(NoTruthValue, ask="`.fault`"):
     sentence: str
     metrics: dict[str, float]
     fault: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.question}: {'; '.join(filter(None, (self.sentence, self.fault)))}"
 
 
 @dataclass(frozen=True)
@@ -250,22 +235,20 @@ class Audit(NoTruthValue, ask="`.verdict`"):
     @property
     def sentence(self) -> str:
         """The verdict, with what it does not cover."""
-        said = f"{self.law}: {self.verdict.value}"
+        sentence = f"{self.law}: {self.verdict.value}"
         if self.untested and self.verdict is not Repeatability.UNKNOWN:
-            said += f"; NOT tested: loops in {', '.join(self.untested)}"
+            sentence += f"; NOT tested: loops in {', '.join(self.untested)}"
         asked_again = self["history"].metrics
         if asked_again.get("could_move", 0.0) > 0.0:
-            said += (
+            sentence += (
                 f"; asked the same again it answered otherwise, by up to {asked_again['rates_apart']:.1e} (per s), "
                 f"which over one loop may come to {asked_again['could_move']:.1e}"
             )
         small = self["small loops"].metrics
         if self.verdict is Repeatability.DRIFTS and small.get("drift") == 0.0:
-            said += (
-                "; small loops at the start do not drift: the loops wind round a place where the law is not defined, "
-            )
-            said += "or meet curvature elsewhere"
-        return said
+            sentence += "; small loops at the start do not drift: the loops wind round a place where the law is not "
+            sentence += "defined, or meet curvature elsewhere"
+        return sentence
 
     def __getitem__(self, question: str) -> Finding:
         """A finding by its question. Raises: ArgumentError."""
@@ -275,19 +258,15 @@ class Audit(NoTruthValue, ask="`.verdict`"):
         raise ArgumentError("the question", question, f"it asked: {', '.join(f.question for f in self.findings)}")
 
     def __str__(self) -> str:
-        lines = [self.sentence]
-        lines += [f"  {f.question}: {'; '.join(filter(None, (f.sentence, f.fault)))}" for f in self.findings]
-        return "\n".join(lines)
+        return "\n".join([self.sentence, *(f"  {finding}" for finding in self.findings)])
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         findings = [
             {"question": f.question, "sentence": f.sentence, "fault": f.fault} | f.metrics for f in self.findings
         ]
-        verdict = self.verdict.name.lower()
-        return {
-            "law": self.law, "verdict": verdict, "untested": list(self.untested), "findings": findings,
-        }  # fmt: skip
+        facts = {"law": self.law, "verdict": self.verdict.name.lower()}
+        return facts | {"untested": list(self.untested), "findings": findings}
 
 
 @typed
@@ -327,6 +306,7 @@ def audit(
         StartError: a path does not begin at the tool. SingularityError: the task has orientation rows alone, and their
             representation is singular at the start.
     """
+    # The task, the start posture and the loops.
     strategy = getattr(control_law, "strategy", control_law)
     if task is None:
         if not isinstance(strategy, Strategy):
@@ -345,17 +325,18 @@ def audit(
     for loop in paths:
         if not loop.closed:
             raise OpenPathError("an audit", loop.gap)
-    of = [f", loop {i + 1}" if len(paths) > 1 else "" for i in range(len(paths))]
+    # Each question on its own: the cycles of each loop and of the worst plane, then what the cycles leave open.
+    suffixes = [f", loop {i + 1}" if len(paths) > 1 else "" for i in range(len(paths))]
     findings = [
-        _asked(f"cycles{word}", lambda loop=loop: ask_cycles(setup, loop)) for word, loop in zip(of, paths, strict=True)
+        _asked(f"cycles{word}", lambda loop=loop: ask_cycles(setup, loop))
+        for word, loop in zip(suffixes, paths, strict=True)
     ]
     planes = _planes(setup, paths, given=path is not None)
     findings += _of_planes(setup, paths[0], planes, findings)
-    findings += [_asked("paths", lambda: ask_two_paths(setup, paths[0]))]
-    findings += [_asked("speed", lambda: ask_speed(setup, paths[0]))]
-    findings += [_asked("history", lambda: _ask_history(setup, paths[0]))]
-    findings += [_asked("start", lambda: ask_start(setup, paths[0]))]
+    others = {"paths": ask_two_paths, "speed": ask_speed, "history": _ask_history, "start": ask_start}
+    findings += [_asked(name, lambda ask=ask: ask(setup, paths[0])) for name, ask in others.items()]
     findings += [_asked("small loops", lambda: ask_small_loops(setup, widest(setup, planes)))]
+    # The user's own metrics do not change the verdict.
     verdict = _verdict(setup, findings, planes)
     findings += [
         _asked(f"metric {name}", lambda name=name, f=f: _own_metric(setup, paths[0], name, f))
@@ -382,15 +363,15 @@ def _default_loops(setup: AuditSetup) -> list[Path]:
     """A circle and a square of 0.1 m in planes that the task has; loops in other planes where it has no such ones."""
     point, rows = setup.tool[:3, 3], setup.task.rows
     inward = np.diag(np.where(point > 0, -0.1, 0.1))
-    found: list[Path] = []
+    loops: list[Path] = []
     if {0, 1} <= set(rows):
-        found.append(circle(point, point + inward[0]))
+        loops.append(circle(point, point + inward[0]))
     upright = next((k for k in ((0, 2), (1, 2), (0, 1)) if set(k) <= set(rows)), None)
     if upright is not None:
         a, b = (inward[k] for k in upright)
-        found.append(polyline([point, point + a, point + a + b, point + b], closed=True))
+        loops.append(polyline([point, point + a, point + a + b, point + b], closed=True))
     planes = pairs(setup.task.m) or [(0, 0)]
-    return found or [setup.loop(plane) for plane in dict.fromkeys((planes[0], planes[-1]))]
+    return loops or [setup.loop(plane) for plane in dict.fromkeys((planes[0], planes[-1]))]
 
 
 def _asked(question: str, ask: Callable[[], Answer]) -> Finding:
@@ -408,7 +389,7 @@ def _asked(question: str, ask: Callable[[], Answer]) -> Finding:
 
 def _own_metric(setup: AuditSetup, path: Path, name: str, function: Callable[[Trajectory], Any]) -> Answer:
     """A number of the user's own. Raises: OwnFunctionError, ControllerError."""
-    number = own_number(f"the metric {name!r}", function, setup.first_walk(path))
+    number = own_number(f"the metric {name!r}", function, setup.run(path, cycles=setup.cycles))
     return ("it gives no number", {}) if number is None else (f"{number:.6g}", {"value": number})
 
 
@@ -424,24 +405,26 @@ def _planes(setup: AuditSetup, paths: list[Path], given: bool) -> list[PlaneDrif
         return [PlaneDrift(plane, names[plane], untested=str(problem), failed=True) for plane in every]
     why = "no loop of yours encloses area there"
     return [
-        PlaneDrift(plane, names[plane], size=areas[plane] ** 0.5) if plane in areas
-        else PlaneDrift(plane, names[plane], untested=why) for plane in every
-    ]  # fmt: skip
+        PlaneDrift(plane, names[plane], size=areas[plane] ** 0.5)
+        if plane in areas
+        else PlaneDrift(plane, names[plane], untested=why)
+        for plane in every
+    ]
 
 
 def _of_planes(setup: AuditSetup, first: Path, planes: list[PlaneDrift], before: list[Finding]) -> list[Finding]:
     """The finding on all planes; and on the worst of them for all cycles, unless the law is known to drift anyway."""
     sentence, metrics = tell_planes(setup, planes)
     fault = "; ".join(by_reason([p for p in planes if p.failed]))
-    found = [Finding("planes", sentence, metrics, fault)]
+    findings = [Finding("planes", sentence, metrics, fault)]
     worst = worst_plane(planes)
     known = Repeatability.DRIFTS in _seen(before, setup)
     if worst is None or known or worst.as_run <= setup.tolerance or _by_step(setup, worst):
-        return found
+        return findings
     loop = setup.loop(worst.plane, worst.size)
     slower = min(1.0, loop.duration / first.duration)  # what converges needs time: as long a cycle as the others have
     loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
-    return [*found, _asked(f"cycles in {worst.name}", lambda: ask_cycles(setup, loop))]
+    return [*findings, _asked(f"cycles in {worst.name}", lambda: ask_cycles(setup, loop))]
 
 
 def _by_step(setup: AuditSetup, plane: PlaneDrift) -> bool:

@@ -7,17 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import RecordingError
-from ...base.types import Array, Indices, Matrix, Vector
+from ...base.types import Array, Indices, Matrix, Vector, runs
 from ...robot import Robot
-from .arcs import BLOCK, FREE, NOISE_STEPS, WHOLE, Period, ToolMotion, ToolPath, find_period, repeating, tool_path
+from .arcs import (
+    BLOCK,
+    FREE,
+    NOISE_STEPS,
+    WHOLE,
+    Period,
+    ToolMotion,
+    ToolPath,
+    find_period,
+    repeating,
+    tool_path,
+    with_gaps_closed,
+)
 from .logs import Recording
 
+# Default length [m/rad] at which a turn of the tool counts like a move: from the wrist to the tool of a usual arm.
 LENGTH_SCALE = 0.1
-"""Default length [m/rad] at which a turn of the tool counts like a move: from the wrist to the tool of a usual arm."""
 
-PHASES = 64
-"""Points of equal tool pose that are compared, evenly along the path."""
-
+PHASES = 64  # points of equal tool pose that are compared, evenly along the path
 _TEMPLATE = 256  # points of a template, at least
 _FINE = 80  # of them in the loop's extent: a long loop, such as a raster, needs more than a circle
 _MOST_TEMPLATE = 20_000
@@ -58,11 +68,6 @@ class Cycles:
 
     def __len__(self) -> int:
         return len(self.q0)
-
-    @property
-    def ends(self) -> Matrix:
-        """Postures at which each cycle ends (c, n)."""
-        return np.where((self.direction > 0)[:, None], self.q[:, -1], self.q[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +150,6 @@ def _first_round(path: ToolPath, period: Period) -> tuple[float, float]:
 def _begin_of(path: ToolPath, begin: float, length: float, noise: float, most: float) -> tuple[float, float]:
     """Arc length at which the repeating begins, to the last anchor, and the length of the round from there; points that
     correspond are looked for within `most` [m]."""
-    from scipy.ndimage import binary_closing
-
     first, last = max(0.0, begin - 0.2 * length), min(begin + length, path.length - length)
     grid = np.asarray(np.arange(first, last, path.step / 2), dtype=float)
     lag = length
@@ -159,11 +162,9 @@ def _begin_of(path: ToolPath, begin: float, length: float, noise: float, most: f
         inside = grid >= begin + 0.2 * length
         usual = np.median(gap[inside]) if inside.any() else np.median(gap)
         sound = (gap <= 5 * usual + 2 * noise + 0.1 * path.step) & ~against
-        patch = np.ones(2 * max(1, round(0.01 * length / path.step)) + 1, dtype=bool)  # a corner does not end it
-        sound = binary_closing(np.pad(sound, len(patch)), patch)[len(patch) : -len(patch)]
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], sound, [False]]).astype(int))).reshape(-1, 2)
-        runs = edges[edges[:, 1] - edges[:, 0] >= 0.1 * length / (path.step / 2)]
-        begin = float(grid[runs[0, 0]]) if len(runs) else begin
+        alike = runs(with_gaps_closed(sound, round(0.01 * length / path.step)))  # a corner does not end it
+        alike = alike[alike[:, 1] - alike[:, 0] >= 0.1 * length / (path.step / 2)]
+        begin = float(grid[alike[0, 0]]) if len(alike) else begin
         lag = float(np.median(ahead - grid))
     begin = 0.0 if begin < path.step else begin
     there = path.point(np.array([begin]))
@@ -206,12 +207,11 @@ def _mirror(template: Matrix) -> float | None:
     return m / 2 / len(z) if 2 * (energy - products[m]) < (2 * _STRAY) ** 2 * energy else None
 
 
-def _tracks(
-    path: ToolPath, template: Matrix, length: float, width: float, mirror: float | None
-) -> list[_Track]:  # fmt: skip
+def _tracks(path: ToolPath, template: Matrix, length: float, width: float, mirror: float | None) -> list[_Track]:
     """Stretches of the log that run along the template, forward or backward, each as long as it goes."""
     from scipy.spatial import KDTree
 
+    # The nearest point of the template to each anchor, and the cosine between the tool's and the template's directions.
     count = len(template)
     distance, closest = KDTree(template).query(path.z)
     facing = np.asarray(closest)
@@ -224,6 +224,7 @@ def _tracks(
         moves = np.gradient(path.z[early:late], axis=0)[i - early : j - early]
         moves /= np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300)
         way[i:j] = np.einsum("ij,ij->i", moves, ahead[facing[i:j]])
+    # From each anchor that surely runs along the template, the track is followed on and back.
     seeds = (distance < width) & (np.abs(way) > 0.8)
     tracker = _Tracker(path, template, length, width, distance <= width, facing)
     out: list[_Track] = []
@@ -232,14 +233,15 @@ def _tracks(
         if not seeds[j]:
             j += 1
             continue
-        sign, at = (1 if way[j] > 0 else -1), int(facing[j])
+        sign, closest_row = (1 if way[j] > 0 else -1), int(facing[j])
         if mirror is not None and sign < 0:  # the path back is the second half of the path itself
-            sign, at = 1, round(2 * mirror * count - at) % count
-        later = tracker.run(j, at, sign, 1, len(path.z) - 1)
-        earlier = tracker.run(j, at, sign, -1, done)
+            sign, closest_row = 1, round(2 * mirror * count - closest_row) % count
+        later = tracker.run(j, closest_row, sign, 1, len(path.z) - 1)
+        earlier = tracker.run(j, closest_row, sign, -1, done)
+        # Its part from the lowest to the highest phase: what stood before a turn belongs to no track.
         phases = np.array([*earlier[:0:-1], *later]) * sign
         anchors = np.arange(j - len(earlier) + 1, j + len(later))
-        low = int(np.flatnonzero(phases == phases.min())[-1])  # what stood before a turn belongs to no track
+        low = int(np.flatnonzero(phases == phases.min())[-1])
         high = int(np.flatnonzero(phases == phases.max())[0])
         if high > low:
             keep = slice(low, high + 1)
@@ -259,33 +261,40 @@ class _Tracker:
         self.windows = ((2.0 * np.diff(path.s) / length * len(template)).astype(int) + 3).tolist()
         self.near, self.facing = near.tolist(), facing.tolist()  # lists of small numbers: quick, and not large
 
-    def run(self, j: int, at: int, sign: int, time: int, limit: int) -> list[int]:
+    def run(self, j: int, row: int, sign: int, time: int, limit: int) -> list[int]:
         """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool leaves it."""
         count, way = len(self.template), sign * time
-        found = [at]
+        rows = [row]
         while j != limit:
             window = self.windows[j if time > 0 else j - 1]
             j += time
             if not self.near[j]:
                 break
-            ahead = (self.facing[j] - at) * way % count
+            ahead = (self.facing[j] - row) * way % count
             if ahead > window:  # the nearest of all points is another pass; look at those in reach
-                indices = at + way * np.arange(window + 1)
+                indices = row + way * np.arange(window + 1)
                 gap = self.template[indices % count] - self.z[j]
                 d = np.einsum("ij,ij->i", gap, gap)
                 ahead = int(np.argmin(d))
                 if d[ahead] > self.width * self.width:
                     break
-            at += way * ahead
-            found.append(at)
-        return found
+            row += way * ahead
+            rows.append(row)
+        return rows
 
 
 def _cut(
-    recording: Recording, path: ToolPath, tracks: list[_Track], begin: float, length: float, size: float,
-    mirror: float | None, points: int,
-) -> Cycles:  # fmt: skip
+    recording: Recording,
+    path: ToolPath,
+    tracks: list[_Track],
+    begin: float,
+    length: float,
+    size: float,
+    mirror: float | None,
+    points: int,
+) -> Cycles:
     """Whole rounds of the tracks, at `PHASES` equal tool poses."""
+    # The whole rounds of each track: arc lengths at equal phases.
     phase = np.arange(PHASES + 1) / PHASES
     target = path.point(begin + length * phase)
     target[-1] = target[0]
@@ -297,15 +306,15 @@ def _cut(
         for k in range(first, last):
             rounds.append(np.interp(k + phase, edge[0], track.s[edge[1]]))
             direction.append(track.direction)
-    spans = [(r[0], r[-1]) for r in rounds]
-    broken = _broken(recording, path, spans)
-    whole = [i for i in range(len(rounds)) if not broken[i]]
+    # Those within which a gap in time lies are left out.
+    where = path.index.astype(float)
+    gaps = np.interp(recording.gaps + 0.5, where, path.s) if len(recording.gaps) else np.empty(0)
+    whole = [i for i, r in enumerate(rounds) if not ((gaps > r[0]) & (gaps < r[-1])).any()]
+    left_out = len(rounds) - len(whole)
     if len(whole) < 2:
-        raise RecordingError(
-            recording.source,
-            f"it holds {len(whole)} whole cycles of a path of {length:.3g} m, {sum(broken)} more span gaps",
-            "log at least two whole cycles",
-        )  # fmt: skip
+        fact = f"it holds {len(whole)} whole cycles of a path of {length:.3g} m, {left_out} more span gaps"
+        raise RecordingError(recording.source, fact, "log at least two whole cycles")
+    # Where the tool is nearest to the first cycle's poses, and the postures there.
     ways = np.array([direction[i] for i in whole])
     targets = np.concatenate([target if d > 0 else target[::-1] for d in ways])
     s = nearest(path, targets, np.concatenate([rounds[i] for i in whole]), 2.5 * path.step + 2 * length / points)
@@ -313,17 +322,19 @@ def _cut(
     sampling = _sampling(path, s)
     s = s.reshape(len(whole), -1)
     q = path.posture(s)
+    # How long each lasts, with and without the time that steps between anchors last longer than ten usual ones.
     times = recording.t[path.index]
+    steps = np.diff(times)
+    usual = float(np.median(steps))
     start, stop = s[:, 0].copy(), s[:, -1].copy()
     duration = np.interp(stop, path.s, times) - np.interp(start, path.s, times)
-    rest = np.concatenate([[0.0], np.cumsum(_rests(times))])
+    rest = np.concatenate([[0.0], np.cumsum(np.where(steps > 10 * usual, steps - usual, 0.0))])
     moving = duration - (np.interp(stop, path.s, rest) - np.interp(start, path.s, rest))
-    where = path.index.astype(float)
     back = ways < 0
     q[back], s[back] = q[back, ::-1], s[back, ::-1]
     return Cycles(
         np.interp(start, path.s, where), np.interp(stop, path.s, where), ways, duration, moving, phase, s, q, residual,
-        sampling, length, size, mirror, int(sum(broken)), path,
+        sampling, length, size, mirror, left_out, path,
     )  # fmt: skip
 
 
@@ -331,26 +342,11 @@ def _sampling(path: ToolPath, s: Vector) -> float:
     """How far off its samples' curve the tool may have been at arc lengths s: h |t' - t| / 4, of the tangents h before
     and after, for samples h apart. So far the chord of two samples cuts off a corner between them."""
     per_anchor = np.diff(path.s) / np.maximum(np.diff(path.index), 1)
-    here = np.clip(np.searchsorted(path.s, s, side="right") - 1, 0, len(per_anchor) - 1)
-    h = per_anchor[here]
-    reach = np.maximum(h, np.diff(path.s)[here])  # a tangent is known from anchor to anchor
+    interval = np.clip(np.searchsorted(path.s, s, side="right") - 1, 0, len(per_anchor) - 1)
+    h = per_anchor[interval]
+    reach = np.maximum(h, np.diff(path.s)[interval])  # a tangent is known from anchor to anchor
     turn = np.linalg.norm(path.point.slope(s + reach) - path.point.slope(s - reach), axis=1)
     return float((h * np.minimum(turn, 2.0)).max() / 4)
-
-
-def _rests(times: Vector) -> Vector:
-    """Time that each step between anchors lasted longer than ten usual ones [s]."""
-    steps = np.diff(times)
-    usual = float(np.median(steps))
-    return np.where(steps > 10 * usual, steps - usual, 0.0)
-
-
-def _broken(recording: Recording, path: ToolPath, spans: list[tuple[float, float]]) -> list[bool]:
-    """Whether a gap in time lies within each span of arc length."""
-    where = path.index.astype(float)
-    at = np.interp(recording.gaps + 0.5, where, path.s) if len(recording.gaps) else np.empty(0)
-    begins, ends = np.array(spans).reshape(-1, 2).T
-    return (np.searchsorted(at, ends, side="left") > np.searchsorted(at, begins, side="right")).tolist()
 
 
 _POINTS = 512

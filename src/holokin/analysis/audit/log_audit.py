@@ -19,7 +19,7 @@ from .arcs import FREE, WHOLE, encoder_levels, rounding_of
 from .cycles import LENGTH_SCALE, Cycles, crossings, find_cycles
 from .logs import Recording, joined_turns
 from .logs.log_formats import less_turns
-from .questions import Distance, LogVerdict, first_limit, spread, to_pose
+from .questions import Distance, LogVerdict, first_limit, to_pose
 from .trend import (
     CONFIDENCE,
     FEWEST,
@@ -38,7 +38,6 @@ from .trend import (
 
 
 def _rate_words(value: float) -> str:
-    """A drift with its unit."""
     return f"{value:.2g} rad or m a cycle"
 
 
@@ -54,19 +53,13 @@ def _trend_words(trend: DriftTrend, phase: Vector) -> str:
     )
 
 
-def _by_sampling(cycles: Cycles) -> str:
-    """What the log's samples alone may make of the residual, where that is a good part of it."""
-    share = cycles.residual.max() / max(cycles.sampling, 1e-300)
-    return f"; its samples alone may make {cycles.sampling:.2g} m of it" if 0.05 < share < 3 else ""
-
-
-def ranged(values: Vector) -> str:
+def _ranged(values: Vector) -> str:
     """The least and the greatest of values, or one where they agree."""
     low, high = float(values.min()), float(values.max())
     return f"{low:.3g}" if high - low < 5e-3 * high else f"{low:.3g} to {high:.3g}"
 
 
-def listed(values: Vector, most: int = 4) -> str:
+def _listed(values: Vector, most: int = 4) -> str:
     """Values, of many the first and the last."""
     shown = [f"{v:.3g}" for v in values]
     return ", ".join(shown if len(shown) <= 2 * most else [*shown[:most], "...", *shown[-most:]])
@@ -97,9 +90,8 @@ def _winding_words(change: Vector, robot: Robot, cycles: int, allowed: float) ->
     """The hinges whose change over the log (n,) is whole turns, up to a distance that is allowed."""
     turns = np.round(change / (2 * np.pi)) * robot.hinges
     wound = np.flatnonzero((turns != 0) & (np.abs(change - 2 * np.pi * turns) <= allowed))
-    many = [f"{abs(turns[i]):.0f} turn{'s' if abs(turns[i]) > 1 else ''}" for i in wound]
-    said = zip(wound, many, strict=True)
-    return [f"{robot.joint_names[i]} winds up: it has made {turn} in {cycles} cycles" for i, turn in said]
+    words = {i: f"{abs(turns[i]):.0f} turn{'s' if abs(turns[i]) > 1 else ''}" for i in wound}
+    return [f"{robot.joint_names[i]} winds up: it has made {turn} in {cycles} cycles" for i, turn in words.items()]
 
 
 # --- What the audit of a log found: metrics, and words that say how sure they are and what the log does not test.
@@ -107,8 +99,8 @@ def _winding_words(change: Vector, robot: Robot, cycles: int, allowed: float) ->
 _SURE = f"{100 * CONFIDENCE:.0f} %"
 
 
+# Cycles after the log, for each cycle in it, within which a limit is predicted: rates change as the posture does.
 MOST_AHEAD = 2.0
-"""Cycles after the log, for each cycle in it, within which a limit is predicted: rates change as the posture does."""
 
 _GRAVITY = (Trend.NONE, Trend.FADES, Trend.ALTERNATES, Trend.CANNOT_TELL, Trend.GOES_ON)
 
@@ -152,8 +144,8 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     def trend(self) -> Trend:
         """How the change of the joints goes on, by the gravest finding of all directions and speeds."""
         kinds = {self.closing, *(t.trend for t in self.trends.values())}
-        open_ = len(self.unknown_turns) or self.between.beyond  # by turns that nobody saw, or scatter without a trend
-        if kinds == {Trend.NONE} and open_:
+        if kinds == {Trend.NONE} and (len(self.unknown_turns) or self.between.beyond):
+            # A turn that the log does not show, or scatter without a trend.
             return Trend.CANNOT_TELL
         return max(kinds, key=_GRAVITY.index)
 
@@ -175,9 +167,9 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     @property
     def since_start(self) -> Matrix:
         """Where the joints stand after each cycle, less where they stood before the first (c, n)."""
-        ends = np.where((self.cycles.direction > 0)[:, None], self.visits[:, -1], self.visits[:, 0])
-        begins = np.where((self.cycles.direction > 0)[:, None], self.visits[:, 0], self.visits[:, -1])
-        return ends - begins[0]
+        forward = (self.cycles.direction > 0)[:, None]
+        ends = np.where(forward, self.visits[:, -1], self.visits[:, 0])
+        return ends - (self.visits[0, 0] if forward[0] else self.visits[0, -1])
 
     @property
     def one_way(self) -> bool:
@@ -197,14 +189,12 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     @property
     def limit(self) -> tuple[str, float] | None:
         """(joint, cycles from the end of the log) of the first limit that a lasting drift reaches, or None."""
-        found = self._limit
-        return None if found is None else (found[0], found[1])
+        return None if self._limit is None else self._limit[:2]
 
     @property
     def limit_range(self) -> tuple[float, float] | None:
         """Fewest and most cycles to the limit, by the interval of the drift."""
-        found = self._limit
-        return None if found is None else (found[2], found[3])
+        return None if self._limit is None else self._limit[2:]
 
     @cached_property
     def _limit(self) -> tuple[str, float, float, float] | None:
@@ -216,10 +206,10 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
         errors = trend.errors + trend.bends
         rates = np.where(np.abs(trend.rates) > errors, trend.rates, 0.0)
         lower, upper, q = self.robot.lower, self.robot.upper, self.visits[-1, : len(rates)]
-        found = first_limit(lower, upper, q, rates)
-        if found is None:
+        nearest = first_limit(lower, upper, q, rates)
+        if nearest is None:
             return None
-        joint, cycles = found
+        joint, cycles = nearest
         soonest = first_limit(lower, upper, q, rates + np.sign(rates) * errors)
         latest = first_limit(lower, upper, q, rates - np.sign(rates) * errors)
         few = cycles if soonest is None else min(soonest[1], cycles)
@@ -231,47 +221,51 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
         return self.robot.joint_names[joint], cycles, few, float(most)
 
     def __str__(self) -> str:
-        return "\n".join([*(f"{name}: {value}" for name, value in self.rows()), self.sentence()])
+        return "\n".join([self.sentence(), *(f"  {name}: {value}" for name, value in self.rows())])
 
     def sentence(self) -> str:
         """The two answers, what they rest on, and what was not tested."""
-        said = {LogVerdict.REPEATS: _same, LogVerdict.DIFFERS: _differs, LogVerdict.UNDECIDED: _undecided}
+        words = {LogVerdict.REPEATS: _same, LogVerdict.DIFFERS: _differs, LogVerdict.UNDECIDED: _undecided}
         trend = _trend_said(self)
-        return f"{said[self.verdict](self)}. {trend}{'. ' if trend else ''}Not tested: {'; '.join(not_tested(self))}"
+        return f"{words[self.verdict](self)}. {trend}{'. ' if trend else ''}Not tested: {'; '.join(not_tested(self))}"
 
     def rows(self) -> list[tuple[str, str]]:
         """(what, finding) of every question, for people."""
         c, last = self.cycles, self.since_start[-1]
         forward = int((c.direction > 0).sum())
         joint = int(np.argmax(np.abs(last)))
+        share = c.residual.max() / max(c.sampling, 1e-300)
+        by_sampling = f"; its samples alone may make {c.sampling:.2g} m of it" if 0.05 < share < 3 else ""
+        left_out = f", {c.left_out} that span gaps left out" if c.left_out else ""
         rows = [
+            ("joints repeated", self.verdict.value),
+            ("trend", self.trend.value),
             ("log", f"{self.recording.source}, {len(self.recording)} samples in {self.recording.duration:.4g} s"),
             ("task", self.task.name),
-            ("cycles", f"{forward} forward, {len(c) - forward} backward, {c.length:.3g} m each"
-             + (f", {c.left_out} that span gaps left out" if c.left_out else "")),
-            ("duration of a cycle", f"{ranged(c.duration)} s, {ranged(c.moving)} s of it moving"),
-            ("tool path repeats to", f"{c.residual.max():.2g} m" + _by_sampling(c)),
-            ("drift of each cycle", f"{listed(self.largest)} ({self.worst_joint})"),
+            ("cycles", f"{forward} forward, {len(c) - forward} backward, {c.length:.3g} m each{left_out}"),
+            ("duration of a cycle", f"{_ranged(c.duration)} s, {_ranged(c.moving)} s of it moving"),
+            ("tool path repeats to", f"{c.residual.max():.2g} m{by_sampling}"),
+            ("drift of each cycle", f"{_listed(self.largest)} ({self.worst_joint})"),
             (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({self.robot.joint_names[joint]})"),
             ("noise floor", f"{self.noise_floor:.2g}, tolerance {self.tolerance:g} on top"),
             ("smallest detectable drift", f"{_rate_words(self.detectable)} ({_SURE} confidence)"),
-        ]  # fmt: skip
-        rows.insert(0, ("joints repeated", self.verdict.value))
-        rows.insert(1, ("trend", self.trend.value))
-        crossing = "not tested: the path does not cross itself"
-        for group, trend in self.trends.items():
-            rows.append((f"trend {group}", _trend_words(trend, c.phase)))
-        rows += [
+            *((f"trend {group}", _trend_words(trend, c.phase)) for group, trend in self.trends.items()),
             ("equal poses, between cycles", _distance_words(self.between, "")),
             ("equal poses, forward and back", _distance_words(self.by_way, "not tested: all cycles run one way")),
             ("equal poses, fast and slow", _distance_words(self.by_speed, "not tested: all cycles at one speed")),
-            ("equal poses, at crossings", _distance_words(self.at_crossings, crossing)),
+            (
+                "equal poses, at crossings",
+                _distance_words(self.at_crossings, "not tested: the path does not cross itself"),
+            ),
         ]
         return rows + [("note", note) for note in self.recording.notes]
 
     def to_dict(self) -> dict[str, Any]:
         """Everything found, as plain data for JSON (no NaN, no infinity)."""
+        # The cycles and the trends, one row each.
         c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
+        keys = ("start_sample", "stop_sample", "direction", "duration_s", "moving_s", "drift")
+        columns = [x.tolist() for x in (c.q0, c.stop, c.direction, c.duration, c.moving, self.drift)]
         return {
             "verdict": self.verdict.name,
             "trend": self.trend.name,
@@ -287,12 +281,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
             "tool_path_residual_m": c.residual.tolist(),
             "tool_path_residual_by_sampling_m": c.sampling,
             "cycles_left_out": c.left_out,
-            "cycles": [
-                {"start_sample": float(a), "stop_sample": float(b), "direction": int(d), "duration_s": float(s),
-                 "moving_s": float(m), "drift": drift.tolist()}
-                for a, b, d, s, m, drift in zip(
-                    c.q0, c.stop, c.direction, c.duration, c.moving, self.drift, strict=True)
-            ],
+            "cycles": [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)],
             "drift_since_start": self.since_start.tolist(),
             "worst_joint": self.worst_joint,
             "unknown_turns": [
@@ -320,11 +309,11 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
                 for name, t in self.trends.items()
             },
             "between_cycles": vars(self.between),
-            "forward_and_back": None if self.by_way is None else vars(self.by_way),
-            "fast_and_slow": None if self.by_speed is None else vars(self.by_speed),
-            "at_crossings": None if self.at_crossings is None else vars(self.at_crossings),
+            "forward_and_back": self.by_way and vars(self.by_way),
+            "fast_and_slow": self.by_speed and vars(self.by_speed),
+            "at_crossings": self.at_crossings and vars(self.at_crossings),
             "limit": None if limit is None else {"joint": limit[0], "cycles": limit[1], "range": self.limit_range},
-        }  # fmt: skip
+        }
 
 
 def not_tested(audit: LogAudit) -> list[str]:
@@ -362,9 +351,9 @@ def _differs(audit: LogAudit) -> str:
     if audit.between.beyond or any(t.beyond for t in audit.trends.values()):
         gap = audit.between
         size = max(gap.value, *(t.change for t in audit.trends.values())) if not gap.beyond else gap.value
-        at = f" ({gap.joint}, at {100 * gap.phase:.0f} % of the cycle)" if gap.beyond else ""
+        place = f" ({gap.joint}, at {100 * gap.phase:.0f} % of the cycle)" if gap.beyond else ""
         parts.append(
-            f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{at}{_of_late(audit)}"
+            f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{place}{_of_late(audit)}"
         )
         parts += _winding_words(
             audit.since_start[-1], audit.robot, len(audit.cycles), audit.tolerance + audit.noise_floor
@@ -384,9 +373,9 @@ def _of_late(audit: LogAudit) -> str:
     if t.trend is Trend.ALTERNATES or np.isnan(t.ratio):
         alike = audit.visits[(audit.cycles.direction == audit.cycles.direction[-1])]
         gap = np.abs(alike[-1] - alike[-2]) if len(alike) > 1 else np.abs(audit.drift[-1:])
-        at, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
-        where = f"{names[joint]}, at {100 * phase[at]:.0f} % of the cycle"
-        return f"; in the last two cycles they are {gap[at, joint]:.3g} apart ({where})"
+        p, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
+        where = f"{names[joint]}, at {100 * phase[p]:.0f} % of the cycle"
+        return f"; in the last two cycles they are {gap[p, joint]:.3g} apart ({where})"
     joint = int(np.argmax(np.abs(t.rate)))
     rate, error = abs(float(t.rate[joint])), float(t.rate_error[joint])
     if rate <= error:
@@ -401,13 +390,13 @@ def _of_late(audit: LogAudit) -> str:
 def _undecided(audit: LogAudit) -> str:
     if len(audit.unknown_turns):
         return f"cannot tell: {_turns_words(audit.recording, audit.unknown_turns)}"
-    open_ = max(audit.trends.values(), key=lambda t: t.change_range[1])
-    if open_.change_range[1] > audit.tolerance:
-        least, most = open_.change_range
+    widest = max(audit.trends.values(), key=lambda t: t.change_range[1])
+    if widest.change_range[1] > audit.tolerance:
+        fewest, most = widest.change_range
         return (
-            f"cannot tell: over the cycles the joints change by about {open_.change:.2g} rad or m, which may be "
-            f"{least:.2g} to {most:.2g} ({_SURE} confidence), and the tolerance is {audit.tolerance:g}: log about "
-            f"{open_.cycles_needed} cycles, or with less noise"
+            f"cannot tell: over the cycles the joints change by about {widest.change:.2g} rad or m, which may be "
+            f"{fewest:.2g} to {most:.2g} ({_SURE} confidence), and the tolerance is {audit.tolerance:g}: log about "
+            f"{widest.cycles_needed} cycles, or with less noise"
         )
     trend = max(audit.trends.values(), key=lambda t: t.detectable)
     hidden = f"a drift of up to {_rate_words(audit.detectable)} may hide"
@@ -421,6 +410,7 @@ def _undecided(audit: LogAudit) -> str:
 
 def _trend_said(audit: LogAudit) -> str:
     """How the change goes on, and by what; nothing where there is none to speak of."""
+    # The words for the gravest trend, and by which factor the change goes on.
     t, kind = audit.leading, audit.trend
     low, high = t.ratio_range
     last = f"the last {t.latest} changes from one cycle to the next"
@@ -428,22 +418,21 @@ def _trend_said(audit: LogAudit) -> str:
     if kind is Trend.NONE or (kind is Trend.CANNOT_TELL and audit.verdict is LogVerdict.UNDECIDED):
         return ""
     if t.trend is not kind:  # of single cycles, or scatter
-        said = {
+        words = {
             Trend.GOES_ON: "goes on: each of the last cycles leaves the joints elsewhere",
             Trend.FADES: "fades: the first cycles leave the joints elsewhere, the last do not",
-        }.get(kind, "cannot tell: the joints scatter, with no trend over the cycles")
-        return f"Trend: {said}"
-    if kind is Trend.GOES_ON:
-        return f"Trend: goes on: {last} are not zero and do not fade {factor}{_ahead(audit)}"
-    if kind is Trend.ALTERNATES:
-        return (
-            f"Trend: alternates: {last} change sign and do not fade {factor}; the joints come back every second cycle "
-            "only"
-        )
-    if kind is Trend.FADES:
-        return f"Trend: fades: {last} " + (
-            f"go on fading {factor}" if np.isfinite(t.ratio) else "show no change beyond tolerance and noise"
-        )
+        }
+        return f"Trend: {words.get(kind, 'cannot tell: the joints scatter, with no trend over the cycles')}"
+    ahead = _ahead(audit) if kind is Trend.GOES_ON else ""
+    fading = f"go on fading {factor}" if np.isfinite(t.ratio) else "show no change beyond tolerance and noise"
+    words = {
+        Trend.GOES_ON: f"goes on: {last} are not zero and do not fade {factor}{ahead}",
+        Trend.ALTERNATES: f"alternates: {last} change sign and do not fade {factor}; the joints come back every second "
+        "cycle only",
+        Trend.FADES: f"fades: {last} {fading}",
+    }
+    if kind in words:
+        return f"Trend: {words[kind]}"
     if t.latest == 0 or not np.isfinite(t.ratio):
         why = f"{len(audit.cycles)} cycles do not show whether the change goes on, fades, alternates or is scatter"
     else:
@@ -464,13 +453,12 @@ def _ahead(audit: LogAudit) -> str:
     return text
 
 
+# Default distance [rad or m] of joints that counts as equal, on top of the noise floor: a millimetre at a metre's
+# reach, below which the backlash of usual gears hides everything. A drift of as much per cycle must be excluded
+# before the joints are called the same; a smaller change that is seen is named.
 TOLERANCE = 1e-3
-"""Default distance [rad or m] of joints that counts as equal, on top of the noise floor: a millimetre at a metre's
-reach, below which the backlash of usual gears hides everything. A drift of as much per cycle must be excluded before
-the joints are called the same; a smaller change that is seen is named."""
 
-SPEEDS = 1.2
-"""Cycles whose moving times differ by more than this factor count as fast and slow."""
+SPEEDS = 1.2  # cycles whose moving times differ by more than this factor count as fast and slow
 
 
 @typed
@@ -510,12 +498,14 @@ def audit_recording(
         raise ShapeError("q of the recording", ("k", robot.n), recording.q.shape, "read it with the same robot")
     if recording.unknown_turns is None:
         recording = joined_turns(recording, robot)
+    # The cycles. Joints whose turns the log does not show are compared modulo a turn.
     task, axes = task_of_tool(robot, tip, orientation, axis, recording.q[0])
     cycles = find_cycles(recording, robot, tip=tip, axes=axes, length_scale=length_scale)
     unknown, within = _unknown_turns(recording, cycles)
-    turning = np.isin(np.arange(robot.n), unknown[:, 1])  # of these joints, whole turns are not counted
+    turning = np.isin(np.arange(robot.n), unknown[:, 1])
     if turning.any():
         cycles = replace(cycles, q=cycles.q[0] + less_turns(cycles.q - cycles.q[0], turning))
+    # The visits: postures moved to the poses of the first cycle, by how much, and what encoder noise makes of them.
     count, poses, n = cycles.q.shape
     place, turn = robot.pose_batch(cycles.q[0], tip)
     place[-1], turn[-1] = place[0], turn[0]
@@ -529,40 +519,44 @@ def audit_recording(
     noise, of_joints, of_moves = encoder_noise(
         jacobian, axes, np.gradient(cycles.q.mean(axis=0), axis=0), weights, encoder_levels(recording.q)
     )
+    # The floor: the joint distance that moves of the tool and encoder noise explain.
     pairs = max(count * (count - 1) // 2, 1)
     widest = quantile((1 - CONFIDENCE) / (pairs * poses * axes.shape[2]), np.inf) * np.sqrt(2)
-    between_moves = np.linalg.norm(spread(visits - cycles.q), axis=1)  # shifts of the tool, which spare joints follow
+    between_moves = np.linalg.norm(
+        np.ptp(visits - cycles.q, axis=0), axis=1
+    )  # shifts of the tool, which spare joints follow
     by_shifts = np.sqrt(np.maximum(between_moves**2 - 2 * (SHIFT * of_moves) ** 2, 0.0))
     floor = np.maximum(moved.max(axis=0), LEAF_SLOPE * by_shifts) + widest * of_joints.max(axis=1)
     floor[[0, -1]] = floor[[0, -1]].max()
     drift = less_turns(visits[:, -1] - visits[:, 0], turning) * cycles.direction[:, None]
-    groups = _groups(cycles)
-
-    digits = rounding_of(recording.q)
+    # The trend of the cycles of each direction and speed.
+    groups, digits = _groups(cycles), rounding_of(recording.q)
 
     def judged(members: Indices) -> DriftTrend:
-        joints, at = visits[members, :-1], slice(0, -1)
+        joints, poses_used = visits[members, :-1], slice(0, -1)
         moves, when = joints - cycles.q[members, :-1], members
         if len(members) < FEWEST and members[-1] - members[0] < len(members):  # at the start there is one visit more
             closed = np.vstack([np.zeros(n), np.cumsum(drift[members], axis=0)])
-            joints, at = (visits[members[0], 0] + closed)[:, None], slice(0, 1)
+            joints, poses_used = (visits[members[0], 0] + closed)[:, None], slice(0, 1)
             moves, when = np.zeros_like(joints), np.arange(len(members) + 1)
-        kind = Visits(joints, axes[at], when.astype(float), moves, noise[at], of_moves[at])
-        return judge(kind, tolerance, floor=float(floor[at].max()), share=1 / len(groups), rounding=digits)
+        scatter = noise[poses_used], of_moves[poses_used]
+        kind = Visits(joints, axes[poses_used], when.astype(float), moves, *scatter)
+        return judge(kind, tolerance, floor=float(floor[poses_used].max()), share=1 / len(groups), rounding=digits)
 
     trends = {name: judged(members) for name, members in groups.items()}
     if len(ways) == 1 and len(trends) > 1 and any(t.trend is Trend.CANNOT_TELL for t in trends.values()):
         together = judged(np.arange(count))  # a drift at all speeds shows in all cycles together
         trends = {"at all speeds": together} if together.trend is Trend.GOES_ON else trends
+    # The distances of postures at equal poses: between cycles, by direction, by speed, at crossings of the path.
     allowed = tolerance + floor
 
     def distance(gap: Matrix, allowed: Vector = allowed, phase: Vector = cycles.phase) -> Distance:
         over = np.abs(gap).max(axis=1) - allowed
-        at = int(np.argmax(over)) if over.max() > 0 else int(np.argmax(np.abs(gap).max(axis=1)))
-        joint = int(np.argmax(np.abs(gap[at])))
-        return Distance(float(abs(gap[at, joint])), robot.joint_names[joint], float(phase[at]), bool(over.max() > 0))
+        p = int(np.argmax(over if over.max() > 0 else np.abs(gap).max(axis=1)))
+        joint = int(np.argmax(np.abs(gap[p])))
+        return Distance(float(abs(gap[p, joint])), robot.joint_names[joint], float(phase[p]), bool(over.max() > 0))
 
-    between = distance(np.max([spread(visits[cycles.direction == way]) for way in ways], axis=0))
+    between = distance(np.max([np.ptp(visits[cycles.direction == way], axis=0) for way in ways], axis=0))
     by_way = by_speed = None
     if len(ways) == 2:
         by_way = distance(visits[cycles.direction > 0][-1] - visits[cycles.direction < 0][-1])
@@ -574,18 +568,22 @@ def audit_recording(
     for way in ways:
         pair = [np.flatnonzero(fits & (cycles.direction == way)) for fits in speeds.values()]
         if all(len(members) for members in pair):
-            found = distance(visits[pair[0][-1]] - visits[pair[1][-1]])
-            by_speed = found if by_speed is None or found.value > by_speed.value else by_speed
+            apart = distance(visits[pair[0][-1]] - visits[pair[1][-1]])
+            by_speed = apart if by_speed is None or apart.value > by_speed.value else by_speed
     at_crossings = None
     first, second = crossings(cycles)
     if len(first):
-        here, there = cycles.path.posture(first), cycles.path.posture(second)
-        met, more = to_pose(task, there, *robot.pose_batch(here, tip))
-        phase = np.interp(first, *_rising(cycles.s[-1], cycles.phase))
-        at_crossings = distance(less_turns(met - here, turning), tolerance + more + widest * of_joints.max(), phase)
+        q_first, q_second = cycles.path.posture(first), cycles.path.posture(second)
+        moved_there, more = to_pose(task, q_second, *robot.pose_batch(q_first, tip))
+        way = 1 if cycles.s[-1, -1] > cycles.s[-1, 0] else -1
+        phase = np.interp(first, cycles.s[-1, ::way], cycles.phase[::way])
+        at_crossings = distance(
+            less_turns(moved_there - q_first, turning), tolerance + more + widest * of_joints.max(), phase
+        )
+    # The verdict.
     closing = _closing(drift, cycles, tolerance + float(floor[0])) if len(ways) == 2 else Trend.NONE
-    apart = (between, by_way, by_speed, at_crossings)
-    differs = closing is not Trend.NONE or any(d is not None and d.beyond for d in apart)
+    distances = (between, by_way, by_speed, at_crossings)
+    differs = closing is not Trend.NONE or any(d is not None and d.beyond for d in distances)
     if within:  # a posture between two samples may be a whole turn off
         verdict = LogVerdict.UNDECIDED
     elif differs or any(t.beyond for t in trends.values()):
@@ -594,24 +592,8 @@ def audit_recording(
         verdict = LogVerdict.UNDECIDED
     else:
         verdict = LogVerdict.REPEATS
-    return LogAudit(
-        robot,
-        recording,
-        task,
-        cycles,
-        tolerance,
-        visits,
-        floor,
-        drift,
-        trends,
-        closing,
-        between,
-        by_way,
-        by_speed,
-        at_crossings,
-        verdict,
-        unknown,
-    )
+    measured = (visits, floor, drift, trends, closing)
+    return LogAudit(robot, recording, task, cycles, tolerance, *measured, *distances, verdict, unknown)
 
 
 def _unknown_turns(recording: Recording, cycles: Cycles) -> tuple[Indices, bool]:
@@ -621,14 +603,14 @@ def _unknown_turns(recording: Recording, cycles: Cycles) -> tuple[Indices, bool]
     if places is None or not len(places):
         return np.empty((0, 2), np.intp), False
     after, before = places[:, 0] + 1 > cycles.q0.min(), places[:, 0] < cycles.stop.max()
-    found = places[after & before]
-    step = found[:, :1]
-    return found, bool(((step + 1 > cycles.q0) & (step < cycles.stop)).any())
+    unknown = places[after & before]
+    step = unknown[:, :1]
+    return unknown, bool(((step + 1 > cycles.q0) & (step < cycles.stop)).any())
 
 
 def task_of_tool(
     robot: Robot, tip: str | None, orientation: bool | None, axis: Axis | ArrayLike | None, q: Vector
-) -> tuple[Task, Matrix]:  # fmt: skip
+) -> tuple[Task, Matrix]:
     """(what the tool of a log does, the axes (3, a) whose directions belong to it), as `audit_recording` says them.
 
     Raises: ArgumentError: an axis beside an orientation.
@@ -636,19 +618,11 @@ def task_of_tool(
     if axis is not None:
         if orientation is not None:
             raise ArgumentError("axis beside orientation", axis, "give one of them")
-        return _about(robot, tip, axis, q)
+        # The tool may spin about the axis, whose direction counts from that at q.
+        task = pose(robot, "axis", reference=robot.pose(q, tip)[:3, :3], axis=axis, tip=tip)
+        return task, parts_of(task)[0].axis[:, None]
     whole = robot.n > (3 if robot.planar else 6) if orientation is None else orientation
     return (pose(robot, tip=tip), WHOLE) if whole else (position(robot, tip), FREE)
-
-
-def _about(robot: Robot, tip: str | None, axis: Axis | ArrayLike, q: Vector) -> tuple[Task, Matrix]:
-    """(the task of a tool that may spin about an axis, the axis (3, 1)); its direction counts from that at q."""
-    task = pose(robot, "axis", reference=robot.pose(q, tip)[:3, :3], axis=axis, tip=tip)
-    return task, parts_of(task)[0].axis[:, None]
-
-
-def _rising(x: Vector, y: Vector) -> tuple[Vector, Vector]:
-    return (x, y) if x[-1] > x[0] else (x[::-1], y[::-1])
 
 
 def _speed(cycles: Cycles) -> Vector:
@@ -661,26 +635,28 @@ def _speed(cycles: Cycles) -> Vector:
 
 def _closing(drift: Matrix, cycles: Cycles, allowed: float) -> Trend:
     """Whether cycles of one direction leave the joints elsewhere, each by itself: still at the end, or no more."""
-    found = Trend.NONE
+    trend = Trend.NONE
     for way in (1, -1):
-        mine = drift[cycles.direction == way]
-        if np.abs(mine[len(mine) // 2 :].mean(axis=0)).max() > allowed:
+        drifts = drift[cycles.direction == way]
+        if np.abs(drifts[len(drifts) // 2 :].mean(axis=0)).max() > allowed:
             return Trend.GOES_ON
-        if np.abs(mine).max() > allowed:
-            found = Trend.FADES
-    return found
+        if np.abs(drifts).max() > allowed:
+            trend = Trend.FADES
+    return trend
 
 
 def _groups(cycles: Cycles) -> dict[str, Indices]:
-    """Cycles of one direction and speed, whose drifts can follow one law; groups of one cycle only if all are so."""
+    """Cycles of one direction and speed, whose drifts may go on alike; groups of one cycle only if all are so."""
     groups = {}
     for way, name in ((1, "forward"), (-1, "backward")):
-        mine = cycles.direction == way
-        parts = {f"{name}{tail}": np.flatnonzero(mine & (_speed(cycles) == speed))
-                 for speed, tail in ((0, ""), (1, ", fast"), (-1, ", slow"))}  # fmt: skip
+        same_way = cycles.direction == way
+        parts = {
+            f"{name}{tail}": np.flatnonzero(same_way & (_speed(cycles) == speed))
+            for speed, tail in ((0, ""), (1, ", fast"), (-1, ", slow"))
+        }
         several = {key: members for key, members in parts.items() if len(members) > 1}
         if several:
             groups |= several
-        elif mine.any():
-            groups[name] = np.flatnonzero(mine)
+        elif same_way.any():
+            groups[name] = np.flatnonzero(same_way)
     return groups

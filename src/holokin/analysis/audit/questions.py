@@ -89,26 +89,20 @@ def to_pose(task: Task, q: Matrix, position: Matrix, rotation: Array) -> tuple[M
     return q + move, np.abs(move).max(axis=1)
 
 
-def spread(visits: Array) -> Matrix:
-    """Largest distance of each joint between visits (c, P, n) of the same poses -> (P, n)."""
-    return visits.max(axis=0) - visits.min(axis=0)
-
-
 # --- Loops of the tool in the plane of two task rows, and the area that a loop encloses in each such plane.
 #
 # The drift of a small loop is the sum over the planes (i, j) of enclosed area times curvature F_ij (theory 1.1): a loop
 # sees only the curvature of the planes in which it encloses area.
 
+# Sides of a loop: 0.1 m like the other loops of an audit; 0.2 rad is a like motion for an arm's joints, and small
+# enough that turns about different axes commute up to a tenth.
 SIDES = {"m": 0.1, "rad": 0.2}
-"""Sides of a loop: 0.1 m like the other loops of an audit; 0.2 rad is a like motion for an arm's joints, and small
-enough that turns about different axes commute up to a tenth."""
 
+# Area, as a share of the largest that one of the loops encloses in any plane, from which a plane counts as looked at:
+# there a tolerance on the drift allows ten times the curvature.
 ENCLOSED = 0.1
-"""Area, as a share of the largest that one of the loops encloses in any plane, from which a plane counts as looked at:
-there a tolerance on the drift allows ten times the curvature."""
 
-LEAST = 1e-4
-"""Area, as a share of that of `SIDES`, below which a loop encloses nothing: 1 mm by 1 mm."""
+LEAST = 1e-4  # area, as a share of that of `SIDES`, below which a loop encloses nothing: 1 mm by 1 mm
 
 
 def plane_name(task: Task, i: int, j: int) -> str:
@@ -129,12 +123,10 @@ def _area_unit(task: Task, i: int, j: int) -> str:
 
 def _steps(task: Task, position: Vector, rotation: Matrix, rows: tuple[int, int], size: float) -> list[Vector]:
     """The least twists (6,) of a tool at a pose that change one of two task rows each, by the sides of a loop.
-
-    Raises:
-        SingularityError where the representation is singular.
-    """
+    Raises: SingularityError where the representation is singular."""
     twists = np.asarray(np.linalg.pinv(_rates(task, rotation)).T, dtype=float)
-    return [size * _signed(task, k, position) * twists[k] for k in rows]
+    inward = [-1.0 if (row := task.rows[k]) < 3 and position[row] > 0 else 1.0 for k in rows]
+    return [size * sign * SIDES[task.units[k]] * twists[k] for sign, k in zip(inward, rows, strict=True)]
 
 
 def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float = 1.0) -> Path:
@@ -143,10 +135,7 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     Position rows move towards the robot's base first. With turns the last side is the shortest turn that closes the
     loop; it differs from that of a rectangle by the product of the sides, so that the area in other planes is smaller
     by the size of the loop. One row alone (i = j) gives the path there and back.
-
-    Raises:
-        SingularityError where the representation is singular.
-    """
+    Raises: SingularityError where the representation is singular."""
     from scipy.spatial.transform import Rotation
 
     a, b = _steps(task, position, rotation, (i, j), size)
@@ -158,26 +147,14 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     return polyline(corners, turns=turns, closed=True)
 
 
-def _plane_path(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float, stairs: int) -> Path:
-    """From a corner of `plane_loop` to the opposite one: in so many stairs along rows i and j, straight for none.
-
-    Raises:
-        SingularityError where the representation is singular.
-    """
-    a, b = _steps(task, position, rotation, (i, j), size)
-    steps = np.tile([a, b], (stairs, 1)) / stairs if stairs else np.array([a + b])
-    corners = position + np.vstack([np.zeros(3), np.cumsum(steps[:, :3], axis=0)])
-    return polyline(list(corners), turns=list(steps[:, 3:]))
-
-
 def enclosed(task: Task, path: Path, start_rotation: Matrix) -> Matrix:
     """Area (m, m) that a closed path encloses in each plane of task rows, as a share of that of `plane_loop`.
 
     A_ij = 1/2 of the integral of x_i dx_j - x_j dx_i, x the tool's way from its start in the task rows, to first
     order in the turns.
     """
-    at = path.at(np.linspace(0.0, path.duration, 2001))
-    x = np.hstack([at.position - path.start, rotation_vector(at.rotation)]) @ _rates(task, start_rotation).T
+    samples = path.at(np.linspace(0.0, path.duration, 2001))
+    x = np.hstack([samples.position - path.start, rotation_vector(samples.rotation)]) @ _rates(task, start_rotation).T
     x /= [SIDES[unit] for unit in task.units]
     after = np.roll(x, -1, axis=0)
     return (x.T @ after - after.T @ x) / 2
@@ -186,14 +163,8 @@ def enclosed(task: Task, path: Path, start_rotation: Matrix) -> Matrix:
 def looked_at(task: Task, paths: list[Path], start_rotation: Matrix) -> dict[tuple[int, int], float]:
     """The planes in which one of the paths encloses area, with the largest share of `enclosed`."""
     areas = np.max([np.abs(enclosed(task, path, start_rotation)) for path in paths], axis=0)
-    least = max(ENCLOSED * float(areas.max()), LEAST)
-    return {(i, j): float(areas[i, j]) for i, j in pairs(task.m) if areas[i, j] >= least}
-
-
-def _signed(task: Task, k: int, position: Vector) -> float:
-    row = task.rows[k]
-    towards_base = -1.0 if row < 3 and position[row] > 0 else 1.0
-    return towards_base * SIDES[task.units[k]]
+    threshold = max(ENCLOSED * float(areas.max()), LEAST)
+    return {(i, j): float(areas[i, j]) for i, j in pairs(task.m) if areas[i, j] >= threshold}
 
 
 def _rates(task: Task, rotation: Matrix) -> Array:
@@ -206,37 +177,36 @@ def _rates(task: Task, rotation: Matrix) -> Array:
 
 Answer = tuple[str, dict[str, float]]
 
-NO_DRIFT = 1e-5
-"""Drift [joint units] of a loop of 0.07 m by 0.07 m that is none: a curvature of 0.002 per square metre."""
+NO_DRIFT = 1e-5  # drift [joint units] of a loop of 0.07 m by 0.07 m that is none: a curvature of 0.002 per square metre
 
+# Tool error, as a share of the loop's reach from its start, beyond which the law did not go round the loop: a law
+# that stands still, or leaves the orientation alone, drifts nowhere. Soft laws with errors of 3 cm on 0.14 m still
+# count.
 FOLLOWED = 0.3
-"""Tool error, as a share of the loop's reach from its start, beyond which the law did not go round the loop: a law that
-stands still, or leaves the orientation alone, drifts nowhere. Soft laws with errors of 3 cm on 0.14 m still count."""
 
+# Sizes of the loop in a plane, as a share of `planes.SIDES`: where the tool cannot go round one, the next is tried.
 SIZES = (1.0, 0.5, 0.25)
-"""Sizes of the loop in a plane, as a share of `planes.SIDES`: where the tool cannot go round one, the next is tried."""
 
+# Size of the small loops, and half of it, as a share of `planes.SIDES`: 0.07 m or 0.14 rad, of an area like that of a
+# circle of 0.04 m in radius.
 SMALL = 0.7
-"""Size of the small loops, and half of it, as a share of `planes.SIDES`: 0.07 m or 0.14 rad, of an area like that of a
-circle of 0.04 m in radius."""
 
+# Change up to which a law is of the form dq = G(q) x', as a share of a small loop's drift: of that drift when the
+# loop is reversed, when it is gone round at half the speed, and of where the joints end when stairs replace a line.
+# There each is 0 but for terms of higher order in the size and for the error of the step: 0.015, 0.0005 and 0.003
+# were met.
 TURNED, HURRIED, BENT = 0.5, 0.05, 0.05
-"""Change up to which a law is of the form dq = G(q) x', as a share of a small loop's drift: of that drift when the loop
-is reversed, when it is gone round at half the speed, and of where the joints end when stairs replace a line. There
-each is 0 but for terms of higher order in the size and for the error of the step: 0.015, 0.0005 and 0.003 were met."""
 
-STAIRS = 8
-"""Stairs instead of a straight line, and twice as many: a side of 7 cm in 4 s is then 6 steps of 0.02 s long."""
+STAIRS = 8  # stairs instead of a straight line, and twice as many: a side of 7 cm in 4 s is then 6 steps of 0.02 s long
 
+# Ratio of the drifts of two small loops, one twice as large, that is near to 4, that of their areas: half-way, on a
+# scale of ratios, to 2, that of lengths, and to 8, that of a curvature that is 0 at the start and rises from there.
 AREA = (2.8, 5.6)
-"""Ratio of the drifts of two small loops, one twice as large, that is near to 4, that of their areas: half-way, on a
-scale of ratios, to 2, that of lengths, and to 8, that of a curvature that is 0 at the start and rises from there."""
 
+# Drift of the smaller loop, as a share of the larger one's, below which the larger one is reversed and slowed.
 LEAST_SMALL = 0.02
-"""Drift of the smaller loop, as a share of the larger one's, below which the larger one is reversed and slowed."""
 
-ALIKE = 1e-6
-"""Difference of two answers, as a share of the answer, up to which they are the same."""
+ALIKE = 1e-6  # difference of two answers, as a share of the answer, up to which they are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,20 +226,18 @@ class AuditSetup:
         """The tool pose (4, 4) at the start."""
         return self.task.pose(self.q0)
 
-    def run(self, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
-        """One run of the law. Raises: ControllerError."""
-        return self.run_of(self.law, path, q0, cycles=cycles, dt=dt)
-
-    def run_of(
-        self, law: ControlLaw, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None
+    def run(
+        self,
+        path: Path,
+        q0: Vector | None = None,
+        *,
+        cycles: int = 1,
+        dt: float | None = None,
+        law: ControlLaw | None = None,
     ) -> Trajectory:
-        """One run of another law, such as this one watched. Raises: ControllerError."""
-        begin = self.q0 if q0 is None else q0
+        """One run of the law, or of another, such as this one watched. Raises: ControllerError."""
+        begin, law = self.q0 if q0 is None else q0, law or self.law
         return simulate(law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
-
-    def first_walk(self, path: Path) -> Trajectory:
-        """All cycles round a loop. Raises: ControllerError."""
-        return self.run(path, cycles=self.cycles)
 
     def loop(self, plane: tuple[int, int], scale: float = 1.0) -> Path:
         """`plane_loop` from the start. Raises: SingularityError."""
@@ -277,17 +245,16 @@ class AuditSetup:
 
     def went_round(self, walk: Trajectory, path: Path) -> str:
         """Why the tool did not go along the path; empty if it did."""
-        at = path.at(np.linspace(0.0, path.duration, 65))
+        samples = path.at(np.linspace(0.0, path.duration, 65))
         reach = {
-            "m": float(np.linalg.norm(at.position - path.start, axis=1).max()),
-            "rad": float(np.linalg.norm(rotation_vector(at.rotation), axis=1).max()),
+            "m": float(np.linalg.norm(samples.position - path.start, axis=1).max()),
+            "rad": float(np.linalg.norm(rotation_vector(samples.rotation), axis=1).max()),
         }
         for unit, far in reach.items():
             off = walk.tracking_error(unit)
             if off > FOLLOWED * far and off > self.tolerance:
-                return (
-                    f"the tool did not follow: up to {off:.3g} {unit} off, on a path that leads {far:.3g} {unit} away"
-                )
+                where = f"up to {off:.3g} {unit} off, on a path that leads {far:.3g} {unit} away"
+                return f"the tool did not follow: {where}"
         return ""
 
 
@@ -298,6 +265,7 @@ def largest(difference: Vector) -> float:
 
 def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
     """Drift per cycle and after all, how it goes on, and the worst tracking. Raises: ControllerError."""
+    # All cycles, and the first one with half the step: the step's share of the drift falls with the step.
     walk = setup.run(path, cycles=setup.cycles)
     unfollowed = setup.went_round(walk, path)
     if unfollowed:
@@ -306,12 +274,11 @@ def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
     fine = setup.run(path, dt=setup.dt / 2)
     each = np.abs(walk.drift()).max(axis=1)
     total = largest(walk.drift_since_start()[-1])
-    finer = fine.drift()[0]
-    law = largest(2 * finer - walk.drift()[0])  # the step's share falls with the step: this is what is left of it
-    metrics = {
-        "first": float(each[0]), "last": float(each[-1]), "after_all": total, "first_without_step": law,
-        "tracking_m": walk.tracking_error(), "tracking_rad": walk.tracking_error("rad"),
-    }  # fmt: skip
+    without_step = 2 * fine.drift()[0] - walk.drift()[0]
+    metrics = {"first": float(each[0]), "last": float(each[-1]), "after_all": total}
+    metrics |= {"first_without_step": largest(without_step)}
+    metrics |= {"tracking_m": walk.tracking_error(), "tracking_rad": walk.tracking_error("rad")}
+    # In words.
     track = f"tracks to {1e3 * metrics['tracking_m']:.3g} mm"
     if walk.tracking_error("rad") > 0:
         track += f", {metrics['tracking_rad']:.2g} rad"
@@ -322,7 +289,7 @@ def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
         Repeatability.DRIFTS: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.3g} in cycle {setup.cycles}, "
         f"{total:.3g} in all",
     }
-    wound = whole_turns(2 * finer - walk.drift()[0], walk.joint_units, setup.tolerance)
+    wound = whole_turns(without_step, walk.joint_units, setup.tolerance)
     turned = [f"{name} by {k:+d}" for name, k in zip(walk.joint_names, wound, strict=True) if k]
     if turned:
         track = f"whole turns in the first cycle: {', '.join(turned)}; {track}"
@@ -394,7 +361,7 @@ def ask_plane(setup: AuditSetup, plane: tuple[int, int]) -> PlaneDrift:
 
 def _plane_drift(
     setup: AuditSetup, plane: tuple[int, int], name: str, path: Path, walk: Trajectory, size: float
-) -> PlaneDrift:  # fmt: skip
+) -> PlaneDrift:
     drift = walk.drift()[0]
     as_run = largest(drift)
     if as_run > NO_DRIFT:
@@ -415,23 +382,23 @@ def tell_planes(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> Answer:
     """The planes in one sentence: the worst, and those that were not tested."""
     worst = worst_plane(planes)
     metrics = {p.name: p.drift for p in planes if p.tested and np.isfinite(p.drift)}
-    said = []
+    parts = []
     if worst is not None:
         long = zip(sides(setup.task, *worst.plane, worst.size), worst.plane, strict=True)
         a, b = (f"{side:g} {setup.task.units[k]}" for side, k in long)
         metrics["worst_per_area"] = worst.per_area
-        said.append(
+        parts.append(
             f"{len(metrics) - 1} of {len(planes)} tested, one loop each: the largest drift, {worst.drift:.2g}, is in "
             f"{worst.name}, with a loop of {a} by {b} ({worst.per_area:.3g} {worst.unit})"
         )
         if step_alone(worst.as_run, worst.drift, setup.tolerance):
-            said[-1] += f" ({worst.as_run:.2g} with the error of the step)"
+            parts[-1] += f" ({worst.as_run:.2g} with the error of the step)"
     elif any(p.tested for p in planes):
-        said.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
+        parts.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
     elif not planes:
-        said.append("a task of one row has none: every closed path goes there and back")
-    said += [f"NOT tested: {told}" for told in by_reason([p for p in planes if not p.failed])]
-    return "; ".join(said), metrics
+        parts.append("a task of one row has none: every closed path goes there and back")
+    parts += [f"NOT tested: {reason}" for reason in by_reason([p for p in planes if not p.failed])]
+    return "; ".join(parts), metrics
 
 
 def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
@@ -455,10 +422,7 @@ def ask_two_paths(setup: AuditSetup, path: Path) -> Answer:
 
 def ask_speed(setup: AuditSetup, path: Path) -> Answer:
     """The same half loop at half and at twice the speed; the step is scaled along, so its error is not counted.
-
-    Raises:
-        ControllerError.
-    """
+    Raises: ControllerError."""
     half = path.part(0.0, 0.5)
     ends = [setup.run(half.at_speed(path.speed * k, path.angular_speed * k)).q[-1] for k in (0.5, 1.0, 2.0)]
     scaled = setup.run(half.at_speed(path.speed * 2, path.angular_speed * 2), dt=setup.dt / 2).q[-1]
@@ -466,17 +430,14 @@ def ask_speed(setup: AuditSetup, path: Path) -> Answer:
     step = 2 * largest(ends[2] - scaled)
     same = apart <= setup.tolerance + step
     metrics = {"apart": apart, "of_the_step": step}
-    said = f"the joints {'do not depend' if same else 'depend'} on the speed"
+    verdict = f"the joints {'do not depend' if same else 'depend'} on the speed"
     ends = f"at half and at twice the speed they end at most {apart:.2g} from where they end at the normal speed"
-    return f"{said}: {ends}", metrics
+    return f"{verdict}: {ends}", metrics
 
 
 def ask_start(setup: AuditSetup, path: Path) -> Answer:
     """From another posture with the same tool pose: does the difference stay, or does the law forget it?
-
-    Raises:
-        ControllerError.
-    """
+    Raises: ControllerError."""
     if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
     curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1, limits=bool(setup.task.robot.within(setup.q0)))
@@ -485,9 +446,9 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
     ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.q0, other)]
     after = largest(ends[1] - ends[0])
     metrics = {"before": before, "after": after}
-    said = "forgets" if after < 0.5 * before else "keeps"
+    verdict = "forgets" if after < 0.5 * before else "keeps"
     two = f"two runs, from different postures, are {before:.2g} apart at first and {after:.2g} apart"
-    return f"{said} its start: {two} after {setup.cycles} cycles", metrics
+    return f"{verdict} its start: {two} after {setup.cycles} cycles", metrics
 
 
 def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
@@ -495,12 +456,10 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
 
     And does it go as well by fine stairs as straight, as it does where dq is linear in x'? Then a loop drifts by
     area times curvature: as the size squared where that is alike all over the loop, else as it may.
-
-    Raises:
-        ControllerError, SingularityError.
-    """
+    Raises: ControllerError, SingularityError."""
     if plane is None:
         return "not asked: a task of one row has no plane to loop in", {}
+    # Two sizes of the loop; the smaller one that drifts well is gone round backward and slowly, too.
     name = plane_name(setup.task, *plane)
     (big, shared), (small, _) = (_loop_drift(setup, plane, scale) for scale in (SMALL, SMALL / 2))
     larger = largest(small) < LEAST_SMALL * largest(big)  # then the small one is next to its own round-off and step
@@ -509,10 +468,8 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     slow, _ = _loop_drift(setup, plane, scale, seconds=8.0)
     size = max(largest(forward), 1e-15)
     a, b = sides(setup.task, *plane, scale)
-    metrics = {
-        "ratio": largest(big) / max(largest(small), 1e-15), "turned": largest(forward + back) / size,
-        "hurried": largest(forward - slow) / size, "drift_per_area": size / (a * b),
-    }  # fmt: skip
+    metrics = {"ratio": largest(big) / max(largest(small), 1e-15), "drift_per_area": size / (a * b)}
+    metrics |= {"turned": largest(forward + back) / size, "hurried": largest(forward - slow) / size}
     metrics["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shared) else largest(big)
     if not metrics["drift"]:
         return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
@@ -521,15 +478,16 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
         f"the drift backward is {metrics['turned']:.0%} of the drift forward; half the speed changes the drift by "
         f"{metrics['hurried']:.0%}"
     )
+    # Stairs instead of straight lines are tried only where both are as dq = G(q) x' has them.
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
         change = f"change it by {metrics['stairs']:.0%}"
         facts += f", many small steps, each along one task row, instead of straight lines {change}"
     if not metrics.get("stairs", np.inf) < BENT:
-        law = "With this form, (1) a loop of twice the size drifts about 4 times as far where the curvature is about "
-        law += "constant, (2) the drifts forward and backward cancel, (3) another speed gives the same drift, (4) many "
-        law += "small steps, each along one task row, lead to the same joints as straight lines"
-        return f"not of the form dq = G(q) x', because the drifts do not fit it ({facts}). {law}", metrics
+        form = "With this form, (1) a loop of twice the size drifts about 4 times as far where the curvature is about "
+        form += "constant, (2) the drifts forward and backward cancel, (3) another speed gives the same drift, (4) "
+        form += "many small steps, each along one task row, lead to the same joints as straight lines"
+        return f"not of the form dq = G(q) x', because the drifts do not fit it ({facts}). {form}", metrics
     per = f"{metrics['drift_per_area']:.3g} per {_area_unit(setup.task, *plane)}"
     curved = ""
     if metrics["ratio"] >= AREA[1]:
@@ -543,9 +501,11 @@ def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> floa
     """How far joints by ever finer stairs end from those by the straight line, less the area between, which falls."""
     ends = []
     for stairs in (0, STAIRS, 2 * STAIRS):
-        path = _plane_path(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
-        slower = path.duration / 4.0
-        path = path.at_speed(path.speed * slower, path.angular_speed * slower)
+        # From a corner of `plane_loop` to the opposite one: in so many stairs along the two rows, straight for none.
+        a, b = _steps(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], plane, scale)
+        steps = np.tile([a, b], (stairs, 1)) / stairs if stairs else np.array([a + b])
+        corners = setup.tool[:3, 3] + np.vstack([np.zeros(3), np.cumsum(steps[:, :3], axis=0)])
+        path = _lasting(polyline(list(corners), turns=list(steps[:, 3:])), 4.0)
         q, finer = (setup.run(path, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))
         ends.append(2 * finer - q)
     straight, coarse, fine = ends
@@ -554,14 +514,18 @@ def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> floa
 
 def _loop_drift(
     setup: AuditSetup, plane: tuple[int, int], scale: float, *, backward: bool = False, seconds: float = 4.0
-) -> tuple[Vector, float]:  # fmt: skip
+) -> tuple[Vector, float]:
     """(drift (n,) of a small loop without the share of the step, that share)."""
     loop = setup.loop(plane, scale)
-    loop = loop.reversed() if backward else loop
-    slower = loop.duration / seconds
-    loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
+    loop = _lasting(loop.reversed() if backward else loop, seconds)
     d, finer = (setup.run(loop, dt=dt).drift()[0] for dt in (setup.dt, setup.dt / 2))
     return 2 * finer - d, largest(finer - d)  # the step's share falls with the step
+
+
+def _lasting(path: Path, seconds: float) -> Path:
+    """The same path in so many seconds."""
+    times = path.duration / seconds
+    return path.at_speed(path.speed * times, path.angular_speed * times)
 
 
 def widest(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> tuple[int, int] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +14,9 @@ from ...symbolic.linear import null_space
 
 # --- Postures at equal tool poses, cycle by cycle: the directions in which they can differ, and the noise there.
 
+# Encoder noise along the path, times how fast the spare joints run beside the tool, is taken to grow by no more than
+# this: at the tips of a path the tool's direction, and with it the gain, is not known.
 MOST_GAIN = 3.0
-"""Encoder noise along the path, times how fast the spare joints run beside the tool, is taken to grow by no more than
-this: at the tips of a path the tool's direction, and with it the gain, is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,12 @@ class Visits:
     def y(self) -> Array:
         """Coordinates along the axes (k, P, d), less their mean over the cycles."""
         return np.einsum("kpn,pnd->kpd", self.joints - self.joints.mean(axis=0), self.axes)
+
+    @property
+    def slope(self) -> Vector:
+        """Weights (k,) of the cycles in the slope of the straight line through their coordinates."""
+        since = self.when - self.when.mean()
+        return since / (since @ since)
 
     @property
     def lever(self) -> Matrix:
@@ -103,40 +110,38 @@ def encoder_noise(
 
 # --- The scatter of postures at equal tool poses over the cycles of a log, and shapes that it would not take.
 
+# Two-sided, for all phases, directions and groups of cycles of a log together: of a hundred logs in which nothing
+# changes one may show a change. Less would find drifts in a fleet's daily logs; more needs longer logs.
 CONFIDENCE = 0.99
-"""Two-sided, for all phases, directions and groups of cycles of a log together: of a hundred logs in which nothing
-changes one may show a change. Less would find drifts in a fleet's daily logs; more needs longer logs."""
 
+# How far spare joints may move beside those that follow a tool path which itself shifts. A strategy that repeats moves
+# them too: with up to 1.76 times the least joint speed (docs/drift.md), so sqrt(1.76^2 - 1) times as far.
 LEAF_SLOPE = 1.5
-"""How far spare joints may move beside those that follow a tool path which itself shifts. A law that repeats moves them
-too: with up to 1.76 times the least joint speed (docs/drift.md), so sqrt(1.76^2 - 1) times as far."""
 
-SHIFT = 2.0
-"""Deviations of the noise in the moves to a pose up to which they do not show a shift of the tool's path."""
+SHIFT = 2.0  # deviations of the noise in the moves to a pose up to which they do not show a shift of the tool's path
 
+# Independent shapes over the cycles that noise can take for a change: the fitted curves run from a jump in the first
+# cycle through a drift to an alternation, and the tube about such a curve holds as much noise as six directions do.
 SHAPES = 6
-"""Independent shapes over the cycles that noise can take for a change: the fitted curves run from a jump in the first
-cycle through a drift to an alternation, and the tube about such a curve holds as much noise as six directions do."""
 
+# Steps, one after each cycle, are worth one more such direction for so many cycles: in white noise of 5 to 80 cycles
+# the largest of all shapes is as large as that of SHAPES + k / STEPS, or of fewer, with an error of 1 % or 0.1 %.
 STEPS = 2
-"""Steps, one after each cycle, are worth one more such direction for so many cycles: in white noise of 5 to 80 cycles
-the largest of all shapes is as large as that of SHAPES + k / STEPS, or of fewer, with an error of 1 % or 0.1 %."""
 
+# Degrees of freedom that the encoder noise, known from all samples, is worth beside the scatter of few cycles.
 PRIOR = 2
-"""Degrees of freedom that the encoder noise, known from all samples, is worth beside the scatter of few cycles."""
 
+# Cycles from which their scatter about a fit of four numbers can be measured; with fewer, encoder noise stands in.
 FEWEST = 5
-"""Cycles from which their scatter about a fit of four numbers can be measured; with fewer, encoder noise stands in."""
 
-THIRD = 20.0
-"""Sum of the squared binomials of a third difference: the variance that white noise of variance 1 gives it."""
+THIRD = 20.0  # sum of the squared binomials of a third difference: the variance that white noise of variance 1 gives it
 
+# Third differences of white noise that are worth one degree of freedom: 1 + 2 (0.75^2 + 0.3^2 + 0.05^2).
 ALIKE_THIRDS = 2.3
-"""Third differences of white noise that are worth one degree of freedom: 1 + 2 (0.75^2 + 0.3^2 + 0.05^2)."""
 
+# Correlation of the scatter of successive cycles beyond which they may be steps of a random walk, which looks like a
+# trend of its sums but not of its steps.
 ALIKE = 0.5
-"""Correlation of the scatter of successive cycles beyond which they may be steps of a random walk, which looks like a
-trend of its sums but not of its steps."""
 
 RATIOS = np.concatenate([-1 + np.linspace(0, 1, 41), 1 - np.logspace(-0.01, -5, 80), [1.0, 1.01, 1.02, 1.05]])
 _BENT = 0.999  # ratios up to this differ from a straight line by more than round-off
@@ -215,11 +220,13 @@ def left_over(y: Matrix) -> tuple[Matrix, float]:
     late = third[-max(3, len(third) // 2) :]
     steps = steps_of(k)
     step = steps[int(np.argmax(((steps @ y) ** 2).sum(axis=1)))]
-    found = [(left, float(k - 4), float(k - 4)) for left in (residual(y), y - np.outer(step, step @ y))]
-    found += [(third, float(k - 3), (k - 3) / ALIKE_THIRDS)]
-    found += [(late, float(len(late)), len(late) / ALIKE_THIRDS)] if len(third) >= FEWEST else []
-    sizes = [float((left**2).sum()) / count * quantile(1 - CONFIDENCE, dof + PRIOR) ** 2 for left, count, dof in found]
-    left, count, dof = found[int(np.argmin(sizes))]
+    candidates = [(left, float(k - 4), float(k - 4)) for left in (residual(y), y - np.outer(step, step @ y))]
+    candidates += [(third, float(k - 3), (k - 3) / ALIKE_THIRDS)]
+    candidates += [(late, float(len(late)), len(late) / ALIKE_THIRDS)] if len(third) >= FEWEST else []
+    sizes = [
+        float((left**2).sum()) / count * quantile(1 - CONFIDENCE, dof + PRIOR) ** 2 for left, count, dof in candidates
+    ]
+    left, count, dof = candidates[int(np.argmin(sizes))]
     return left / np.sqrt(count), dof
 
 
@@ -260,18 +267,14 @@ def shaped(series: Vector, error: float, walks: bool) -> bool:
             size = float(np.diff(series) @ np.diff(series))
             left = size - float(((steps @ np.diff(series)) ** 2 / (steps**2).sum(axis=1)).max())
         else:
-            size, left = float(series @ series), float(_misfits(series, ratios).min())
+            # What the best a + b (1 - r^c) / (1 - r) leaves, for each r.
+            curves = shapes_of(ratios, np.arange(k, dtype=float))
+            size = float(series @ series)
+            left = float((size - (curves @ series) ** 2 / (curves**2).sum(axis=1)).min())
         explained = np.sqrt(max(size - left, 0.0) / max(left / free, 1e-300))
         if explained > quantile(error / number, free):
             return True
     return False
-
-
-def _misfits(series: Vector, ratios: Vector) -> Vector:
-    """Sum of squares that the best a + b (1 - r^c) / (1 - r) leaves of a series without mean (k,), for each r."""
-    c = np.arange(len(series), dtype=float)
-    shapes = shapes_of(ratios, c)
-    return series @ series - (shapes @ series) ** 2 / (shapes**2).sum(axis=1)
 
 
 def quantile(error: float, dof: float) -> float:
@@ -281,19 +284,20 @@ def quantile(error: float, dof: float) -> float:
     return float(-ndtri(error / 2) if np.isinf(dof) else -stdtrit(dof, error / 2))
 
 
+# Cycles within which a steady drift must reach the tolerance to count: a day or two of a usual robot's work.
 HORIZON = 1000
-"""Cycles within which a steady drift must reach the tolerance to count: a day or two of a usual robot's work."""
 
+# A drift goes on when the second half of the last third of the cycles drifts by no less than this share of the first
+# half. Joints that converge like 1/k have 0.7 there, a decay of the drift to a half over the log 0.9.
 LASTING = 0.95
-"""A drift goes on when the second half of the last third of the cycles drifts by no less than this share of the first
-half. Joints that converge like 1/k have 0.7 there, a decay of the drift to a half over the log 0.9."""
 
+# It fades when that share is no more than this, and that of the stretch before, too: at least like 1/sqrt(k).
 FADING = 0.75
-"""It fades when that share is no more than this, and that of the stretch before, too: at least like 1/sqrt(k)."""
 
+# And when it does not fall faster and faster, as a drift does that is about to turn round: each share is at least
+# this share of the one before. A decay has the same share again and again, and sums of decays, and powers, a growing
+# one.
 STEADY = 0.9
-"""And when it does not fall faster and faster, as a drift does that is about to turn round: each share is at least this
-share of the one before. A decay has the same share again and again, and sums of decays, and powers, a growing one."""
 
 
 class Trend(NoTruthValue, Enum, ask="`is Trend.GOES_ON`"):
@@ -375,19 +379,20 @@ def judge(
         share: of the error probability 1 - `CONFIDENCE` that these visits may use.
         rounding: of the joints' numbers, which may hide as much.
     """
+    # The change that stands out of the noise most, and the least drift that would.
     k, phases, d = visits.y.shape
     error = (1 - CONFIDENCE) * share / 2  # half for single phases, half for their average
     noise = scatter(visits)
     shapes = SHAPES + k // STEPS
     limit = quantile(error / (shapes * phases * d), noise.dof)
     seen = _change(visits, noise, error, steps=True)
-    line = (visits.when - visits.when.mean()) / ((visits.when - visits.when.mean()) ** 2).sum()
+    line = visits.slope
     deviation = float((noise.each * visits.lever).max())
     creep = LEAF_SLOPE * shifts(line[None], visits.moves, noise.moves)[0]
     detectable = max(float(creep.max()) + limit * deviation * float(np.linalg.norm(line)), rounding)
     needed = _needed(deviation, tolerance, error / (shapes * phases * d), float(np.mean(np.diff(visits.when))))
 
-    def found(trend: Trend, change: float, latest: _Latest | None = None, more: int = 0) -> DriftTrend:
+    def result(trend: Trend, change: float, latest: _Latest | None = None, more: int = 0) -> DriftTrend:
         rates, errors, bends = _rates(visits, noise.each, limit, creep)
         ratio, among, count = (np.nan, (np.nan, np.nan), 0) if latest is None else latest.facts
         return DriftTrend(
@@ -395,23 +400,24 @@ def judge(
             seen.phase, rates, errors, bends, detectable, float(creep.max()), max(needed, more),
         )  # fmt: skip
 
+    # Is there a change, and of a shape that scatter has not?
     if seen.seen <= 1 or (k < FEWEST and seen.size <= tolerance + floor):
-        return found(Trend.NONE, 0.0) if detectable <= tolerance else found(Trend.CANNOT_TELL, 0.0, more=k + k // 2)
+        return result(Trend.NONE, 0.0) if detectable <= tolerance else result(Trend.CANNOT_TELL, 0.0, more=k + k // 2)
     small = max(seen.ends[1], seen.sure) <= tolerance and detectable <= tolerance
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
     if k < 4 or not shaped(series, error, walks=noise.alike > ALIKE):
-        return found(Trend.NONE if small else Trend.CANNOT_TELL, seen.size, more=0 if small else 2 * k)
+        return result(Trend.NONE if small else Trend.CANNOT_TELL, seen.size, more=0 if small else 2 * k)
+    # How it goes on.
     latest = _latest(visits, noise, error, tolerance)
     if latest.trend is Trend.CANNOT_TELL and not small:
-        return found(Trend.CANNOT_TELL, seen.size, latest, more=2 * k)
+        return result(Trend.CANNOT_TELL, seen.size, latest, more=2 * k)
     if latest.trend in (Trend.GOES_ON, Trend.ALTERNATES) or small:
         lasts = latest.trend is Trend.GOES_ON or (latest.trend is Trend.ALTERNATES and not small)
-        return found(latest.trend if lasts else Trend.NONE, seen.size, latest)
-    return found(Trend.FADES, seen.size, latest)  # of its own, or since the last third rests
+        return result(latest.trend if lasts else Trend.NONE, seen.size, latest)
+    return result(Trend.FADES, seen.size, latest)  # of its own, or since the last third rests
 
 
-@dataclass(frozen=True, eq=False)
-class _Latest:
+class _Latest(NamedTuple):
     """What the last third of the cycles shows: factor from one cycle's drift to the next, its interval, and the number
     of differences."""
 
@@ -428,10 +434,11 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     before. Where
     differences with changing signs are larger, these are looked at, and what goes on alternates.
     """
+    # Does the last third change at all, or may a change be hidden in the noise?
     k = len(visits)
     count = max(3, -(-(k - 1) // 3))
     tail = visits.last(count + 1)
-    line = (tail.when - tail.when.mean()) / ((tail.when - tail.when.mean()) ** 2).sum()
+    line = tail.slope
     seen = _change(tail, noise, error)
     limit = quantile(error / (SHAPES * noise.each.size), noise.dof)
     hidden = limit * float((noise.each * visits.lever).max()) * float(np.linalg.norm(line))
@@ -441,6 +448,7 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     rest = Trend.NONE if most <= tolerance else Trend.CANNOT_TELL
     if seen.seen <= 1:
         return _Latest(rest, nothing)
+    # The change over all cycles along its pattern, and how much of a weighted sum of it is noise.
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
     level, dof = float(((seen.pattern * noise.each) ** 2).sum()), noise.dof  # if phases scatter each by itself
     if k >= FEWEST:
@@ -454,6 +462,7 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
         by_shifts = LEAF_SLOPE * float(weight @ shifts(w[None], visits.moves, noise.moves)[0])
         return times * float(deviation * np.linalg.norm(w)) + by_shifts
 
+    # The differences of successive cycles, or with changing signs where these are larger, averaged in halves.
     steps = np.diff(np.eye(k), axis=0)
     swings = steps * (-1.0) ** np.arange(k - 1)[:, None]
     alternates = abs(swings[-count:].mean(axis=0) @ series) > abs(steps[-count:].mean(axis=0) @ series)
@@ -464,13 +473,15 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     a, b = float(sign * early @ series), float(sign * late @ series)
     if sign * whole @ series <= bound(whole) or a <= 0:
         return _Latest(rest, nothing)
+    # The factor from one difference to the next, with its interval.
     error_of = bound(late - b / a * early) / a
     factors = [float(max(share, 0.0) ** (1 / apart)) for share in (b / a - error_of, b / a, b / a + error_of)]
     low, ratio, high = [-f for f in factors[::-1]] if alternates else factors
     facts = (ratio, (low, high), count)
     speed = float(np.abs(np.einsum("pnd,pd->pn", visits.axes, seen.pattern)).max() * (sign * whole @ series))
-    kept = late - LASTING * early
-    if sign * kept @ series >= bound(kept):
+    # It goes on when the second half is nearly as large as the first; it fades when three stretches fall steadily.
+    lasting = late - LASTING * early
+    if sign * lasting @ series >= bound(lasting):
         if not alternates and speed * HORIZON <= tolerance:
             return _Latest(Trend.NONE, facts)
         return _Latest(Trend.ALTERNATES if alternates else Trend.GOES_ON, facts)
@@ -501,20 +512,20 @@ def _change(visits: Visits, noise: Noise, error: float, *, steps: bool = False) 
     moved = LEAF_SLOPE * shifts(shapes, visits.moves, noise.moves)
     along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - moved[:, :, None]
     held = np.maximum(along, 0.0) / np.maximum(limit * noise.each, 1e-300)
-    least = ((along - limit * noise.each) * visits.lever).max(axis=(1, 2))
+    surely = ((along - limit * noise.each) * visits.lever).max(axis=(1, 2))
     mean = np.zeros((len(shapes), d))
     if np.isfinite(noise.average_dof):
         bound = quantile(error / (count * d), noise.average_dof) * noise.average
         along = np.abs(shapes @ visits.y.mean(axis=1)) - moved.mean(axis=1)[:, None]
         mean = np.maximum(along, 0.0) / np.maximum(bound, 1e-300)
-        least = np.maximum(least, ((along - bound) * visits.lever.min(axis=0)).max(axis=1))
+        surely = np.maximum(surely, ((along - bound) * visits.lever.min(axis=0)).max(axis=1))
     seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=1))
     best = int(np.argmax(seen))
     pattern = np.einsum("k,kpd->pd", shapes[best], visits.y)  # of the change over the phases, where it is seen
     size = float(np.abs(np.einsum("pd,pnd->pn", pattern, visits.axes)).max() * ranges[best])
     most = (np.abs(pattern) + moved[best][:, None] + limit * noise.each) * visits.lever
-    ends = (min(max(float(least[best] * ranges[best]), 0.0), size), float(most.max() * ranges[best]))
-    sure = max(float((2 * least / np.abs(shapes).sum(axis=1)).max()), ends[0])
+    ends = (min(max(float(surely[best] * ranges[best]), 0.0), size), float(most.max() * ranges[best]))
+    sure = max(float((2 * surely / np.abs(shapes).sum(axis=1)).max()), ends[0])
     single = held[best].max() >= mean[best].max()
     pattern = pattern * (held[best] >= 0.5 * seen[best]) if single else pattern
     pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
@@ -527,14 +538,10 @@ def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector) -> tu
     k = len(visits)
     third = max(3, -(-(k - 1) // 3))
 
-    def slope(latest: int) -> tuple[Matrix, float]:
-        when = visits.when[-latest:] - visits.when[-latest:].mean()
-        rates = np.einsum("k,kpn->pn", when / (when @ when), visits.joints[-latest:])
-        return rates, 1 / float(np.linalg.norm(when))
-
-    (rates, share), (before, _) = slope(third + 1), slope(2 * third + 1)
+    tail, longer = visits.last(min(third + 1, k)), visits.last(min(2 * third + 1, k))
+    rates, before = (np.einsum("k,kpn->pn", part.slope, part.joints) for part in (tail, longer))
     spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
-    return rates, share * spread + creep[:, None], np.abs(rates - before)
+    return rates, float(np.linalg.norm(tail.slope)) * spread + creep[:, None], np.abs(rates - before)
 
 
 def _needed(deviation: float, tolerance: float, error: float, stride: float) -> int:

@@ -1,4 +1,5 @@
-"""The sheets that a cover is chosen from: leaves of laws that fit the task, through postures all over the workspace."""
+"""The sheets that a cover is chosen from: leaves of strategies that fit the task, through postures all over the
+workspace."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ from .sheet_growth import (
     LevelTable,
     SearchedPoses,
     cost_of,
-    fitting_laws,
+    fitting_candidates,
     grown,
     level_table,
     lines_served,
@@ -33,44 +34,39 @@ from .sheet_growth import (
     side_by_side,
 )
 
+# Of the postures at one pose through which leaves of a strategy are tried on few poses, those that are tried on all.
 BEST = 2
-"""Of the postures at one pose through which leaves of a law are tried on few poses, those that are tried on all."""
 
+# Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses.
 OTHERS = 0.05
-"""Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses."""
 
-LEVELS = 4
-"""Levels next to that of a sheet, and laws next to its law, that are tried in a round."""
+LEVELS = 4  # levels next to that of a sheet, and strategies next to its strategy, that are tried in a round
 
+# How far off the other levels are at first, as a share of the level's spread over postures of the start's pose; and
+# the coefficients of the other strategies, as a share of the largest one.
 SPREAD, BEND = 0.5, 0.4
-"""How far off the other levels are at first, as a share of the level's spread over postures of the start's pose; and
-the coefficients of the other laws, as a share of the largest one."""
 
-CLOSER = 0.6
-"""Both shrink so in each round."""
+CLOSER = 0.6  # both shrink so in each round
 
+# Lines side by side from which on native code runs, and poses from which on building it pays; not for strategies that
+# are tried once.
 NATIVE, MANY = 16, 300
-"""Lines side by side from which on native code runs, and poses from which on building it pays; not for laws that are
-tried once."""
 
+# Step between the levels of a table, as a share of the level's spread over postures of the start's pose.
 LEVEL_STEP = 0.17
-"""Step between the levels of a table, as a share of the level's spread over postures of the start's pose."""
 
-VARIED = 4
-"""Sheets of a choice next to which others are looked for in a round, the widest one among them."""
+VARIED = 4  # sheets of a choice next to which others are looked for in a round, the widest one among them
+SAME = 1e-6  # spread of levels [units of g] up to which they are one
 
-SAME = 1e-6
-"""Spread of levels [units of g] up to which they are one."""
-
+# Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
+# else of other poses about every second choice serves less.
 SPARE = 1.0
-"""Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
-else of other poses about every second choice serves less."""
 
+# What the name of a strategy begins with whose coefficients are near those of another: the coefficients are in its
+# keys.
 NEAR = "linear, near "
-"""What the name of a law begins with whose coefficients are near those of another: the coefficients are in its keys."""
 
-CLOSEST = 4
-"""Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
+CLOSEST = 4  # neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all
 
 
 class Wanted(NamedTuple):
@@ -90,9 +86,9 @@ class CandidateSheet:
     """A sheet that a cover may have, and what is known of it.
 
     served: which of the poses that are searched it serves (k,), found by many lines side by side, which may be wrong
-    at a few poses, until it was asked. cost: see `cost_of`. once: whether its law was made for it alone. parent: the
-    sheet from which a search came to it, on the same branch. other: whether it is another posture of a leaf, which
-    brings no more of them. table: the levels of its law, None where there are none; False where not looked at yet.
+    at a few poses, until it was asked. cost: see `cost_of`. once: whether its strategy was made for it alone. parent:
+    the sheet from which a search came to it, on the same branch. other: whether it is another posture of a leaf, which
+    brings no more of them. table: the levels of its strategy, None where there are none; False where not looked at yet.
     """
 
     sheet: Sheet
@@ -105,8 +101,8 @@ class CandidateSheet:
     table: LevelTable | Literal[False] | None = False
 
     @property
-    def law(self) -> Candidate:
-        """The law of the sheet."""
+    def candidate(self) -> Candidate:
+        """The strategy of the sheet."""
         return Candidate(self.sheet.name, self.sheet.keys, self.sheet.strategy.task, self.sheet.strategy)
 
 
@@ -114,13 +110,13 @@ class CandidateSheet:
 class CandidateSheets:
     """Sheets, with the poses that each serves; they grow while a cover is looked for.
 
-    poses: that are searched. laws: whose leaves are tried. own: whether laws may be made besides. share: of the poses,
-    that is wanted. fits: to which tables and weights polynomials were fitted.
+    poses: that are searched. candidates: whose leaves are tried. own: whether strategies may be made besides. share: of
+    the poses, that is wanted. fits: to which tables and weights polynomials were fitted.
     """
 
     task: Task
     poses: SearchedPoses
-    laws: Sequence[Candidate]
+    candidates: Sequence[Candidate]
     clear: Clear | None
     rcond: float
     own: bool
@@ -142,26 +138,26 @@ class CandidateSheets:
     @property
     def costs(self) -> Vector:
         """Of each sheet (c,), from 0 for the cheapest one to 1."""
-        costs = np.array([one.cost for one in self.found])
+        costs = np.array([sheet.cost for sheet in self.found])
         return np.asarray(1.0 - costs.min(initial=np.inf) / costs)
 
     @property
     def sets(self) -> Flags:
         """Which sheet serves which pose (c, k)."""
-        return np.array([one.served for one in self.found], dtype=bool).reshape(-1, len(self.T))
+        return np.array([sheet.served for sheet in self.found], dtype=bool).reshape(-1, len(self.T))
 
     @property
     def _native(self) -> int | None:
         """Lines from which on native code runs; None for as many as is usual."""
         return NATIVE if len(self.T) >= MANY else None
 
-    def grow(self, at: Matrix, wanted: Indices, end: float, progress: Callable[[str], None]) -> None:
-        """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
+    def grow(self, pose: Matrix, wanted: Indices, end: float, progress: Callable[[str], None]) -> None:
+        """Adds leaves of all strategies through postures at a tool pose (4, 4): of each strategy those that serve most.
 
         Args:
             wanted: poses that are to be served first. end: time of the clock [s] after which no more are looked at.
         """
-        starts = postures_at(self.task, at, STARTS)
+        starts = postures_at(self.task, pose, STARTS)
         if self.clear is not None and len(starts):
             starts = starts[self.clear(starts)]
         if not len(starts):
@@ -170,43 +166,53 @@ class CandidateSheets:
         first = wanted[:: max(1, len(wanted) // ROUGH)]
         some = np.concatenate([first, every])
         weights = np.repeat([1.0, OTHERS], [len(first), len(every)]) * self.poses.weights[some]
-        for law in self.laws:
+        for candidate in self.candidates:
             if time.monotonic() > end and self.found:
                 return
-            progress(f"{law.name}, {self.tried} leaves so far")
-            some_served, _ = lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
-            known_already = np.array([(one <= self.sets[:, some]).all(axis=1).any() for one in some_served])
-            found: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
+            progress(f"{candidate.name}, {self.tried} leaves so far")
+            some_served, _ = lines_served(candidate, starts, self.T[some], self.clear, self.rcond, self._native)
+            known_already = np.array([(flags <= self.sets[:, some]).all(axis=1).any() for flags in some_served])
+            gains: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
             self.tried += len(starts)
-            best = [i for i in np.argsort(-found, kind="stable")[:BEST] if found[i] > 0]
-            self.add(law, starts[best])
+            best = [i for i in np.argsort(-gains, kind="stable")[:BEST] if gains[i] > 0]
+            self.add(candidate, starts[best])
 
     def add(
-        self, law: Candidate, starts: Matrix, once: bool = False, parent: CandidateSheet | None = None,
+        self,
+        candidate: Candidate,
+        starts: Matrix,
+        once: bool = False,
+        parent: CandidateSheet | None = None,
         levels: Vector | None = None,
-    ) -> None:  # fmt: skip
-        """The sheets of a law through postures (s, n).
+    ) -> None:
+        """The sheets of a strategy through postures (s, n).
 
-        once: the law is new, and may not be looked at again. levels: of the parent's law at the poses (k,), where the
-        law is that law with a level that depends on the pose.
+        once: the strategy is new, and may not be looked at again. levels: of the parent's strategy at the poses (k,),
+        where the strategy is that strategy with a level that depends on the pose.
         """
-        if law.strategy is None or not len(starts):
+        if candidate.strategy is None or not len(starts):
             return
-        keys = {key: value for key, value in law.keys.items() if key != "level"}
-        for q0, served, cost in self._grown(law, starts, once, parent, levels):
+        keys = {key: value for key, value in candidate.keys.items() if key != "level"}
+        for q0, served, cost in self._grown(candidate, starts, once, parent, levels):
             if served.any():
-                self.found.append(CandidateSheet(Sheet(law.strategy, q0, self.rcond, keys), served, cost, once, parent))
+                self.found.append(
+                    CandidateSheet(Sheet(candidate.strategy, q0, self.rcond, keys), served, cost, once, parent)
+                )
 
     def _grown(
-        self, law: Candidate, starts: Matrix, once: bool, parent: CandidateSheet | None = None,
+        self,
+        candidate: Candidate,
+        starts: Matrix,
+        once: bool,
+        parent: CandidateSheet | None = None,
         levels: Vector | None = None,
-    ) -> Iterator[tuple[Vector, Flags, float]]:  # fmt: skip
-        """(posture, which poses its leaf serves (k,), cost) for each of some postures (s, n) of a law."""
-        if (strategy := law.strategy) is None:
+    ) -> Iterator[tuple[Vector, Flags, float]]:
+        """(posture, which poses its leaf serves (k,), cost) for each of some postures (s, n) of a strategy."""
+        if (strategy := candidate.strategy) is None:
             return
-        by, native, c = law, None if once else self._native, None
-        if parent is not None and levels is not None:  # the parent's law is shorter, and has its native code
-            by, native, c = parent.law, None if parent.once else self._native, levels[:, None]
+        by, native, c = candidate, None if once else self._native, None
+        if parent is not None and levels is not None:  # the parent's strategy is shorter, and has its native code
+            by, native, c = parent.candidate, None if parent.once else self._native, levels[:, None]
         go = side_by_side(by.strategy or strategy, self.T, self.clear, self.rcond, native, c)
         served, straight = lines_served(by, starts, self.T, self.clear, self.rcond, native, c)
         for q0, flags, postures in zip(starts, served, straight, strict=True):
@@ -225,49 +231,52 @@ class CandidateSheets:
 
         The sheets on whose branches they are stay, too.
         """
-        kept = [self.found[i] for i in which]
-        parents = [one.parent for one in kept if one.parent is not None]
-        before, self.poses, found = self.poses, poses, []
+        stay = [self.found[i] for i in which]
+        parents = [entry.parent for entry in stay if entry.parent is not None]
+        before, self.poses, updates = self.poses, poses, []
         try:
-            for one in dict.fromkeys([*kept, *parents]):
-                ((_, served, cost),) = self._grown(one.law, one.sheet.q0[None], one.once)
-                found.append((one, served, cost))
+            for entry in dict.fromkeys([*stay, *parents]):
+                ((_, served, cost),) = self._grown(entry.candidate, entry.sheet.q0[None], entry.once)
+                updates.append((entry, served, cost))
         except KeyboardInterrupt:
             self.poses = before
             raise
-        for one, served, cost in found:
-            one.served, one.cost, one.asked, one.table = served, cost, False, False
-        self.found, self.fits = [one for one, _, _ in found], set()
+        for entry, served, cost in updates:
+            entry.served, entry.cost, entry.asked, entry.table = served, cost, False, False
+        self.found, self.fits = [entry for entry, _, _ in updates], set()
 
-    def add_laws(self, left: Indices) -> None:
-        """The laws that fit some of the poses best are tried, too."""
+    def add_candidates(self, left: Indices) -> None:
+        """The strategies that fit some of the poses best are tried, too."""
         if self.own and len(left):
-            T, known_already = self.T[left], {law.name for law in self.laws}
+            T, known_already = self.T[left], {candidate.name for candidate in self.candidates}
             center = T[spread_out(T, np.arange(len(T)), 1, self.poses.length)[0]]
-            more = fitting_laws(self.task, T, center, None, self.clear)
-            self.laws = [*self.laws, *(law for law in more if law.name not in known_already)]
+            more = fitting_candidates(self.task, T, center, None, self.clear)
+            self.candidates = [
+                *self.candidates,
+                *(candidate for candidate in more if candidate.name not in known_already),
+            ]
 
     def vary(self, which: Indices, rng: np.random.Generator, round_: int, end: float) -> None:
-        """Adds sheets next to some of them: on other levels of their laws, and of laws with other coefficients, or with
-        a level that is a polynomial of the pose."""
+        """Adds sheets next to some of them: on other levels of their strategies, and of strategies with other
+        coefficients, or with a level that is a polynomial of the pose."""
         some = which[1:][rng.permutation(len(which) - 1)[: VARIED - 1]] if len(which) > VARIED else which[1:]
         for i in [*which[:1].tolist(), *some.tolist()]:
-            one = self.found[i]
-            if time.monotonic() > end or not len(one.sheet.level):
+            entry = self.found[i]
+            if time.monotonic() > end or not len(entry.sheet.level):
                 return
-            parent = one.parent or one
+            parent = entry.parent or entry
             fitted = self._fitted(parent, self._weights(i, which, rng)) if self.own else []
-            for law, q0, levels in fitted:
-                self.add(law, q0[None], True, parent, levels)
+            for candidate, q0, levels in fitted:
+                self.add(candidate, q0[None], True, parent, levels)
             if not fitted:
-                self.add(one.law, self._on_other_levels(one.sheet, rng, round_), parent=parent)
-                for law in self._bent(one.sheet, rng, round_) if self.own else []:
-                    self.add(law, one.sheet.q0[None], once=True, parent=parent)
+                self.add(entry.candidate, self._on_other_levels(entry.sheet, rng, round_), parent=parent)
+                for candidate in self._bent(entry.sheet, rng, round_) if self.own else []:
+                    self.add(candidate, entry.sheet.q0[None], once=True, parent=parent)
             self.tried += LEVELS
 
     def _fitted(self, parent: CandidateSheet, weights: Vector) -> list[tuple[Candidate, Vector, Vector]]:
-        """Laws whose level is a polynomial of the pose, on the branch of a sheet, each as of `LevelTable.fitted`; none
-        where there is no number for a level, or where the same fit was made before."""
+        """Strategies whose level is a polynomial of the pose, on the branch of a sheet, each as of `LevelTable.fitted`;
+        none where there is no number for a level, or where the same fit was made before."""
         fit = id(parent), weights.tobytes()
         if fit in self.fits or (table := self._table(parent)) is None:
             return []
@@ -281,31 +290,31 @@ class CandidateSheets:
             del others[rng.integers(len(others))]
         return self.poses.weights * np.where(self.sets[others].any(axis=0), OTHERS, 1.0)
 
-    def _table(self, one: CandidateSheet) -> LevelTable | None:
-        """The levels of a sheet's law at the poses, on its branch; None where there is no number for a level."""
-        if one.table is False:
-            sheet, table = one.sheet, None
+    def _table(self, entry: CandidateSheet) -> LevelTable | None:
+        """The levels of a sheet's strategy at the poses, on its branch; None where there is no number for a level."""
+        if entry.table is False:
+            sheet, table = entry.sheet, None
             designed = sheet.keys.get("kind") == "designed"  # a job has no design over another one
             one_level = self.task.n - self.task.m == 1 and not designed
             if one_level and (spread := self._spread(sheet)) is not None and spread[0] > SAME:
                 go = side_by_side(sheet.strategy, self.T, self.clear, self.rcond, self._native)
                 step = float(spread[0]) * LEVEL_STEP
                 near = self.poses.near[:, :CLOSEST]
-                table = level_table(one.law, sheet.strategy, sheet.q0, step, self.T, near, go, self._native)
-            one.table = table
-        return one.table
+                table = level_table(entry.candidate, sheet.strategy, sheet.q0, step, self.T, near, go, self._native)
+            entry.table = table
+        return entry.table
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
-        at, spread, found = pose_from(*self.task._poses(sheet.q0[None]))[0], self._spread(sheet), []
+        pose, spread, postures = pose_from(*self.task._poses(sheet.q0[None]))[0], self._spread(sheet), []
         if spread is None:
             return np.zeros((0, self.task.n))
         for _ in range(LEVELS):
             level = sheet.level + SPREAD * CLOSER**round_ * spread * rng.standard_normal(len(sheet.level))
-            ends = along_leaf(sheet.strategy, sheet.q0[None], at[None], level)
+            ends = along_leaf(sheet.strategy, sheet.q0[None], pose[None], level)
             if ends.reached.all() and self.task.robot.within(ends.q[0, 0]):
-                found.append(ends.q[0, 0])
-        return np.array(found).reshape(-1, self.task.n)
+                postures.append(ends.q[0, 0])
+        return np.array(postures).reshape(-1, self.task.n)
 
     def _spread(self, sheet: Sheet) -> Vector | None:
         """How far the levels (r,) of postures at the pose of a sheet's start are off its own; None where none is."""
@@ -317,7 +326,7 @@ class CandidateSheets:
         return np.asarray(np.sqrt(np.mean(gap**2, axis=0)))
 
     def _bent(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> list[Candidate]:
-        """Linear laws whose coefficients are near those of a sheet's law, if that is linear."""
+        """Linear strategies whose coefficients are near those of a sheet's strategy, if that is linear."""
         A = _coefficients(self.task, sheet)
         if A is None:
             return []
@@ -336,10 +345,10 @@ class CandidateSheets:
         Where a leaf comes to one pose with two postures, the sheet of the other one becomes a candidate.
         """
         changed = False
-        for one in [self.found[i] for i in which]:
-            if one.asked:
+        for entry in [self.found[i] for i in which]:
+            if entry.asked:
                 continue
-            sheet, clear = one.sheet, self.clear
+            sheet, clear = entry.sheet, self.clear
 
             def go(begin: Matrix, at: Indices, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
                 return sheet.reached(begin, self.T[at], clear)
@@ -348,12 +357,12 @@ class CandidateSheets:
             q, wave = grown(straight, self.poses.near, go)
             q, others = one_function(q, wave, self.poses.pairs, go)
             there = known(q)
-            changed |= not np.array_equal(there, one.served)
-            one.sheet, one.served = replace(sheet, stations=q[there], places=self.T[there]), there
-            one.asked = True  # not before: Ctrl-C leaves it to be asked again
-            if len(others) and not one.other:
+            changed |= not np.array_equal(there, entry.served)
+            entry.sheet, entry.served = replace(sheet, stations=q[there], places=self.T[there]), there
+            entry.asked = True  # not before: Ctrl-C leaves it to be asked again
+            if len(others) and not entry.other:
                 before = len(self.found)
-                self.add(one.law, others[[len(others) // 2]])
+                self.add(entry.candidate, others[[len(others) // 2]])
                 for other in self.found[before:]:
                     other.other = True
                 changed = True
@@ -361,7 +370,7 @@ class CandidateSheets:
 
 
 def _coefficients(task: Task, sheet: Sheet) -> Matrix | None:
-    """The matrix (r, n) of a sheet's law, if it is linear in the joints; else None."""
+    """The matrix (r, n) of a sheet's strategy, if it is linear in the joints; else None."""
     if sheet.keys.get("kind") == "linear":
         return np.atleast_2d(np.asarray(sheet.keys["matrix"], dtype=float))
     if sheet.keys.get("kind") == "lock":

@@ -10,39 +10,34 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
-from ...motion.checks import Clear, Clearances, Scene
+from ...base.types import ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
+from ...motion.checks import Clearances, Scene
 from ...path.workspaces import Workspace
 from ...robot import check_metres
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import check_that_joints_move
-from .candidate_sheets import CandidateSheets, fitting_laws
+from .candidate_sheets import CandidateSheets, fitting_candidates
 from .set_cover import Cover, continued, fewest, labelled, same_postures
-from .sheet import known, neighbours, spread_out, turn_length
+from .sheet import known, neighbours, postures_of_sheets, spread_out, turn_length
 from .sheet_growth import SearchedPoses
 from .sheet_map import PoseRest, Sheets, rests_of
 
+# Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach.
 SHARE = 0.995
-"""Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach."""
 
-SAMPLES = 4096
-"""Poses of the workspace."""
-
-FIRST = 2000
-"""Poses in reach for which a choice is looked for first; then it is looked at what it leaves out of all."""
-
-TARGETS = 4
-"""Poses in a round of the search through which new leaves are tried."""
+SAMPLES = 4096  # poses of the workspace
+FIRST = 2000  # poses in reach for which a choice is looked for first; then it is looked at what it leaves out of all
+TARGETS = 4  # poses in a round of the search through which new leaves are tried
 
 NOTHING = Cover(np.zeros(0, dtype=int), 0, 0.0)
 
+# Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
+# are, the more there is to gain.
 ROUNDS, PATIENCE = 30, 2
-"""Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
-are, the more there is to gain."""
 
+# Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines.
 SECONDS, PROGRAM = 250.0, 60.0
-"""Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines."""
 
 
 @typed
@@ -63,12 +58,12 @@ def sheets(
 ) -> Sheets:
     """The fewest leaves that together serve a workspace, and for each pose the one to take.
 
-    Leaves of the laws that fit the task (or of those given) are tried through postures at poses all over the workspace,
-    first where no leaf serves yet. With one redundant joint, leaves are tried, too, whose level is a polynomial of the
-    pose, fitted by linear programs to the levels that each pose allows. An integer program chooses the fewest leaves
-    that serve the share wanted, and of equally many those that serve more, with slower joints, further from their
-    limits. A linear program chooses among the sheets of each pose, so that neighbouring poses have one sheet as often
-    as can be. All of it is said of sampled poses.
+    Leaves of the strategies that fit the task (or of those given) are tried through postures at poses all over the
+    workspace, first where no leaf serves yet. With one redundant joint, leaves are tried, too, whose level is a
+    polynomial of the pose, fitted by linear programs to the levels that each pose allows. An integer program chooses
+    the fewest leaves that serve the share wanted, and of equally many those that serve more, with slower joints,
+    further from their limits. A linear program chooses among the sheets of each pose, so that neighbouring poses have
+    one sheet as often as can be. All of it is said of sampled poses.
 
     Args:
         workspace: the tool poses to be served.
@@ -106,9 +101,31 @@ def sheets(
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
-    given = _given(task, q0)
-    pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, search, limit, progress)
-    return _mapped(task, workspace, T, rest, within, pool, cover, scene, stopped)
+    # The fewest of many leaves that serve the share.
+    given, end = _given(task, q0), time.monotonic() + limit
+    poses = SearchedPoses.of(T[within], turn_length(task), FIRST)
+    center = T[within][spread_out(T[within], np.arange(len(within)), 1, turn_length(task))[0]]
+    progress("which strategies fit")
+    candidates = fitting_candidates(task, poses.T, center, strategies, clear)
+    pool = CandidateSheets(
+        task, poses if search else poses.all, candidates, clear, rcond, own=strategies is None, share=share
+    )
+    cover, stopped = _search(pool, given, center if search else None, end, progress)
+    # Their postures at all the poses, and which sheet is taken at each, that of most poses first.
+    chosen = [pool.found[i].sheet for i in cover.chosen]
+    q = np.full((len(chosen), len(T), task.n), np.nan)
+    q[:, within] = postures_of_sheets(chosen, T[within], clear, task.n)
+    there = known(q)
+    chosen = [replace(sheet, stations=q[s, there[s]], places=T[there[s]]) for s, sheet in enumerate(chosen)]
+    pairs = within[neighbours(T[within], turn_length(task))]
+    labels = labelled(there, pairs, continued(chosen, T, q, pairs), same_postures(q))
+    order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
+    place = np.append(np.argsort(order), -1)
+    rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
+    return Sheets(
+        task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
+        labels.least, cover.least, len(pool.found), turn_length(task), scene, stopped,
+    )  # fmt: skip
 
 
 def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: float, rcond: float) -> None:
@@ -118,9 +135,9 @@ def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: fl
         raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
     if strategies is not None and not strategies:
         raise ArgumentError("strategies", [], "give one at least, or leave them out")
-    for one in strategies or ():
-        if one.task != task:
-            raise ArgumentError("a strategy", one, "give strategies of the same task")
+    for strategy in strategies or ():
+        if strategy.task != task:
+            raise ArgumentError("a strategy", strategy, "give strategies of the same task")
 
 
 def _given(task: Task, q0: ArrayLike | None) -> Matrix:
@@ -128,35 +145,34 @@ def _given(task: Task, q0: ArrayLike | None) -> Matrix:
     if q0 is None:
         return np.zeros((0, task.n))
     rows = finite("the postures of q0", q0)
-    found = finite("the postures of q0", np.atleast_2d(rows), ("s", task.n))
-    for row in found:
+    postures = finite("the postures of q0", np.atleast_2d(rows), ("s", task.n))
+    for row in postures:
         task.robot.check_limits(row)
-    return found
+    return postures
 
 
 def _why(rest: Indices) -> str:
-    counts = [(int((rest == one).sum()), one.text) for one in PoseRest]
+    counts = [(int((rest == kind).sum()), kind.text) for kind in PoseRest]
     return "; ".join(f"{count}: {text}" for count, text in counts if count)
 
 
 def _search(
-    task: Task, T: Array, strategies: Sequence[HolonomicStrategy] | None, q0: Matrix, share: float, rcond: float,
-    clear: Clear | None, search: bool, seconds: float, progress: Callable[[str], None],
-) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
-    """Leaves through postures at poses all over, until the fewest that serve the share get no fewer.
+    pool: CandidateSheets, q0: Matrix, center: Matrix | None, end: float, progress: Callable[[str], None]
+) -> tuple[Cover, bool]:
+    """(the fewest leaves that serve the share, whether the search was stopped early).
 
-    A part of the poses is searched. When the choice gets no better, it is asked about more of them, at last about all:
-    those that it leaves out are searched, too.
+    Leaves through postures at poses all over are tried, until their number gets no fewer. A part of the poses is
+    searched. When the choice gets no better, it is asked about more of them, at last about all: those that it leaves
+    out are searched, too.
+
+    Args:
+        q0: postures (s, n) whose leaves are candidates, too. center: the pose that is tried first; None for no search.
+        end: time of the clock [s] after which no more leaves are looked for.
     """
-    end, poses = time.monotonic() + seconds, SearchedPoses.of(T, turn_length(task), FIRST)
-    center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
-    progress("which laws fit")
-    laws, own = fitting_laws(task, poses.T, center, strategies, clear), strategies is None
-    pool = CandidateSheets(task, poses if search else poses.all, laws, clear, rcond, own, share)
     try:
-        for law in laws:
-            pool.add(law, q0)
-        if search:
+        for candidate in pool.candidates:
+            pool.add(candidate, q0)
+        if center is not None:
             pool.grow(center, np.arange(0), end, progress)
             _try_rounds(pool, end, progress)
         stopped = time.monotonic() > end
@@ -165,14 +181,14 @@ def _search(
             raise
         stopped = True
     if not pool.found:
+        names = [candidate.name for candidate in pool.candidates]
         cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
-        raise ArgumentError("the strategies", [law.name for law in pool.laws], f"no leaf of them serves a pose: {cure}")
+        raise ArgumentError("the strategies", names, f"no leaf of them serves a pose: {cure}")
     try:
         progress("asking the sheets")
-        cover = _asked(pool)
+        return _asked(pool), stopped
     except KeyboardInterrupt:  # sheets that were not asked serve what is straight from their q0
-        cover, stopped = _cover(pool), True
-    return pool, cover, stopped
+        return _cover(pool), True
 
 
 def _try_rounds(pool: CandidateSheets, end: float, progress: Callable[[str], None]) -> None:
@@ -180,7 +196,7 @@ def _try_rounds(pool: CandidateSheets, end: float, progress: Callable[[str], Non
     rng, still, cover = np.random.default_rng(0), 0, _asked(pool)
     if not pool.poses.complete:
         cover = _looked_closer(pool, pool.poses, cover, _served(pool, pool.poses, cover.chosen[:1]))
-        pool.add_laws(_left(pool, cover))
+        pool.add_candidates(_left(pool, cover))
     for round_ in range(ROUNDS):
         enough = len(cover.chosen) == 1 and cover.covered >= pool.wanted.least
         if enough or still >= max(len(cover.chosen), PATIENCE):
@@ -247,28 +263,6 @@ def _cover(pool: CandidateSheets) -> Cover:
     if not pool.found:
         return NOTHING
     weights = pool.poses.weights
-    found = fewest(pool.sets, pool.wanted.least, pool.costs, PROGRAM, weights, pool.wanted.preferred)
-    widest = np.argsort(-(pool.sets[found.chosen] @ weights), kind="stable")
-    return replace(found, chosen=found.chosen[widest])
-
-
-def _mapped(
-    task: Task, workspace: Workspace, T: Array, rest: Indices, within: Indices, pool: CandidateSheets, cover: Cover,
-    scene: Scene | None, stopped: bool,
-) -> Sheets:  # fmt: skip
-    """The sheets chosen, that of most poses first, with what each sampled pose gets."""
-    chosen = [pool.found[i].sheet for i in cover.chosen]
-    q = np.full((len(chosen), len(T), task.n), np.nan)
-    for s, sheet in enumerate(chosen):
-        q[s, within] = sheet.postures(T[within], pool.clear)[0]
-    there = known(q)
-    chosen = [replace(one, stations=q[s, there[s]], places=T[there[s]]) for s, one in enumerate(chosen)]
-    pairs = within[neighbours(T[within], turn_length(task))]
-    labels = labelled(known(q), pairs, continued(chosen, T, q, pairs), same_postures(q))
-    order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
-    place = np.append(np.argsort(order), -1)
-    rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
-    return Sheets(
-        task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
-        labels.least, cover.least, len(pool.found), turn_length(task), scene, stopped,
-    )  # fmt: skip
+    cover = fewest(pool.sets, pool.wanted.least, pool.costs, PROGRAM, weights, pool.wanted.preferred)
+    widest = np.argsort(-(pool.sets[cover.chosen] @ weights), kind="stable")
+    return replace(cover, chosen=cover.chosen[widest])

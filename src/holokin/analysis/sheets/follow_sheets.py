@@ -16,29 +16,30 @@ from ...motion.ik.plan import check_start
 from ...path import Path
 from ...strategies.tasks.task import Task
 from .seams import Division, Seam, SheetMotion, SheetPiece, SheetSequence, UnservedPart, allowed, fewest_changes
-from .sheet import Sheet, known
+from .sheet import Sheet, known, postures_of_sheets
 from .still_motion import Hindrance, Stage, StillMotion, joined, still_motions, straight_seconds
 
-NEAR = 1e-9
-"""Share of a path's duration within which two instants are one."""
+NEAR = 1e-9  # share of a path's duration within which two instants are one
+ON_SHEET = 1e-6  # difference [joint units] below which a start posture is that of a sheet
+SAME_RATES = 1e-6  # relative difference of two G at one posture below which the joints go on as they came
 
-ON_SHEET = 1e-6
-"""Difference [joint units] below which a start posture is that of a sheet."""
-
-SAME_RATES = 1e-6
-"""Relative difference of two G at one posture below which the joints go on as they came."""
-
+# Changes between two sheets that are looked at together at first, then as many again: one takes as long as sixteen.
 TOGETHER = 16
-"""Changes between two sheets that are looked at together at first, then as many again: one takes as long as sixteen."""
 
 Stops = ArrayLike | Callable[[Matrix], bool] | None
 """Where the sheet may change: at shares of the path's duration, or where a function of the tool pose is true."""
 
 
 def follow_sheets(
-    task: Task, sheets: Sequence[Sheet], clear: Clear | None, path: Path, q0: ArrayLike | None, stops: Stops,
-    samples: int, middle: Matrix,
-) -> SheetMotion:  # fmt: skip
+    task: Task,
+    sheets: Sequence[Sheet],
+    clear: Clear | None,
+    path: Path,
+    q0: ArrayLike | None,
+    stops: Stops,
+    samples: int,
+    middle: Matrix,
+) -> SheetMotion:
     """The best motion along a path over some sheets.
 
     Args:
@@ -47,11 +48,32 @@ def follow_sheets(
     Raises:
         ArgumentError: q0 is a posture of no sheet; bad stops. StartError: its tool is not at the start of the path.
     """
-    along = _Along.of(task, sheets, clear, path, q0, stops, whole("samples", samples), middle)
-    first = None if q0 is None else _stands_on(along, task.robot.checked(q0, "the start posture"))
+    # The instants, and the tool's poses there. Its rotation is the path's own, or begins with that at q0.
+    shares = np.zeros(0) if stops is None or callable(stops) else _shares(stops)
+    start = None if q0 is None else task.robot.checked(q0, "the start posture")
+    t = _instants(path, whole("samples", samples), shares)
+    tool = path.at(t)
+    begun = middle[:3, :3] if start is None else task._place(start)[1]
+    poses = np.repeat(np.eye(4)[None], len(t), axis=0)
+    poses[:, :3, 3] = tool.position
+    poses[:, :3, :3] = tool.rotation @ (begun if path.rotation is None else path.rotation)
+    # Where the sheet may change.
+    may: Flags = np.ones(len(t), dtype=bool)
+    if callable(stops):
+        may = allowed(stops, poses)
+    elif stops is not None:
+        may = np.any(np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration, axis=1)
+    # The joints of each sheet, and the steps on which they continue.
+    q = postures_of_sheets(sheets, poses, clear, task.n)
+    served = known(q)[:, :-1] & known(q)[:, 1:]
+    for s, sheet in enumerate(sheets):
+        i = np.flatnonzero(served[s])
+        on, reached = answers(sheet.ik, poses[i + 1], q[s, i])
+        served[s, i] = reached & (np.abs(on - q[s, i + 1]).max(axis=1) < AGREE)
+    along = _Along(task, tuple(sheets), clear, path, t, poses, q, served, may)
+    first = None if start is None else _stands_on(along, start)
     changes = _Changes(along)
-    best = changes.best(first)
-    return _motion(along, changes, best, first)
+    return _motion(along, changes, changes.best(first), first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,43 +90,16 @@ class _Along(Value):
     served: Flags
     may: Flags
 
-    @classmethod
-    def of(
-        cls, task: Task, sheets: Sequence[Sheet], clear: Clear | None, path: Path, q0: ArrayLike | None, stops: Stops,
-        samples: int, middle: Matrix,
-    ) -> _Along:  # fmt: skip
-        """That of a path."""
-        shares = np.zeros(0) if stops is None or callable(stops) else _shares(stops)
-        t = _instants(path, samples, shares)
-        at = path.at(t)
-        begun = middle[:3, :3] if q0 is None else task._place(task.robot.checked(q0, "the start posture"))[1]
-        poses = np.repeat(np.eye(4)[None], len(t), axis=0)
-        poses[:, :3, 3] = at.position
-        poses[:, :3, :3] = at.rotation @ (begun if path.rotation is None else path.rotation)
-        may: Flags = np.ones(len(t), dtype=bool)
-        if callable(stops):
-            may = allowed(stops, poses)
-        elif stops is not None:
-            may = np.any(np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration, axis=1)
-        q = np.array([sheet.postures(poses, clear)[0] for sheet in sheets]).reshape(len(sheets), len(t), task.n)
-        there = known(q)
-        served = there[:, :-1] & there[:, 1:]
-        for s, sheet in enumerate(sheets):
-            i = np.flatnonzero(served[s])
-            on, reached = answers(sheet.ik, poses[i + 1], q[s, i])
-            served[s, i] = reached & (np.abs(on - q[s, i + 1]).max(axis=1) < AGREE)
-        return cls(task, tuple(sheets), clear, path, t, poses, q, served, may)
-
     def share(self, i: int) -> float:
         """Where a sample is, as a share of the path's duration."""
         return float(self.t[i] / self.path.duration)
 
 
 def _shares(stops: ArrayLike) -> Vector:
-    found = finite("the stops", np.atleast_1d(np.asarray(stops, dtype=object)).tolist(), ("k",))
-    if not ((found >= 0) & (found <= 1)).all():
-        raise ArgumentError("the stops", found.tolist(), "give shares of the path's duration, from 0 to 1")
-    return found
+    shares = finite("the stops", np.atleast_1d(np.asarray(stops, dtype=object)).tolist(), ("k",))
+    if not ((shares >= 0) & (shares <= 1)).all():
+        raise ArgumentError("the stops", shares.tolist(), "give shares of the path's duration, from 0 to 1")
+    return shares
 
 
 def _instants(path: Path, samples: int, shares: Vector) -> Vector:
@@ -118,8 +113,8 @@ def _instants(path: Path, samples: int, shares: Vector) -> Vector:
 
 def _stands_on(along: _Along, q0: Vector) -> int:
     """The sheet whose posture at the start of the path is q0 (n,)."""
-    at = along.poses[0]
-    check_start(along.task, q0, at[:3, 3], at[:3, :3])
+    pose = along.poses[0]
+    check_start(along.task, q0, pose[:3, 3], pose[:3, :3])
     for s, q in enumerate(along.q[:, 0]):
         if np.abs(q - q0).max() < ON_SHEET:  # false of NaN
             return s
@@ -139,8 +134,8 @@ class _Changes:
     def __post_init__(self) -> None:
         along = self.along
         robot, q = along.task.robot, np.swapaxes(along.q, 0, 1)
-        least = straight_seconds(q[:, :, None], q[:, None], robot)
-        self.seconds = np.where(np.isfinite(least) & along.may[:, None, None], least, np.inf)
+        fastest = straight_seconds(q[:, :, None], q[:, None], robot)
+        self.seconds = np.where(np.isfinite(fastest) & along.may[:, None, None], fastest, np.inf)
         self.seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < ON_SHEET] = 0.0  # one posture: nothing changes
         steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], robot)
         self.steps = np.where(along.served, steps, np.inf)
@@ -148,24 +143,24 @@ class _Changes:
     def best(self, first: int | None) -> SheetSequence:
         """The best choice of sheets."""
         while True:
-            found = fewest_changes(self.steps, self.along.served, self.seconds, first)
-            unknown = [one for one in turnings(found, first) if one not in self.motions]
-            wanted = [one for one in unknown if 0 < self.seconds[one] < np.inf]
+            sequence = fewest_changes(self.steps, self.along.served, self.seconds, first)
+            unknown = [change for change in turnings(sequence, first) if change not in self.motions]
+            wanted = [change for change in unknown if 0 < self.seconds[change] < np.inf]
             if not wanted:
-                return found
-            for one in wanted:
-                self._look(*one)
+                return sequence
+            for change in wanted:
+                self._look(*change)
 
     def _look(self, i: int, a: int, b: int) -> None:
         """Look for changes between two sheets: at a sample, and where else they could be as fast."""
         if (i, a, b) in self.motions:
             return
-        least = self.seconds[:, a, b].copy()
+        fastest = self.seconds[:, a, b].copy()
         done = [j for j, one, other in self.motions if (one, other) == (a, b)]
-        least[done] = np.inf
-        least[least == 0] = np.inf
-        others = np.argsort(least, kind="stable")[: max(TOGETHER, len(done))]
-        rows: Indices = np.unique(np.append(others[np.isfinite(least[others])], i))
+        fastest[done] = np.inf
+        fastest[fastest == 0] = np.inf
+        others = np.argsort(fastest, kind="stable")[: max(TOGETHER, len(done))]
+        rows: Indices = np.unique(np.append(others[np.isfinite(fastest[others])], i))
         q = self.along.q
         for j, motion in zip(
             rows.tolist(), still_motions(self.along.task, q[a, rows], q[b, rows], self.along.clear), strict=True
@@ -174,14 +169,15 @@ class _Changes:
             self.seconds[j, a, b] = self.seconds[j, b, a] = motion.seconds
 
 
-def turnings(found: SheetSequence, first: int | None) -> list[tuple[int, int, int]]:
+def turnings(sequence: SheetSequence, first: int | None) -> list[tuple[int, int, int]]:
     """(sample, sheet before, sheet after) of each change and division, that at the start included."""
-    begun = len(found.sheets) > 0 and first is not None and found.sheets[0] >= 0 and found.sheets[0] != first
-    return [(0, int(first or 0), int(found.sheets[0])), *found.turnings] if begun else found.turnings
+    begun = len(sequence.sheets) > 0 and first is not None and sequence.sheets[0] >= 0 and sequence.sheets[0] != first
+    return [(0, int(first or 0), int(sequence.sheets[0])), *sequence.turnings] if begun else sequence.turnings
 
 
 def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | None) -> SheetMotion:
     """The motion of a choice of sheets."""
+    # The pieces between changes of the sheet: served, or left out.
     labels = best.sheets
     ends = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), len(labels)]
     turning = {i: (a, b) for i, a, b in turnings(best, first)}
@@ -197,6 +193,7 @@ def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | 
             left_out.append(UnservedPart(start, stop, *_unserved(along, a, b)))
             parts.append([])
             continue
+        # A change with the tool still, or a division where there is none.
         if a in turning and changes.seconds[(a, *turning[a])] > 0:
             change = (a, *turning[a])
             motion = changes.motions.get(change)
@@ -237,8 +234,8 @@ def _reason(along: _Along, changes: _Changes, change: tuple[int, int, int]) -> s
 
 def _goes_on(along: _Along, i: int, a: int, b: int) -> bool:
     """Whether two sheets that have one posture at a sample have the same joint rates there, too, as on one leaf."""
-    one, other = (along.sheets[s].strategy.gain(along.q[b, i])[0] for s in (a, b))
-    return bool(np.abs(one - other).max() <= SAME_RATES * np.abs(other).max())
+    gain_a, gain_b = (along.sheets[s].strategy.gain(along.q[b, i])[0] for s in (a, b))
+    return bool(np.abs(gain_a - gain_b).max() <= SAME_RATES * np.abs(gain_b).max())
 
 
 def _stage(along: _Along, labels: Indices, a: int, b: int) -> Stage:
@@ -247,15 +244,15 @@ def _stage(along: _Along, labels: Indices, a: int, b: int) -> Stage:
     task, path, rows = along.task, along.path, slice(a, b + 1)
     on = np.append(labels[a:b], labels[b - 1])
     t, q = along.t[rows], along.q[on, np.arange(a, b + 1)]
-    at = path.at(t)
-    x, _ = task._tool_rates(along.poses[rows, :3, :3], at.velocity, at.angular)
+    tool = path.at(t)
+    x, _ = task._tool_rates(along.poses[rows, :3, :3], tool.velocity, tool.angular)
     dq, residual = np.zeros_like(q), np.zeros(len(q))
     for s in np.unique(on).tolist():
-        here, sheet = on == s, along.sheets[s]
-        dq[here] = sheet.strategy.rate.batch(q[here], x[here])[0].reshape(-1, task.n)
+        on_sheet, sheet = on == s, along.sheets[s]
+        dq[on_sheet] = sheet.strategy.rate.batch(q[on_sheet], x[on_sheet])[0].reshape(-1, task.n)
         if task.n > task.m:
-            values = sheet.strategy.constraint_value.batch(q[here]).reshape(here.sum(), -1) - sheet.level
-            residual[here] = np.abs(sheet.strategy.constraint.nearest(values)).max(axis=1)
+            values = sheet.strategy.constraint_value.batch(q[on_sheet]).reshape(on_sheet.sum(), -1) - sheet.level
+            residual[on_sheet] = np.abs(sheet.strategy.constraint.nearest(values)).max(axis=1)
     slower = max(1.0, float(np.max(np.abs(dq) / task.robot.max_velocity)))
     corners = [int(np.argmin(np.abs(t - path.starts[c]))) for c in path.corners if t[0] <= path.starts[c] < t[-1]]
     if 0 in path.corners and t[-1] == path.duration:

@@ -11,21 +11,20 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, DividedPathError, NoSeamError
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
-from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, runs
 from ...motion.checks import Clear
 from ...motion.trajectory import Trajectory
 from ...path import Path
 from ...path.workspaces import Workspace
 from ...strategies.tasks.task import Task
-from .sheet import Sheet, known
+from .sheet import Sheet, known, postures_of_sheets
 from .still_motion import Hindrance, StillMotion, still_motions, still_trajectory, straight_seconds
 
+# Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
+# postures first.
 FIRST, MOST = 8, 256
-"""Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
-postures first."""
 
-PLACES = 128
-"""Poses of a workspace in which seams are to lie."""
+PLACES = 128  # poses of a workspace in which seams are to lie
 
 Where = PoseLike | Workspace | Callable[[Matrix], bool] | None
 """Where seams may lie: at given poses, in a workspace, where a function of the tool pose is true; or anywhere."""
@@ -64,8 +63,8 @@ class Seam(Value):
         return replace(self, first=self.second, second=self.first, motion=self.motion.reversed())
 
     def __str__(self) -> str:
-        at = ", ".join(f"{x:.3f}" for x in self.pose[:3, 3])
-        return f"sheet {self.first} to sheet {self.second}: {self.seconds:.2f} s at [{at}]"
+        place = ", ".join(f"{x:.3f}" for x in self.pose[:3, 3])
+        return f"sheet {self.first} to sheet {self.second}: {self.seconds:.2f} s at [{place}]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +83,10 @@ class NoSeam(Value):
     def reason(self) -> str:
         """Why, in words."""
         tried = sum(count for _, count in self.hindrances)
-        said = "; ".join(f"{count} times: {one.text}" for one, count in self.hindrances)
+        reasons = "; ".join(f"{count} times: {hindrance.text}" for hindrance, count in self.hindrances)
         if not self.both:
             return Hindrance.NO_POSE.text
-        return f"at {tried} of {self.both} poses that both serve: {said}"
+        return f"at {tried} of {self.both} poses that both serve: {reasons}"
 
     def __str__(self) -> str:
         return f"sheet {self.first} to sheet {self.second}: {self.reason}"
@@ -112,11 +111,11 @@ class Seams(NoTruthValue, Value, ask="`.missing`"):
     @typed
     def between(self, first: int, second: int) -> Seam:
         """The change from one sheet to another. Raises: NoSeamError: there is none. ArgumentError: no such pair."""
-        for one in self.found:
-            if (one.first, one.second) == (first, second):
-                return one
-            if (one.second, one.first) == (first, second):
-                return one.reversed()
+        for seam in self.found:
+            if (seam.first, seam.second) == (first, second):
+                return seam
+            if (seam.second, seam.first) == (first, second):
+                return seam.reversed()
         for none in self.missing:
             if {none.first, none.second} == {first, second} and first != second:
                 raise NoSeamError(first, second, none.reason)
@@ -125,13 +124,18 @@ class Seams(NoTruthValue, Value, ask="`.missing`"):
     def __str__(self) -> str:
         pairs = len(self.found) + len(self.missing)
         lines = [f"{len(self.found)} of {pairs} pairs of sheets have a seam"]
-        return "\n".join([*lines, *(f"  {one}" for one in (*self.found, *self.missing))])
+        return "\n".join([*lines, *(f"  {part}" for part in (*self.found, *self.missing))])
 
 
 def seams_of(
-    task: Task, sheets: Sequence[Sheet], poses: Array, q: Array, clear: Clear | None, at: Where = None,
+    task: Task,
+    sheets: Sequence[Sheet],
+    poses: Array,
+    q: Array,
+    clear: Clear | None,
+    at: Where = None,
     middle: Matrix | None = None,
-) -> Seams:  # fmt: skip
+) -> Seams:
     """The fastest change between each pair of sheets, of those at some poses.
 
     Poses are tried by the least time that the joints could take, until none that is left can be faster, and `MOST` at
@@ -146,7 +150,7 @@ def seams_of(
         ArgumentError, ShapeError, NotFiniteError: bad poses.
     """
     poses, q = _placed(task, sheets, poses, q, clear, at, middle)
-    found: list[Seam] = []
+    seams: list[Seam] = []
     missing: list[NoSeam] = []
     for first in range(len(sheets)):
         for second in range(first + 1, len(sheets)):
@@ -155,8 +159,8 @@ def seams_of(
             if motion is None:
                 missing.append(NoSeam(first, second, len(both), met))
             else:
-                found.append(Seam(task, first, second, poses[both[i]], motion))
-    return Seams(tuple(found), tuple(missing))
+                seams.append(Seam(task, first, second, poses[both[i]], motion))
+    return Seams(tuple(seams), tuple(missing))
 
 
 def _placed(
@@ -169,16 +173,16 @@ def _placed(
         chosen = allowed(at, poses)
         return poses[chosen], q[:, chosen]
     T = at.poses(min(PLACES, at.size or PLACES)) if isinstance(at, Workspace) else _given(task, at, middle)
-    return T, np.array([sheet.postures(T, clear)[0] for sheet in sheets]).reshape(len(sheets), len(T), task.n)
+    return T, postures_of_sheets(sheets, T, clear, task.n)
 
 
 def allowed(where: Callable[[Matrix], bool], poses: Array) -> Flags:
     """At which of the poses (k, 4, 4) a function is true. Raises: ArgumentError: it does not say yes or no."""
-    said = [where(pose.copy()) for pose in poses]
-    bad = [one for one in said if not isinstance(one, bool | np.bool_)]
+    answers = [where(pose.copy()) for pose in poses]
+    bad = [answer for answer in answers if not isinstance(answer, bool | np.bool_)]
     if bad:
         raise ArgumentError("the answer of the function", bad[0], "let it take a pose (4, 4) and return True or False")
-    return np.array(said, dtype=bool)
+    return np.array(answers, dtype=bool)
 
 
 def _given(task: Task, at: PoseLike, middle: Matrix | None) -> Array:
@@ -195,18 +199,18 @@ def _fastest(
     task: Task, A: Matrix, B: Matrix, clear: Clear | None
 ) -> tuple[int, StillMotion | None, tuple[tuple[Hindrance, int], ...]]:
     """(row, motion) of the fastest motion from postures A (k, n) to B (k, n), or the hindrances that were met."""
-    least = straight_seconds(A, B, task.robot)
-    order: Indices = np.argsort(least, kind="stable")[:MOST]
-    best, at, met, done, size = None, -1, Counter[Hindrance](), 0, FIRST
-    while done < len(order) and (best is None or least[order[done]] < best.seconds):
+    fastest = straight_seconds(A, B, task.robot)
+    order: Indices = np.argsort(fastest, kind="stable")[:MOST]
+    best, row, met, done, size = None, -1, Counter[Hindrance](), 0, FIRST
+    while done < len(order) and (best is None or fastest[order[done]] < best.seconds):
         rows = order[done : done + size]
         for i, motion in zip(rows.tolist(), still_motions(task, A[rows], B[rows], clear), strict=True):
             if motion.hindrance is not None:
                 met[motion.hindrance] += 1
             elif best is None or motion.seconds < best.seconds:
-                best, at = motion, i
+                best, row = motion, i
         done, size = done + size, 2 * size
-    return at, best, tuple(met.most_common())
+    return row, best, tuple(met.most_common())
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,9 +237,8 @@ class Division(Value):
     reason: str
 
     def __str__(self) -> str:
-        return (
-            f"divided at {_percent(self.at)} of the path, from sheet {self.first} to sheet {self.second}: {self.reason}"
-        )
+        sheets = f"from sheet {self.first} to sheet {self.second}"
+        return f"divided at {_percent(self.at)} of the path, {sheets}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,17 +306,19 @@ class SheetMotion(NoTruthValue, Value, ask="`.complete`"):
     @property
     def sentence(self) -> str:
         """How it came out, in words."""
-        used = len({one.sheet for one in self.pieces})
+        used = len({part.sheet for part in self.pieces})
         parts = [_count(used, "sheet"), _count(self.changes, "change"), _count(len(self.divisions), "division")]
-        lost = sum(one.stop - one.start for one in self.left_out)
-        said = f"{parts[0]}, {parts[1]}, {parts[2]}; {_percent(1 - lost)} of the path served"
-        return f"{said}; at these samples no choice among the sheets has fewer divisions, or as few and fewer changes"
+        lost = sum(part.stop - part.start for part in self.left_out)
+        sentence = f"{parts[0]}, {parts[1]}, {parts[2]}; {_percent(1 - lost)} of the path served"
+        return (
+            f"{sentence}; at these samples no choice among the sheets has fewer divisions, or as few and fewer changes"
+        )
 
     def __str__(self) -> str:
-        rows = [(one.start, f"  {one}") for one in (*self.pieces, *self.left_out)]
-        rows += [(one.at, f"  {one}") for one in self.divisions]
+        rows = [(part.start, f"  {part}") for part in (*self.pieces, *self.left_out)]
+        rows += [(part.at, f"  {part}") for part in self.divisions]
         lines = [text for _, text in sorted(rows, key=lambda row: row[0])]
-        return "\n".join([self.sentence, *lines, *(f"  change: {one}" for one in self.seams)])
+        return "\n".join([self.sentence, *lines, *(f"  change: {part}" for part in self.seams)])
 
 
 def _percent(share: float) -> str:
@@ -326,12 +331,11 @@ def _count(many: int, word: str) -> str:
 
 # --- Which sheet to take on each part of a path: with the fewest divisions, then changes, then the least joint motion.
 
-Cost = tuple[int, int, float]
-"""Divisions, changes, seconds: compared in this order."""
+Cost = tuple[int, int, float]  # divisions, changes, seconds: compared in this order
 
+# Seconds that going over to another sheet of the same posture counts, so that rounding does not decide: where parts
+# of one leaf overlap, both have the same motion.
 SWITCH = 1e-6
-"""Seconds that going over to another sheet of the same posture counts, so that rounding does not decide: where parts of
-one leaf overlap, both have the same motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,8 +355,8 @@ class SheetSequence(Value):
     def turnings(self) -> list[tuple[int, int, int]]:
         """(sample, sheet before, sheet after) of each change and division between two steps that are served."""
         s = self.sheets
-        at = np.flatnonzero((s[:-1] != s[1:]) & (s[:-1] >= 0) & (s[1:] >= 0)) + 1
-        return [(int(i), int(s[i - 1]), int(s[i])) for i in at]
+        samples = np.flatnonzero((s[:-1] != s[1:]) & (s[:-1] >= 0) & (s[1:] >= 0)) + 1
+        return [(int(i), int(s[i - 1]), int(s[i])) for i in samples]
 
 
 def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | None = None) -> SheetSequence:
@@ -371,10 +375,9 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
     k = served.shape[1]
     chosen = np.full(k, -1)
     some = served.any(axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], some, [False]]).astype(int)))
-    runs = edges.reshape(-1, 2).tolist()
-    divisions, changes, seconds = max(0, len(runs) - 1), 0, 0.0
-    for begin, end in runs:
+    parts = runs(some).tolist()
+    divisions, changes, seconds = max(0, len(parts) - 1), 0, 0.0
+    for begin, end in parts:
         stands = first if begin == 0 else None
         labels, cost = _run(steps[:, begin:end], served[:, begin:end], change[begin:end], stands)
         chosen[begin:end] = labels
@@ -390,10 +393,7 @@ def _run(steps: Array, served: Flags, change: Array, first: int | None) -> tuple
     for i in range(k):
         after: list[Cost | None] = [None] * S
         for s in np.flatnonzero(served[:, i]).tolist():
-            ways = [
-                (_plus(cost, i, t, s, change, first), t)
-                for t, cost in enumerate(before) if cost is not None
-            ]  # fmt: skip
+            ways = [(_plus(cost, i, t, s, change, first), t) for t, cost in enumerate(before) if cost is not None]
             best, t = min(ways)
             after[s], come[i, s] = (best[0], best[1], best[2] + float(steps[s, i])), t
         before = after

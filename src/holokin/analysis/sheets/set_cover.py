@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,12 +14,10 @@ from .sheet import Sheet, known
 
 # --- Linear programs, some of whose unknowns are whole numbers, between 0 and 1: by HiGHS, which SciPy brings.
 
-NODES = 5000
-"""Nodes of the search tree after which the best x is taken: the same one on a slow and on a fast machine."""
+NODES = 5000  # nodes of the search tree after which the best x is taken: the same one on a slow and on a fast machine
 
 
-@dataclass(frozen=True, eq=False)
-class Optimum(Value):
+class Optimum(NamedTuple):
     """x (k,), None where time was too short to find any; bound: no x has less, -inf where nothing is known."""
 
     x: Vector | None
@@ -28,7 +26,7 @@ class Optimum(Value):
 
 def least(
     cost: Vector, rows: Any, low: Vector, high: Vector, whole: Flags, seconds: float, gap: float = 1e-4
-) -> Optimum:  # fmt: skip
+) -> Optimum:
     """min cost x   with   low <= rows x <= high,   0 <= x <= 1,   x whole where it is to be.
 
     Args:
@@ -38,24 +36,20 @@ def least(
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     limits: Any = low, high
-    found = milp(
-        cost, constraints=LinearConstraint(rows, *limits), integrality=np.asarray(whole, dtype=int),
-        bounds=Bounds(0.0, 1.0), options={"time_limit": seconds, "node_limit": NODES, "mip_rel_gap": gap},
-    )  # fmt: skip
-    known = getattr(found, "mip_dual_bound", None)
-    bound = found.fun if known is None and found.status == 0 else known
-    return Optimum(found.x, -np.inf if bound is None else float(bound))
+    options = {"time_limit": seconds, "node_limit": NODES, "mip_rel_gap": gap}
+    unknowns = {"integrality": np.asarray(whole, dtype=int), "bounds": Bounds(0.0, 1.0)}
+    result = milp(cost, constraints=LinearConstraint(rows, *limits), options=options, **unknowns)
+    known = getattr(result, "mip_dual_bound", None)
+    bound = result.fun if known is None and result.status == 0 else known
+    return Optimum(result.x, -np.inf if bound is None else float(bound))
 
 
+# Weight of the costs of sets against what they cover, once their number is decided: a set that costs the most is
+# given up for one that costs nothing and covers a fifth of all elements less.
 PREFERENCE = 0.2
-"""Weight of the costs of sets against what they cover, once their number is decided: a set that costs the most is given
-up for one that costs nothing and covers a fifth of all elements less."""
 
-NEARLY = 1e-3
-"""Share of its value that a program about sets of a known number may miss."""
-
-ROUND = 1e-6
-"""What a bound may be off."""
+NEARLY = 1e-3  # share of its value that a program about sets of a known number may miss
+ROUND = 1e-6  # what a bound may be off
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +63,6 @@ class Cover(Value):
     chosen: Indices
     least: int
     covered: float
-
-    @property
-    def proven(self) -> bool:
-        """Whether no fewer sets will do."""
-        return self.least == len(self.chosen)
 
 
 def fewest(
@@ -92,9 +81,9 @@ def fewest(
     alive = not_within_another(sets, costs)
     each = np.ones(sets.shape[1]) if weights is None else weights
     patterns, which = np.unique(sets[alive], axis=1, return_inverse=True)
-    kept = patterns.any(axis=0)
-    many = np.asarray(np.bincount(which.ravel(), each, patterns.shape[1])[kept], dtype=float)
-    patterns = patterns[:, kept]
+    coverable = patterns.any(axis=0)
+    many = np.asarray(np.bincount(which.ravel(), each, patterns.shape[1])[coverable], dtype=float)
+    patterns = patterns[:, coverable]
     goal = min(wanted, float(many.sum())) - ROUND
     if goal <= 0:
         return Cover(np.zeros(0, dtype=int), 0, 0)
@@ -128,10 +117,10 @@ def _solved(
     low = np.concatenate([np.zeros(k), [goal, size or 0]])
     high = np.concatenate([np.full(k + 1, np.inf), [size or np.inf]])
     whole, gap = np.arange(c + k) < c, 0.0 if size is None else NEARLY
-    found = least(
+    optimum = least(
         np.concatenate([costs, -gains]), vstack([covers, total, count]).tocsr(), low, high, whole, seconds, gap
     )
-    return found if found.x is None else Optimum(np.round(found.x[:c]), found.bound)
+    return optimum if optimum.x is None else Optimum(np.round(optimum.x[:c]), optimum.bound)
 
 
 def _greedy(patterns: Flags, weights: Vector, goal: float) -> Vector:
@@ -146,22 +135,21 @@ def _greedy(patterns: Flags, weights: Vector, goal: float) -> Vector:
 def not_within_another(sets: Flags, costs: Vector) -> Indices:
     """The sets that are not within another one that costs no more."""
     sizes = sets.sum(axis=1)
-    kept: list[int] = []
+    largest: list[int] = []
     order = np.lexsort((costs, -sizes))
     for i in order:
-        inside = [j for j in kept if costs[j] <= costs[i] and not (sets[i] & ~sets[j]).any()]
+        inside = [j for j in largest if costs[j] <= costs[i] and not (sets[i] & ~sets[j]).any()]
         if sizes[i] and not inside:
-            kept.append(int(i))
-    return np.sort(np.array(kept, dtype=int))
+            largest.append(int(i))
+    return np.sort(np.array(largest, dtype=int))
 
 
 # --- Which sheet serves a pose where several do: so that neighbouring poses have one sheet as often as can be.
 
-SECONDS = 60.0
-"""For the linear program."""
+SECONDS = 60.0  # for the linear program
 
+# What a later sheet costs at a pose against a change between neighbours: of equal choices the first sheet.
 LATER_SHEET = 1e-6
-"""What a later sheet costs at a pose against a change between neighbours: of equal choices the first sheet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,13 +167,13 @@ class Labels(Value):
 
 def continued(sheets: Sequence[Sheet], T: Array, q: Array, pairs: Indices) -> Flags:
     """Whether each sheet's joints q (S, k, n) continue (S, e) straight from one pose of a pair to the other."""
-    found = np.zeros((len(sheets), len(pairs)), dtype=bool)
+    goes_on = np.zeros((len(sheets), len(pairs)), dtype=bool)
     for s, sheet in enumerate(sheets):
         both = np.flatnonzero(known(q[s][pairs]).all(axis=1))
         i, j = pairs[both].T
         there, reached = answers(sheet.ik, T[j], q[s, i])
-        found[s, both] = reached & (np.abs(there - q[s, j]).max(axis=1) < AGREE)
-    return found
+        goes_on[s, both] = reached & (np.abs(there - q[s, j]).max(axis=1) < AGREE)
+    return goes_on
 
 
 def same_postures(q: Array) -> Indices:
@@ -212,20 +200,20 @@ def labelled(served: Flags, pairs: Indices, goes_on: Flags, same: Indices | None
     """
     S, k = served.shape
     same = np.repeat(np.arange(S)[:, None], k, axis=1) if same is None else same
-    of = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
-    both = (of[pairs] >= 0).all(axis=1)
+    labels = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
+    both = (labels[pairs] >= 0).all(axis=1)
     edges, on = pairs[both], goes_on[:, both]
     if not len(edges):
-        return Labels(of, edges, 0)
+        return Labels(labels, edges, 0)
     bound = 0
     if S > 1:
         own = served & (same == np.arange(S)[:, None])
         x, value = _relaxed(own, edges, on, same)
-        of = np.where(of < 0, -1, np.argmax(x, axis=0))
+        labels = np.where(labels < 0, -1, np.argmax(x, axis=0))
         bound = max(0, int(np.ceil(len(edges) - value - ROUND))) if np.isfinite(value) else 0
     i, j = edges.T
-    kept = (on & (same[:, i] == of[i]) & (same[:, j] == of[j])).any(axis=0)
-    return Labels(of, edges[~kept], bound if S > 1 else int((~kept).sum()))
+    unbroken = (on & (same[:, i] == labels[i]) & (same[:, j] == labels[j])).any(axis=0)
+    return Labels(labels, edges[~unbroken], bound if S > 1 else int((~unbroken).sum()))
 
 
 def _relaxed(served: Flags, edges: Indices, on: Flags, same: Indices) -> tuple[Array, float]:
@@ -249,14 +237,14 @@ def _relaxed(served: Flags, edges: Indices, on: Flags, same: Indices) -> tuple[A
         return csr_matrix((np.concatenate([ones, -ones]), places), shape=(len(once), count))
 
     which, poses = np.nonzero(served)
-    here, at = np.unique(poses, return_inverse=True)
-    one = csr_matrix((np.ones(first), (at, np.arange(first))), shape=(len(here), count))
-    matrix = vstack([below(0), below(1), one]).tocsr()
-    low = np.concatenate([np.full(2 * len(once), -np.inf), np.ones(len(here))])
-    high = np.concatenate([np.zeros(2 * len(once)), np.ones(len(here))])
+    served_poses, row = np.unique(poses, return_inverse=True)
+    each_once = csr_matrix((np.ones(first), (row, np.arange(first))), shape=(len(served_poses), count))
+    matrix = vstack([below(0), below(1), each_once]).tocsr()
+    low = np.concatenate([np.full(2 * len(once), -np.inf), np.ones(len(served_poses))])
+    high = np.concatenate([np.zeros(2 * len(once)), np.ones(len(served_poses))])
     cost: Vector = np.concatenate([LATER_SHEET * which, -np.ones(len(once))]).astype(float)
-    found = least(cost, matrix, low, high, np.zeros(count, dtype=bool), SECONDS)
+    optimum = least(cost, matrix, low, high, np.zeros(count, dtype=bool), SECONDS)
     x = np.where(served, 1.0 - LATER_SHEET * np.arange(S)[:, None], -1.0)
-    if found.x is not None:
-        x[served] = found.x[:first]
-    return x, LATER_SHEET * (S - 1) * k - found.bound
+    if optimum.x is not None:
+        x[served] = optimum.x[:first]
+    return x, LATER_SHEET * (S - 1) * k - optimum.bound

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -20,14 +20,9 @@ from ...strategies.tasks.task import Task
 
 # --- Tool poses as points: which of many is nearest, which are neighbours, which are far from each other.
 
-TURN_LENGTH = 0.3
-"""Metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds."""
-
-NEIGHBOURS = 8
-"""Nearest poses of each pose that count as its neighbours."""
-
-PIECE = 4096
-"""Poses that are compared at once."""
+TURN_LENGTH = 0.3  # metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds
+NEIGHBOURS = 8  # nearest poses of each pose that count as its neighbours
+PIECE = 4096  # poses that are compared at once
 
 
 def turn_length(task: Task) -> float:
@@ -50,8 +45,8 @@ def seen_features(task: Task) -> Matrix:
     S[:3, :3] = np.diag(np.isin((0, 1, 2), task.rows))
     if direction is not None:
         axis, of_base = direction
-        one = np.sqrt(2) * np.outer(axis, axis)
-        S[3:, 3:] = np.kron(one, np.eye(3)) if of_base else np.kron(np.eye(3), one)
+        scale = np.sqrt(2) * np.outer(axis, axis)
+        S[3:, 3:] = np.kron(scale, np.eye(3)) if of_base else np.kron(np.eye(3), scale)
     return S
 
 
@@ -70,12 +65,12 @@ class PosePoints(Value):
     def few(self, T: Array, count: int) -> Indices:
         """The nearest `count`, or all, to each of some poses (l, 4, 4), nearest first."""
         count = min(count, len(self.poses))
-        found = []
+        nearest = []
         for values in self._compared(T):
             near = np.argpartition(values, count - 1, axis=1)[:, :count]
             order = np.argsort(np.take_along_axis(values, near, axis=1), axis=1, kind="stable")
-            found.append(np.take_along_axis(near, order, axis=1))
-        return np.concatenate(found)
+            nearest.append(np.take_along_axis(near, order, axis=1))
+        return np.concatenate(nearest)
 
     def _compared(self, T: Array) -> Iterator[Matrix]:
         """Half the squared distances of some poses to all, but for what all of one pose have in common.
@@ -124,9 +119,9 @@ def spread_out(T: Array, which: Indices, count: int, length: float) -> Indices:
     return which[chosen]
 
 
+# Stations of a sheet from which a pose is tried at most, nearest first. On a Panda, of 42 poses that four sheets
+# refuse from six of them, four are reached from the next six, and three from another 36.
 STATIONS = 12
-"""Stations of a sheet from which a pose is tried at most, nearest first. On a Panda, of 42 poses that four sheets
-refuse from six of them, four are reached from the next six, and three from another 36."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +189,10 @@ class Sheet(Value):
         few = self._places.few(poses[left], STATIONS) if len(left) else np.zeros((0, 1), dtype=int)
         for column in few.T[1:]:
             still = ~served[left]
-            at = left[still]
-            q[at], served[at] = self.reached(self.begin[column[still]], poses[at], clear, threads)
+            poses_left = left[still]
+            q[poses_left], served[poses_left] = self.reached(
+                self.begin[column[still]], poses[poses_left], clear, threads
+            )
         return q, served
 
     def reached(
@@ -227,8 +224,8 @@ class Sheet(Value):
         return PosePoints(self.begin_at, turn_length(task), seen_features(task))
 
     def __str__(self) -> str:
-        at = ", ".join(f"{c:.4g}" for c in self.level.round(9) + 0.0)  # -0 is 0
-        return f"{self.name}, level {at}" if at else self.name
+        level = ", ".join(f"{c:.4g}" for c in self.level.round(9) + 0.0)  # -0 is 0
+        return f"{self.name}, level {level}" if level else self.name
 
 
 def allowed_postures(
@@ -246,3 +243,8 @@ def allowed_postures(
 def known(q: Array) -> Flags:
     """Which postures (..., n) are there: rows of NaN stand for none."""
     return np.asarray(np.isfinite(q).all(axis=-1))
+
+
+def postures_of_sheets(sheets: Sequence[Sheet], T: Array, clear: Clear | None, n: int) -> Array:
+    """The joints of each sheet (S, k, n) at tool poses (k, 4, 4), NaN where it does not serve."""
+    return np.array([sheet.postures(T, clear)[0] for sheet in sheets]).reshape(len(sheets), len(T), n)

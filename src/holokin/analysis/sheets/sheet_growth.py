@@ -31,8 +31,7 @@ from ..coverage.pose_postures import (
 from ..coverage.starts import Candidate, candidates, postures_at
 from .sheet import allowed_postures, known, nearby, neighbours
 
-SOME, MOST = 400, 400
-"""Poses that are searched of those that are served, and of those that were left out."""
+SOME, MOST = 400, 400  # poses that are searched of those that are served, and of those that were left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +122,12 @@ class SearchedPoses(Value):
         return self.order[~left][: self.some], self.order[left][: self.most]
 
 
+# Share of its neighbours that need not lead to a pose that is grown: at a hollow edge of a sheet a straight path to a
+# neighbour leaves it. Where a leaf ends between two sides of a sheet, half of them do not lead across.
 FAILING = 0.25
-"""Share of its neighbours that need not lead to a pose that is grown: at a hollow edge of a sheet a straight path to a
-neighbour leaves it. Where a leaf ends between two sides of a sheet, half of them do not lead across."""
 
+# (postures (k, n) to begin from, numbers of poses (k,)) -> (postures there (k, n), which is served (k,)).
 Go = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
-"""(postures (k, n) to begin from, numbers of poses (k,)) -> (postures there (k, n), which is served (k,))."""
 
 
 def grown(q: Matrix, near: Indices, go: Go) -> tuple[Matrix, Indices]:
@@ -150,22 +149,24 @@ def grown(q: Matrix, near: Indices, go: Go) -> tuple[Matrix, Indices]:
     while True:
         count += 1
         can = (wave >= 0)[near] & ~tried & (wave < 0)[:, None]
-        at = np.flatnonzero(can.any(axis=1))
-        if not len(at):
+        front = np.flatnonzero(can.any(axis=1))
+        if not len(front):
             return q, wave
-        column = np.argmax(can[at], axis=1)
-        tried[at, column] = True
-        found, served = go(q[near[at, column]], at)
-        ask, other = np.nonzero(served[:, None] & (wave >= 0)[near[at]] & (column[:, None] != np.arange(near.shape[1])))
-        asked, failed = 1 + np.bincount(ask, minlength=len(at)), np.zeros(len(at))
+        column = np.argmax(can[front], axis=1)
+        tried[front, column] = True
+        postures, served = go(q[near[front, column]], front)
+        ask, other = np.nonzero(
+            served[:, None] & (wave >= 0)[near[front]] & (column[:, None] != np.arange(near.shape[1]))
+        )
+        asked, failed = 1 + np.bincount(ask, minlength=len(front)), np.zeros(len(front))
         if len(ask):
-            there, reached = go(q[near[at[ask], other]], at[ask])
-            differs = reached & ~(np.abs(there - found[ask]).max(axis=1) <= AGREE)
-            failed = np.bincount(ask, ~reached, len(at))
+            there, reached = go(q[near[front[ask], other]], front[ask])
+            differs = reached & ~(np.abs(there - postures[ask]).max(axis=1) <= AGREE)
+            failed = np.bincount(ask, ~reached, len(front))
             served[ask[differs]] = False
         served &= failed <= FAILING * asked
-        tried[at[~served & (asked > 1)]] = True
-        q[at[served]], wave[at[served]] = found[served], count
+        tried[front[~served & (asked > 1)]] = True
+        q[front[served]], wave[front[served]] = postures[served], count
 
 
 def one_function(q: Matrix, wave: Indices, pairs: Indices, go: Go) -> tuple[Matrix, Matrix]:
@@ -183,20 +184,20 @@ def one_function(q: Matrix, wave: Indices, pairs: Indices, go: Go) -> tuple[Matr
     both = pairs[known(q[pairs]).all(axis=1)]
     if not len(both):
         return q, q[:0]
-    found, served = go(q[both[:, 0]], both[:, 1])
-    differs = ~(np.abs(found - q[both[:, 1]]).max(axis=1) <= AGREE)
+    postures, served = go(q[both[:, 0]], both[:, 1])
+    differs = ~(np.abs(postures - q[both[:, 1]]).max(axis=1) <= AGREE)
     clash, apart = both[served & differs], both[~served]
-    kept, out = known(q), []
+    consistent, out = known(q), []
     count = np.bincount(clash.ravel(), minlength=len(q))
     for i in np.lexsort((-count, -wave)).tolist():  # the latest first
         near, failing = _others(both, i), _others(apart, i)
-        split = wave[i] > 0 and kept[failing].sum() > FAILING * kept[near].sum()
-        if split or kept[_others(clash, i)].any():
-            kept[i] = False
+        split = wave[i] > 0 and consistent[failing].sum() > FAILING * consistent[near].sum()
+        if split or consistent[_others(clash, i)].any():
+            consistent[i] = False
             out.append(i)
     others = []
     for i in out:
-        begin = [j for j in _others(clash, i) if kept[j]][:1]
+        begin = [j for j in _others(clash, i) if consistent[j]][:1]
         there, reached = go(q[begin], np.full(len(begin), i))
         others += list(there[reached])
     q[out] = np.nan
@@ -211,23 +212,17 @@ def _others(pairs: Indices, i: int) -> Indices:
 
 # --- What a leaf serves, and what it costs: estimates, by many straight lines side by side.
 
-LAWS = 6
-"""Laws of which leaves are looked at all over the workspace. On a Panda the first three made up the cover."""
+MOST_STRATEGIES = 6  # whose leaves are tried all over the workspace. On a Panda the first three made up the cover.
 
+# Share of a straight line below which a step is given up: what lies behind is reached from pose to pose.
 SHORTEST = 1 / 64
-"""Share of a straight line below which a step is given up: what lies behind is reached from pose to pose."""
 
+# Difference of joints [rad or m] that counts as a jump between neighbours, and what the share of these pairs costs.
 JUMP, JUMPS = 0.5, 10.0
-"""Difference of joints [rad or m] that counts as a jump between neighbours, and what the share of these pairs costs."""
 
-MARGIN = 0.1
-"""Share of a joint's range next to a limit that counts as near it."""
-
-ROUGH = 64
-"""Poses by which laws are put in order."""
-
-STARTS = 8
-"""Postures at one pose through which leaves of each law are tried."""
+MARGIN = 0.1  # share of a joint's range next to a limit that counts as near it
+ROUGH = 64  # poses by which strategies are put in order
+STARTS = 8  # postures at one pose through which leaves of each strategy are tried
 
 
 def cost_of(strategy: HolonomicStrategy, q: Matrix, poses: SearchedPoses) -> float:
@@ -248,99 +243,98 @@ def cost_of(strategy: HolonomicStrategy, q: Matrix, poses: SearchedPoses) -> flo
     return float(np.sqrt(np.mean(np.sum(G**2, axis=(1, 2)))) * (1 + near + JUMPS * jumps))
 
 
-def fitting_laws(
+def fitting_candidates(
     task: Task, T: Array, center: Matrix, strategies: Sequence[HolonomicStrategy] | None, clear: Clear | None
 ) -> list[Candidate]:
-    """The laws whose leaves are tried: those given; else of all that fit, those whose leaves serve most at the centre.
+    """The strategies whose leaves are tried: those given; else of all that fit, those whose leaves serve most at the
+    centre.
 
     Where nothing is redundant there is one: its leaves are the branches of the arm.
     """
     if strategies is not None:
-        return [Candidate(one.name, {}, task, one) for one in strategies]
+        return [Candidate(strategy.name, {}, task, strategy) for strategy in strategies]
     if task.n == task.m:
         only = holonomic(task, custom(lambda _q: [], rows=0), name="branch")
         return [Candidate("branch", {}, task, only)]
     starts = postures_at(task, center, STARTS)
     starts = starts if len(starts) else regular_starts(task)[:STARTS]
-    found = [one for one in candidates(task, starts) if one.strategy is not None]
+    fitting = [candidate for candidate in candidates(task, starts) if candidate.strategy is not None]
     some = T[:: max(1, len(T) // ROUGH)]
-    sizes = [lines_served(one, starts, some, clear, 0.0)[0] for one in found]
-    return [found[i] for i in _best(sizes, len(found))]
+    served = [lines_served(candidate, starts, some, clear, 0.0)[0] for candidate in fitting]
+    # Those with the widest leaf, and those that add most to what is served.
+    worth = [flags.mean(axis=1).max(initial=0.0) + 0.5 * flags.any(axis=0).mean() for flags in served]
+    return [fitting[i] for i in np.argsort(-np.array(worth), kind="stable")[:MOST_STRATEGIES]]
 
 
 def lines_served(
-    law: Candidate, starts: Matrix, T: Array, clear: Clear | None, rcond: float, native: int | None = None,
+    candidate: Candidate,
+    starts: Matrix,
+    T: Array,
+    clear: Clear | None,
+    rcond: float,
+    native: int | None = None,
     levels: Matrix | None = None,
-) -> tuple[Flags, Array]:  # fmt: skip
-    """(which poses of T (k, 4, 4) the leaves of a law through postures (s, n) serve (s, k), postures (s, k, n)), along
-    the straight path from each; levels: of the poses (k, r) for a start, by default that of the start."""
+) -> tuple[Flags, Array]:
+    """(which poses of T (k, 4, 4) the leaves of a strategy through postures (s, n) serve (s, k), postures (s, k, n)),
+    along the straight path from each; levels: of the poses (k, r) for a start, by default that of the start."""
     shape = len(starts), len(T)
-    if law.strategy is None:
-        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
+    if candidate.strategy is None:
+        return np.zeros(shape, dtype=bool), np.zeros((*shape, candidate.task.n))
     try:
-        ends = along_leaf(law.strategy, starts, T, levels, native, SHORTEST)
+        ends = along_leaf(candidate.strategy, starts, T, levels, native, SHORTEST)
     except HolokinError:  # it is singular at a start
-        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
-    q = ends.q.reshape(-1, law.task.n)
-    within = ends.reached.ravel() & law.task.robot.within(q)
-    return allowed_postures(law.strategy, q, within, rcond, clear).reshape(shape), ends.q
+        return np.zeros(shape, dtype=bool), np.zeros((*shape, candidate.task.n))
+    q = ends.q.reshape(-1, candidate.task.n)
+    within = ends.reached.ravel() & candidate.task.robot.within(q)
+    return allowed_postures(candidate.strategy, q, within, rcond, clear).reshape(shape), ends.q
 
 
 def side_by_side(
-    strategy: HolonomicStrategy, T: Array, clear: Clear | None, rcond: float, native: int | None,
+    strategy: HolonomicStrategy,
+    T: Array,
+    clear: Clear | None,
+    rcond: float,
+    native: int | None,
     levels: Matrix | None = None,
-) -> Go:  # fmt: skip
+) -> Go:
     """The straight paths of a leaf to poses T (k, 4, 4), many side by side; levels: of the poses (k, r), by default
     that of the posture from which a path begins."""
 
-    def go(begin: Matrix, at: Indices) -> tuple[Matrix, Flags]:
-        q, reached = one_by_one(strategy, begin, T[at], native, None if levels is None else levels[at])
+    def go(begin: Matrix, which: Indices) -> tuple[Matrix, Flags]:
+        q, reached = one_by_one(strategy, begin, T[which], native, None if levels is None else levels[which])
         return q, allowed_postures(strategy, q, reached & strategy.task.robot.within(q), rcond, clear)
 
     return go
 
 
-def _best(served: list[Flags], count: int) -> Indices:
-    """The laws with the widest leaf, and those that add most to what is served: the first LAWS of them."""
-    widest = np.array([flags.mean(axis=1).max(initial=0.0) for flags in served])
-    together = np.array([flags.any(axis=0).mean() for flags in served])
-    order = np.argsort(-(widest + 0.5 * together), kind="stable")
-    return np.asarray(order[: min(LAWS, count)], dtype=int)
-
-
-# --- Laws whose level is a polynomial of the tool pose, fitted so that one leaf serves more poses.
+# --- Strategies whose level is a polynomial of the tool pose, fitted so that one leaf serves more poses.
 #
 #     g(q) = c(q) - zeta(x)
 #
-# At a pose x the self-motion leads through many levels of a law c(q), and the limits allow some of them. A polynomial
-# zeta that is an allowed level at each pose gives a law that serves them all on one leaf, g = 0. The levels that are
-# allowed are looked at once for each sheet that a search began with; each polynomial then is a linear program.
+# At a pose x the self-motion leads through many levels of a constraint c(q), and the limits allow some of them. A
+# polynomial zeta that is an allowed level at each pose gives a strategy that serves them all on one leaf, g = 0. The
+# levels that are allowed are looked at once for each sheet that a search began with; each polynomial then is a linear
+# program.
 
-STEPS = 16
-"""Levels on each side of that of the start at most."""
+STEPS = 16  # levels on each side of that of the start at most
+DEGREES = (1, 2, 3)  # of the polynomials that are tried
+POSES_A_TERM = 2  # poses for each coefficient of a polynomial at least: fewer would be served by chance
 
-DEGREES = (1, 2, 3)
-"""Of the polynomials that are tried."""
-
-POSES_A_TERM = 2
-"""Poses for each coefficient of a polynomial at least: fewer would be served by chance."""
-
+# Steps of the levels by which a polynomial is to keep within the levels that are allowed, where there is room.
 INSIDE = 2.5
-"""Steps of the levels by which a polynomial is to keep within the levels that are allowed, where there is room."""
 
+# Linear programs, each with weights 1 / (excess + NEAR steps) of the one before: so few poses are missed, rather than
+# all by little.
 ROUNDS, NEAR = 5, 0.25
-"""Linear programs, each with weights 1 / (excess + NEAR steps) of the one before: so few poses are missed, rather than
-all by little."""
 
-SMALL = 0.03
-"""What a coefficient of one step costs against a pose that is missed by one step."""
+SMALL = 0.03  # what a coefficient of one step costs against a pose that is missed by one step
 
 
 @dataclass(frozen=True, eq=False)
 class LevelTable(Value):
-    """Which levels (l,) of a law the poses T (k, 4, 4) have on one branch: postures q (l, k, n), NaN for none."""
+    """Which levels (l,) of a strategy the poses T (k, 4, 4) have on one branch: postures q (l, k, n), NaN for none."""
 
-    law: Candidate
+    candidate: Candidate
     T: Array
     levels: Vector
     step: float
@@ -354,7 +348,7 @@ class LevelTable(Value):
         if not self.allowed.any():
             return None
         try:
-            return coordinates_of(chart_of(self.law.task, self.T[middle, :3, :3]), self._some[self.allowed])
+            return coordinates_of(chart_of(self.candidate.task, self.T[middle, :3, :3]), self._some[self.allowed])
         except ArgumentError:
             return None
 
@@ -380,57 +374,59 @@ class LevelTable(Value):
         return np.where(best > 0, low, np.nan), np.where(best > 0, high, np.nan)
 
     def fitted(self, weights: Vector) -> list[tuple[Candidate, Vector, Vector]]:
-        """Laws fitted to the poses, by their weights (k,); of each a posture (n,), and the levels of this law that it
-        wants at the poses (k,), NaN where none is known."""
-        c, found = self.coordinates, []
+        """Strategies fitted to the poses, by their weights (k,); of each a posture (n,), and the levels of this
+        strategy that it wants at the poses (k,), NaN where none is known."""
+        c, strategies = self.coordinates, []
         if c is None:
             return []
-        at = np.flatnonzero(self.allowed)
-        u, (low, high) = c.at(self._some[at]), (one[at] for one in self.ranges)
+        rows = np.flatnonzero(self.allowed)
+        u, (low, high) = c.at(self._some[rows]), (bound[rows] for bound in self.ranges)
         for degree in DEGREES:
             terms = monomials_up_to(c.d, degree)
-            if POSES_A_TERM * len(terms) > len(at):
+            if POSES_A_TERM * len(terms) > len(rows):
                 break
             A, _ = values_and_slopes(u, terms)
-            x = _least_excess(A, low, high, self.step, weights[at])
+            x = _least_excess(A, low, high, self.step, weights[rows])
             if x is None:
                 continue
             wanted, room = np.full(len(self.T), np.nan), np.full(len(self.T), -np.inf)
-            wanted[at] = A @ (x := _short(x, self.step))
-            room[at] = np.minimum(wanted[at] - low, high - wanted[at])
-            if (law := self._law(c, x, degree, room, wanted)) is not None:
-                found.append((*law, wanted))
-        return found
+            x = np.round(x, 6 - math.floor(math.log10(self.step)))  # numbers that a job can be read with
+            wanted[rows] = A @ x
+            room[rows] = np.minimum(wanted[rows] - low, high - wanted[rows])
+            if (candidate := self._tilted_candidate(c, x, degree, room, wanted)) is not None:
+                strategies.append((*candidate, wanted))
+        return strategies
 
-    def _law(
+    def _tilted_candidate(
         self, c: Coordinates, x: Vector, degree: int, room: Vector, wanted: Vector
     ) -> tuple[Candidate, Vector] | None:
-        """The law of a polynomial's coefficients (t,), and its posture at the pose with most room (k,) on both sides of
-        the level that it wants there."""
-        task, base = self.law.task, self.law.strategy
+        """The strategy of a polynomial's coefficients (t,), and its posture at the pose with most room (k,) on both
+        sides of the level that it wants there."""
+        task, base = self.candidate.task, self.candidate.strategy
         if base is None:
             return None
-        at = int(np.argmax(room))
-        level = int(np.argmin(np.where(known(self.q[:, at]), np.abs(self.levels - wanted[at]), np.inf)))
-        name = f"{self.law.name}, level of degree {degree}"
+        pose = int(np.argmax(room))
+        level = int(np.argmin(np.where(known(self.q[:, pose]), np.abs(self.levels - wanted[pose]), np.inf)))
+        name = f"{self.candidate.name}, level of degree {degree}"
         zeta = Polynomial(c, x[None])
         strategy = holonomic(task, tilted(base.constraint, zeta, chart=c.chart, name=name), name=name)
-        q, reached = one_by_one(strategy, self.q[level, at][None], self.T[at][None], levels=np.zeros(1))
+        q, reached = one_by_one(strategy, self.q[level, pose][None], self.T[pose][None], levels=np.zeros(1))
         if not reached[0] or not task.robot.within(q[0]):
             return None
-        return Candidate(name, zeta.keys_over(self.law.keys), task, strategy, 0.0), q[0]
-
-
-def _short(x: Vector, step: float) -> Vector:
-    """Numbers that a job can be read with: to a millionth of the step between levels, or a little better."""
-    return np.asarray(np.round(x, 6 - math.floor(math.log10(step))))
+        return Candidate(name, zeta.keys_over(self.candidate.keys), task, strategy, 0.0), q[0]
 
 
 def level_table(
-    law: Candidate, strategy: HolonomicStrategy, q0: Vector, step: float, T: Array, near: Indices, go: Go,
+    candidate: Candidate,
+    strategy: HolonomicStrategy,
+    q0: Vector,
+    step: float,
+    T: Array,
+    near: Indices,
+    go: Go,
     native: int | None,
-) -> LevelTable:  # fmt: skip
-    """The levels of a law at poses T (k, 4, 4), on the branch of a posture q0 (n,) of the law's own.
+) -> LevelTable:
+    """The levels of a strategy at poses T (k, 4, 4), on the branch of a posture q0 (n,) of the strategy's own.
 
     From q0 the self-motion leads to other levels. On each of them the leaf is followed to all poses, first straight,
     then from neighbour to neighbour, and at each pose from level to level, as long as that adds any.
@@ -439,8 +435,8 @@ def level_table(
         step: between levels [units of c]. near: of each pose its neighbours (k, m). go: straight along the leaf, to
             what is allowed.
     """
-    at = pose_from(*law.task._poses(q0[None]))
-    levels, starts = _along_self_motion(strategy, q0, at, step)
+    start_pose = pose_from(*candidate.task._poses(q0[None]))
+    levels, starts = _along_self_motion(strategy, q0, start_pose, step)
     count, k = len(levels), len(T)
     q = along_leaf(strategy, starts, T, native_from=native)
     rows, poses = np.where(q.reached[..., None], q.q, np.nan).reshape(count * k, -1), np.tile(T, (count, 1, 1))
@@ -449,40 +445,42 @@ def level_table(
     before = -1
     while (now := int(known(rows).sum())) > before:
         before = now
-        rows = grown(rows, beside, lambda begin, at: go(begin, at % k))[0]
+        rows = grown(rows, beside, lambda begin, start_pose: go(begin, start_pose % k))[0]
         for shift in (k, -k):
-            at = np.arange(count * k)[:-k] + (k if shift > 0 else 0)
-            at = at[known(rows[at - shift]) & ~known(rows[at])]
-            if not len(at):
+            start_pose = np.arange(count * k)[:-k] + (k if shift > 0 else 0)
+            start_pose = start_pose[known(rows[start_pose - shift]) & ~known(rows[start_pose])]
+            if not len(start_pose):
                 continue
-            there, reached = one_by_one(strategy, rows[at - shift], poses[at], native, levels[at // k, None])
+            there, reached = one_by_one(
+                strategy, rows[start_pose - shift], poses[start_pose], native, levels[start_pose // k, None]
+            )
             there[~reached] = np.nan
-            rows[at] = _allowed(go, there, at % k)
-    return LevelTable(law, T, levels, step, rows.reshape(count, k, -1))
+            rows[start_pose] = _allowed(go, there, start_pose % k)
+    return LevelTable(candidate, T, levels, step, rows.reshape(count, k, -1))
 
 
-def _along_self_motion(strategy: HolonomicStrategy, q0: Vector, at: Array, step: float) -> tuple[Vector, Matrix]:
+def _along_self_motion(strategy: HolonomicStrategy, q0: Vector, pose: Array, step: float) -> tuple[Vector, Matrix]:
     """Levels (l,) in order, and the postures (l, n) of them to which the self-motion leads from q0."""
     level = float(strategy.constraint_value.batch(q0[None]).ravel()[0])
-    found = [(level, q0)]
+    levels = [(level, q0)]
     for sign in (1, -1):
         q = q0[None]
         for i in range(1, STEPS + 1):
-            q, reached = one_by_one(strategy, q, at, levels=np.array([level + sign * i * step]))
+            q, reached = one_by_one(strategy, q, pose, levels=np.array([level + sign * i * step]))
             if not reached[0] or not strategy.task.robot.within(q[0]):
                 break
-            found.append((level + sign * i * step, q[0]))
-    found.sort(key=lambda one: one[0])
-    return np.array([one[0] for one in found]), np.array([one[1] for one in found])
+            levels.append((level + sign * i * step, q[0]))
+    levels.sort(key=lambda level_and_q: level_and_q[0])
+    return np.array([level_and_q[0] for level_and_q in levels]), np.array([level_and_q[1] for level_and_q in levels])
 
 
 def _allowed(go: Go, q: Matrix, poses: Indices) -> Matrix:
     """Postures (k, n) at their poses, by their numbers (k,); NaN where they are not there, or not allowed."""
-    at = np.flatnonzero(known(q))
-    if not len(at):
+    rows = np.flatnonzero(known(q))
+    if not len(rows):
         return q
-    there, served = go(q[at], poses[at])
-    q[at] = np.where(served[:, None], there, np.nan)
+    there, served = go(q[rows], poses[rows])
+    q[rows] = np.where(served[:, None], there, np.nan)
     return q
 
 
@@ -498,9 +496,9 @@ def _least_excess(A: Matrix, low: Vector, high: Vector, step: float, weights: Ve
     out = vstack([hstack([rows, -rows, -eye_array(k)]), hstack([-rows, rows, -eye_array(k)])])
     for _ in range(ROUNDS):
         cost = np.concatenate([np.full(2 * t, SMALL), weigh])
-        found = linprog(cost, A_ub=out, b_ub=np.concatenate([high, -low]), method="highs")
-        if found.x is None:
+        program = linprog(cost, A_ub=out, b_ub=np.concatenate([high, -low]), method="highs")
+        if program.x is None:
             break
-        x = step * (found.x[:t] - found.x[t : 2 * t])
-        weigh = weights / (found.x[2 * t :] + NEAR)
+        x = step * (program.x[:t] - program.x[t : 2 * t])
+        weigh = weights / (program.x[2 * t :] + NEAR)
     return x

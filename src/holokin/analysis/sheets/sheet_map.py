@@ -32,10 +32,9 @@ from ...strategies.tasks.task import Task
 from ..coverage.starts import postures_at, reached
 from .follow_sheets import Stops, follow_sheets
 from .seams import Seams, SheetMotion, Where, seams_of
-from .sheet import PosePoints, Sheet, known, seen_features
+from .sheet import PosePoints, Sheet, known, postures_of_sheets, seen_features
 
-BLOCKED_LOOKS = 200
-"""Poses for which clear postures are searched for at most, to tell why they are not served."""
+BLOCKED_LOOKS = 200  # poses for which clear postures are searched for at most, to tell why they are not served
 
 
 class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
@@ -50,16 +49,13 @@ class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
     @property
     def text(self) -> str:
         """The cause in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    PoseRest.SERVED: "served by a sheet",
-    PoseRest.NOT_COVERED: "the arm reaches it, but with the joints of no sheet",
-    PoseRest.BLOCKED: "every posture found is too near to an obstacle, the floor or another link",
-    PoseRest.LIMITS: "every posture found is beyond the joint limits",
-    PoseRest.OUT_OF_REACH: "out of reach: no posture was found",
-}
+        return (
+            "served by a sheet",
+            "the arm reaches it, but with the joints of no sheet",
+            "every posture found is too near to an obstacle, the floor or another link",
+            "every posture found is beyond the joint limits",
+            "out of reach: no posture was found",
+        )[self]
 
 
 def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
@@ -72,17 +68,14 @@ def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
         blocked = np.flatnonzero(reach.within)
         rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
         for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
-            found = postures_at(task, T[i])
-            if len(found) and clear(found).any():
+            postures = postures_at(task, T[i])
+            if len(postures) and clear(postures).any():
                 rest[i] = PoseRest.NOT_COVERED
     return rest
 
 
-ON_LEAF = 1e-6
-"""Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
-
-CELLS = 20_000
-"""Cells of a proof that may be examined."""
+ON_LEAF = 1e-6  # difference from the level of a sheet [units of g] below which a posture lies on its leaf
+CELLS = 20_000  # cells of a proof that may be examined
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +87,11 @@ class SheetAnswers(NoTruthValue, Value, ask="`.served`"):
 
     def __len__(self) -> int:
         return len(self.sheet)
+
+    def __str__(self) -> str:
+        counts = [(s, int((self.sheet == s).sum())) for s in np.unique(self.sheet[self.served]).tolist()]
+        by_sheet = "".join(f"; {count} by sheet {s}" for s, count in counts)
+        return f"{int(self.served.sum())} of {len(self)} poses are served{by_sheet}"
 
     @property
     def served(self) -> Flags:
@@ -143,11 +141,11 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Raises:
             NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
-        at = self._pose(pose)
-        found = self._answer(at, ())
-        if found is None:
-            raise NoSheetError(at[:3, 3], len(self))
-        return found
+        T = self._pose(pose)
+        answer = self._answer(T, ())
+        if answer is None:
+            raise NoSheetError(T[:3, 3], len(self))
+        return answer
 
     def near(self, pose: PoseLike, q: ArrayLike) -> tuple[int, Vector]:
         """The same, but on the sheet that a posture q (n,) lies on, such as the last answer, while that serves.
@@ -160,26 +158,26 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             joints than those to which the leaf leads from it. ShapeError, NotFiniteError, ArgumentError: a bad pose or
             posture.
         """
-        at, begin = self._pose(pose), self.task.robot.checked(q, "the posture")
+        T, begin = self._pose(pose), self.task.robot.checked(q, "the posture")
         own = self.of(begin)
         for s in own:
-            found = self.sheets[s].posture(at, self.clear)
-            if found is not None and leads_to(self.sheets[s].ik, at, begin, found):
-                return s, found
-        other = self._answer(at, own)
+            answer = self.sheets[s].posture(T, self.clear)
+            if answer is not None and leads_to(self.sheets[s].ik, T, begin, answer):
+                return s, answer
+        other = self._answer(T, own)
         if other is None:
-            if self._answer(at, ()) is None:
-                raise NoSheetError(at[:3, 3], len(self))
+            if self._answer(T, ()) is None:
+                raise NoSheetError(T[:3, 3], len(self))
             fact = "the pose is served on the leaf of this posture alone, and with joints to which it does not lead"
             raise BranchError(fact, "go back by the path that was come, or stop and move the joints to s(pose)")
         return other
 
-    def _answer(self, at: Matrix, but: Sequence[int]) -> tuple[int, Vector] | None:
+    def _answer(self, T: Matrix, but: Sequence[int]) -> tuple[int, Vector] | None:
         """The first sheet that serves a pose (4, 4), but for some, and its joints: first that of the nearest pose."""
         places, known_at = self._known
-        first = [int(self.labels[known_at[places.nearest(at[None])[0]]])] if len(known_at) else []
+        first = [int(self.labels[known_at[places.nearest(T[None])[0]]])] if len(known_at) else []
         for s in dict.fromkeys([*first, *range(len(self))]):
-            q = self.sheets[s].posture(at, self.clear) if s not in but else None
+            q = self.sheets[s].posture(T, self.clear) if s not in but else None
             if q is not None:
                 return s, q
         return None
@@ -190,11 +188,12 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Raises: ShapeError, NotFiniteError.
         """
         begin = self.task.robot.checked(q, "the posture")
-        at = pose_from(*self.task._place(begin))
+        T = pose_from(*self.task._place(begin))
         return tuple(
-            s for s, sheet in enumerate(self.sheets)
-            if sheet.off(begin) < ON_LEAF and leads_to(sheet.ik, at, begin, begin)
-        )  # fmt: skip
+            s
+            for s, sheet in enumerate(self.sheets)
+            if sheet.off(begin) < ON_LEAF and leads_to(sheet.ik, T, begin, begin)
+        )
 
     def batch(self, poses: PoseLike) -> SheetAnswers:
         """The answers of many tool poses (k, 4, 4), each as `s(pose)`. A pose that no sheet serves does not raise.
@@ -203,13 +202,13 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("of the batch", poses)
-        places, at = self._known
+        places, known_rows = self._known
         every, k = self.postures(T), np.arange(len(T))
-        first = self.labels[at[places.nearest(T)]] if len(at) else np.full(len(T), -1)
+        first = self.labels[known_rows[places.nearest(T)]] if len(known_rows) else np.full(len(T), -1)
         served = known(every)
-        taken = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
-        taken = np.where((first >= 0) & served[first, k], first, taken)
-        return SheetAnswers(taken, np.where((taken >= 0)[:, None], every[taken, k], np.nan))
+        chosen = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
+        chosen = np.where((first >= 0) & served[first, k], first, chosen)
+        return SheetAnswers(chosen, np.where((chosen >= 0)[:, None], every[chosen, k], np.nan))
 
     def postures(self, poses: PoseLike) -> Array:
         """The joints of every sheet (S, k, n) at tool poses (k, 4, 4), NaN where it does not serve.
@@ -218,8 +217,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("to be asked", poses)
-        found = [sheet.postures(T, self.clear)[0] for sheet in self.sheets]
-        return np.array(found).reshape(len(self), len(T), self.task.n)
+        return postures_of_sheets(self.sheets, T, self.clear, self.task.n)
 
     @typed
     def why(self, pose: PoseLike) -> PoseRest:
@@ -228,10 +226,10 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Raises:
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
-        at = self._pose(pose)
-        if any(sheet.posture(at, self.clear) is not None for sheet in self.sheets):
+        T = self._pose(pose)
+        if any(sheet.posture(T, self.clear) is not None for sheet in self.sheets):
             return PoseRest.SERVED
-        return PoseRest(int(rests_of(self.task, at[None], self.clear)[0]))
+        return PoseRest(int(rests_of(self.task, T[None], self.clear)[0]))
 
     @typed
     def seams(self, at: Where = None) -> Seams:
@@ -283,9 +281,13 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
 
     @typed
     def certified(
-        self, sheet: int, workspace: PoseRange | None = None, *, budget: int = CELLS,
+        self,
+        sheet: int,
+        workspace: PoseRange | None = None,
+        *,
+        budget: int = CELLS,
         progress: Callable[[str], None] = lambda _text: None,
-    ) -> UniqueRegion:  # fmt: skip
+    ) -> UniqueRegion:
         """The part of a box of tool poses over which a sheet is proven to be one function, as of `hk.unique_region`.
 
         Within the joint limits, and clear of what was named. It hangs together with the pose of the sheet's station
@@ -308,9 +310,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         space = self.workspace if workspace is None else workspace
         if not isinstance(space, PoseRange):
             raise ArgumentError("workspace", str(space), "give a box: hk.workspace(box=...)")
-        one = self.sheets[sheet]
-        q = one.nearest_station(space.center)
-        return unique_region(one.strategy, q, space, scene=self.scene, budget=budget, progress=progress)
+        chosen = self.sheets[sheet]
+        q = chosen.nearest_station(space.center)
+        return unique_region(chosen.strategy, q, space, scene=self.scene, budget=budget, progress=progress)
 
     @cached_property
     def clear(self) -> Clear | None:
@@ -337,16 +339,19 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         """How many sheets serve how much."""
         many = f"{len(self)} sheet{'' if len(self) == 1 else 's'}"
         proven = "no fewer" if self.least == len(self) else f"at least {self.least}"
-        said = f"{many} serve{'s' if len(self) == 1 else ''} {self.served.sum()} of the {self.reachable.sum()} sampled "
-        said += (
+        sentence = (
+            f"{many} serve{'s' if len(self) == 1 else ''} {self.served.sum()} of the {self.reachable.sum()} sampled "
+        )
+        sentence += (
             f"poses that the arm reaches ({self.share:.2%}); of the {self.candidates} leaves compared, {proven} will do"
         )
-        return f"{said}; the search was stopped early" if self.stopped else said
+        return f"{sentence}; the search was stopped early" if self.stopped else sentence
 
     def __str__(self) -> str:
         lines = [self.sentence]
         for s, sheet in enumerate(self.sheets):
-            lines.append(f"  sheet {s}: {sheet}; taken at {(self.labels == s).sum()} poses, serves {self._served(s)}")
+            count = f"taken at {(self.labels == s).sum()} poses, serves {known(self.q[s]).sum()}"
+            lines.append(f"  sheet {s}: {sheet}; {count}")
         for rest in list(PoseRest)[1:]:
             if (self.rest == rest).any():
                 lines.append(f"  {(self.rest == rest).sum()} of {len(self.poses)} poses: {rest.text}")
@@ -355,15 +360,12 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         lines.append(f"  {jumps} ({fewest} with these sheets)")
         return "\n".join(lines)
 
-    def _served(self, s: int) -> int:
-        return int(known(self.q[s]).sum())
-
     def _pose(self, pose: PoseLike) -> Matrix:
         given = pose_numbers("a tool pose", pose)
         if given.shape in ((2,), (3,)) and self.task.orientation is None:
-            at = self.workspace.center.copy()
-            at[: len(given), 3] = finite("a tool position", given)
-            return at
+            T = self.workspace.center.copy()
+            T[: len(given), 3] = finite("a tool position", given)
+            return T
         return given_pose("a tool pose", given)
 
     @cached_property
@@ -375,32 +377,37 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
 
 # --- A map of sheets as a file: arrays of numbers, and a text that says what they are of. Nothing in it is code.
 
-FORMAT = 2
-"""Changed when files of before cannot be read any more."""
+FORMAT = 2  # changed when files of before cannot be read any more
 
+# Size of a file's arrays, unpacked, from which on they are not read: 400,000 poses of ten sheets of seven joints.
 MOST_BYTES = 1 << 28
-"""Size of a file's arrays, unpacked, from which on they are not read: 400,000 poses of ten sheets of seven joints."""
 
+# The arrays of a file: whole numbers without and with a sign, or others, and the shape; equal names, equal lengths.
 ARRAYS = {
-    "about": ("u", ("bytes",)), "q0": ("f", ("sheets", "joints")), "poses": ("f", ("poses", 4, 4)),
-    "q": ("f", ("sheets", "poses", "joints")), "labels": ("i", ("poses",)), "rest": ("i", ("poses",)),
-    "pairs": ("i", ("pairs", 2)), "cuts": ("i", ("cuts", 2)), "cloud": ("f", ("cloud", 4, 4)),
-}  # fmt: skip
-"""The arrays of a file: whole numbers without and with a sign, or others, and the shape; equal names, equal lengths."""
+    "about": ("u", ("bytes",)),
+    "q0": ("f", ("sheets", "joints")),
+    "poses": ("f", ("poses", 4, 4)),
+    "q": ("f", ("sheets", "poses", "joints")),
+    "labels": ("i", ("poses",)),
+    "rest": ("i", ("poses",)),
+    "pairs": ("i", ("pairs", 2)),
+    "cuts": ("i", ("cuts", 2)),
+    "cloud": ("f", ("cloud", 4, 4)),
+}
 
+# The cure where a file is read, and says what cannot be.
 CHANGED = "it is of another model of the robot, or was changed: make the map again"
-"""The cure where a file is read, and says what cannot be."""
 
-OFF = 1e-6
-"""By how much [m, rad, units of g] the postures of a file may be off their poses and leaves."""
+OFF = 1e-6  # by how much [m, rad, units of g] the postures of a file may be off their poses and leaves
 
 SOLIDS: dict[str, tuple[type[Solid], tuple[str, ...]]] = {
-    "box": (Box, ("center", "sides")), "cylinder": (Cylinder, ("center", "radius", "height")),
+    "box": (Box, ("center", "sides")),
+    "cylinder": (Cylinder, ("center", "radius", "height")),
     "sphere": (Sphere, ("center", "radius")),
-}  # fmt: skip
+}
 
+# The strategy of the keys of a job, and of its name.
 Build = Callable[[Mapping[str, Any], Task, Vector, str], HolonomicStrategy]
-"""The strategy of the keys of a job, and of its name."""
 
 
 @typed
@@ -410,24 +417,25 @@ def write_sheets(found: Sheets, path: str | FilePath) -> None:
     Raises:
         ArgumentError: strategies that were given as values, which no file can hold. WriteError.
     """
+    # What cannot be written as numbers is text.
     for sheet in found.sheets:
         if not sheet.keys and found.task.n > found.task.m:
             cure = "a file holds strategies that hk.sheets chose itself, or pickle the map: pickle.dump(sheets, file)"
             raise ArgumentError("the strategy of a sheet", sheet.name, cure)
-    about = {
-        "format": FORMAT, "robot": found.task.robot.name, "joints": found.task.robot.joint_names,
-        "task": found.task.name,
-        "leaves": [{"name": one.name, "keys": dict(one.keys), "rcond": one.rcond} for one in found.sheets],
-        "workspace": _workspace_keys(found.workspace), "length": found.length, "stopped": found.stopped,
-        "least": found.least, "least_cuts": found.least_cuts, "candidates": found.candidates,
-        "around": _digest(found.task.robot, found.scene),
-    }  # fmt: skip
-    q0 = np.array([one.q0 for one in found.sheets]).reshape(-1, found.task.n)
+    robot, facts = found.task.robot, ("length", "stopped", "least", "least_cuts", "candidates")
+    about: dict[str, Any] = {"format": FORMAT, "robot": robot.name, "joints": robot.joint_names}
+    about |= {"task": found.task.name, "workspace": _workspace_keys(found.workspace)}
+    about |= {"leaves": [{"name": s.name, "keys": dict(s.keys), "rcond": s.rcond} for s in found.sheets]}
+    about |= {name: getattr(found, name) for name in facts} | {"around": _digest(robot, found.scene)}
+    # The given poses of the workspace, where these are not the sampled ones.
+    space, cloud = found.workspace, found.poses[:0]
+    if isinstance(space, PoseCloud) and len(space.given) != len(found.poses):
+        cloud = space.given
+    arrays = {name: getattr(found, name) for name in ("poses", "q", "labels", "rest", "pairs", "cuts")}
+    arrays |= {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), "cloud": cloud}
+    arrays["q0"] = np.array([sheet.q0 for sheet in found.sheets]).reshape(-1, found.task.n)
     with replacing(path) as part, part.open("wb") as stream:
-        np.savez_compressed(
-            stream, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), q0=q0, poses=found.poses,
-            q=found.q, labels=found.labels, rest=found.rest, pairs=found.pairs, cuts=found.cuts, cloud=_cloud(found),
-        )  # fmt: skip
+        np.savez_compressed(stream, **arrays)
 
 
 def _digest(robot: Robot, scene: Scene | None) -> str | None:
@@ -435,20 +443,24 @@ def _digest(robot: Robot, scene: Scene | None) -> str | None:
     if scene is None:
         return None
     shapes = [
-        [one.link, one.joint, one.placement.tolist(), repr(one.shape), *([] if fault else np.hstack(one.shape.ball))]
-        for one in (*scene.obstacles, *robot.shapes)
-        for fault in [one.shape.fault]
+        [
+            link_shape.link,
+            link_shape.joint,
+            link_shape.placement.tolist(),
+            repr(link_shape.shape),
+            *([] if fault else np.hstack(link_shape.shape.ball)),
+        ]
+        for link_shape in (*scene.obstacles, *robot.shapes)
+        for fault in [link_shape.shape.fault]
     ]
     rest = [scene.floor, scene.clearance, scene.self_collision, sorted(map(list, scene.allowed))]
     return hashlib.sha256(json.dumps([shapes, rest]).encode()).hexdigest()[:16]
 
 
 def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build: Build) -> Sheets:
-    """The map of a file, for the task that it was made for.
-
-    Raises:
-        SheetsFileError: it cannot be read, or is of another robot, task or scene.
-    """
+    """The map of a file, for the task that it was made for. Raises: SheetsFileError: it cannot be read, or is of
+    another robot, task or scene."""
+    # The numbers, and the text that says what they are of: is it this task, and this scene?
     file = FilePath(path)
     try:
         arrays = _arrays(file)
@@ -467,29 +479,25 @@ def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build:
         raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
     if about["around"] != _digest(task.robot, scene):
         raise SheetsFileError(file, "it is of another scene", "give the scene that was given to hk.sheets")
+    # The map, whose postures must lie at their poses and on their leaves.
     try:
-        sheets = tuple(
-            _sheet(build(one["keys"], task, q0, one["name"]), q0, one, q, arrays["poses"])
-            for one, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True)
-        )
+        sheets: list[Sheet] = []
+        for leaf, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True):
+            strategy, there = build(leaf["keys"], task, q0, leaf["name"]), known(q)
+            stations = q[there], arrays["poses"][there]
+            sheets.append(Sheet(strategy, q0, float(leaf["rcond"]), leaf["keys"], *stations))
         cloud = arrays["cloud"] if len(arrays["cloud"]) else arrays["poses"]
-        found = Sheets(
-            task, _workspace_of(about["workspace"], cloud), sheets, tool_poses("of the map", arrays["poses"]),
+        sheets_map = Sheets(
+            task, _workspace_of(about["workspace"], cloud), tuple(sheets), tool_poses("of the map", arrays["poses"]),
             arrays["q"], arrays["labels"], arrays["rest"], arrays["pairs"], arrays["cuts"], about["least_cuts"],
             about["least"], about["candidates"], float(about["length"]), scene, about["stopped"],
         )  # fmt: skip
-        bad = _fault(found)
+        bad = _fault(sheets_map)
     except (HolokinError, LookupError, TypeError, ValueError) as problem:
         raise SheetsFileError(file, brief(problem), CHANGED) from None
     if bad:
         raise SheetsFileError(file, bad, CHANGED)
-    return found
-
-
-def _sheet(strategy: HolonomicStrategy, q0: Vector, about: Mapping[str, Any], q: Matrix, poses: Array) -> Sheet:
-    """A sheet whose stations are its postures q (k, n) at the poses (k, 4, 4), NaN where it has none."""
-    there = known(q)
-    return Sheet(strategy, q0, float(about["rcond"]), about["keys"], q[there], poses[there])
+    return sheets_map
 
 
 def _arrays(file: FilePath) -> dict[str, Any]:
@@ -535,17 +543,22 @@ def _check_about(about: Mapping[str, Any]) -> None:
     need(about["around"] is None or isinstance(about["around"], str), "its scene is none")
 
 
-def _fault(found: Sheets) -> str:
+def _fault(sheets_map: Sheets) -> str:
     """What is wrong with a map: arrays that do not fit, postures off their leaves, poses or limits; "" for nothing."""
-    S, k, task = len(found), len(found.poses), found.task
-    there = known(found.q)
-    indices = (found.labels, -1, S), (found.rest, 0, len(PoseRest)), (found.pairs, 0, k), (found.cuts, 0, k)
-    fits = all(((low <= one) & (one < high)).all() for one, low, high in indices)
-    if not (fits and (there | np.isnan(found.q).all(axis=-1)).all()):
+    S, k, task = len(sheets_map), len(sheets_map.poses), sheets_map.task
+    there = known(sheets_map.q)
+    indices = (
+        (sheets_map.labels, -1, S),
+        (sheets_map.rest, 0, len(PoseRest)),
+        (sheets_map.pairs, 0, k),
+        (sheets_map.cuts, 0, k),
+    )
+    fits = all(((low <= rows) & (rows < high)).all() for rows, low, high in indices)
+    if not (fits and (there | np.isnan(sheets_map.q).all(axis=-1)).all()):
         return "its arrays do not fit each other"
-    if not there[found.labels[found.served], np.flatnonzero(found.served)].all():
+    if not there[sheets_map.labels[sheets_map.served], np.flatnonzero(sheets_map.served)].all():
         return "a pose is served by a sheet without a posture there"
-    for s, sheet in enumerate(found.sheets):
+    for s, sheet in enumerate(sheets_map.sheets):
         T, q = sheet.places, sheet.stations
         off = task.error(q, T[:, :3, 3], T[:, :3, :3]).ravel() if len(q) else np.zeros(0)
         if task.n > task.m:
@@ -554,14 +567,6 @@ def _fault(found: Sheets) -> str:
         if not (np.abs(off) <= OFF).all() or not task.robot.within(sheet.begin).all():
             return f"postures of sheet {s} do not lie at their poses, on their leaf, within the limits"
     return ""
-
-
-def _cloud(found: Sheets) -> Array:
-    """The given poses of the workspace (l, 4, 4), where these are not the sampled ones; else none (0, 4, 4)."""
-    space = found.workspace
-    if isinstance(space, PoseCloud) and len(space.given) != len(found.poses):
-        return space.given
-    return found.poses[:0]
 
 
 def _workspace_keys(space: Workspace) -> dict[str, Any]:

@@ -19,47 +19,36 @@ from ...robot import Robot, speed_limits
 from ...strategies.radial_strategy import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 
-STEP = 0.1
-"""Arc length [joint units] between the postures of a self-motion that is traced."""
+STEP = 0.1  # arc length [joint units] between the postures of a self-motion that is traced
 
+# Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long.
 LENGTH = 8 * np.pi
-"""Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long."""
 
-SAME = 1e-6
-"""Difference [joint units] below which postures are one; of poses [m, rad] below which they are one."""
+SAME = 1e-6  # difference [joint units] below which postures are one; of poses [m, rad] below which they are one
 
+# Smallest over largest singular value of J below which a posture is singular: a self-motion branches there.
 SINGULAR = 1e-6
-"""Smallest over largest singular value of J below which a posture is singular: a self-motion branches there."""
 
+# By how much [m, rad] the tool may move between the postures of a motion, joints on the spline through them.
 STILL = 1e-10
-"""By how much [m, rad] the tool may move between the postures of a motion, joints on the spline through them."""
 
-FINER = 6
-"""Times that the postures of a motion are doubled at most to keep the tool still between them."""
+FINER = 6  # times that the postures of a motion are doubled at most to keep the tool still between them
+LEAST = 8  # steps of a motion at least
+CORRECTIONS = 4  # Newton corrections of a posture that is 1e-3 off: at round-off after three
 
-LEAST = 8
-"""Steps of a motion at least."""
-
-CORRECTIONS = 4
-"""Newton corrections of a posture that is 1e-3 off: at round-off after three."""
-
+# Steps to the place of a self-motion that is nearest to a posture; they converge as its bend times the distance.
 NEARER = 5
-"""Steps to the place of a self-motion that is nearest to a posture; they converge as its bend times the distance."""
 
-TINY = 1e-12
-"""Keeps a quotient finite."""
+TINY = 1e-12  # keeps a quotient finite
+ARCS, ENOUGH = 32, 4  # curves that are tried where several joints are redundant, wider and wider; so many in any case
 
-ARCS, ENOUGH = 32, 4
-"""Curves that are tried where several joints are redundant, wider and wider; so many in any case."""
-
+# Motion of a joint [joint units] between two looks at what a motion is to keep clear of: a centimetre at 1 m.
 LOOK = 0.01
-"""Motion of a joint [joint units] between two looks at what a motion is to keep clear of: a centimetre at 1 m."""
 
+# Instants between two postures at which limits are looked at; a parabola through three of them has the extremum.
 BETWEEN = 8
-"""Instants between two postures at which limits are looked at; a parabola through three of them has the extremum."""
 
-ROUNDS = 16
-"""Rounds of a closed self-motion at most, where each turns a hinge."""
+ROUNDS = 16  # rounds of a closed self-motion at most, where each turns a hinge
 
 
 class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
@@ -98,6 +87,11 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     def seconds(self) -> float:
         """How long it takes; infinite where there is none."""
         return float(self.t[-1]) if len(self.t) else float("inf")
+
+    def __str__(self) -> str:
+        if self.hindrance is not None:
+            return f"no motion: {self.hindrance.text}"
+        return f"a motion of {self.seconds:.2f} s with the tool still, through {len(self.q)} postures"
 
     def reversed(self) -> StillMotion:
         """The way back."""
@@ -148,9 +142,7 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
     return still_motions(task, a[None], b[None], clear, thorough=True)[0]
 
 
-def still_motions(
-    task: Task, A: Matrix, B: Matrix, clear: Clear | None, thorough: bool = False
-) -> list[StillMotion]:  # fmt: skip
+def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None, thorough: bool = False) -> list[StillMotion]:
     """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none.
 
     thorough: whether curves that end at joint limits are followed beyond, so that it is known whether they would come
@@ -159,21 +151,17 @@ def still_motions(
     same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
     if same.any():
         others = iter(still_motions(task, A[~same], B[~same], clear, thorough))
-        return [_rest(a) if one else next(others) for a, one in zip(A, same, strict=True)]
+        return [StillMotion(a[None], np.zeros(1)) if rests else next(others) for a, rests in zip(A, same, strict=True)]
     if task.n == task.m:
         return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
         return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
-    found, near = _traced(task, A, B, clear, True)
-    again = [i for i, one in enumerate(found) if one.hindrance is Hindrance.LIMITS and (thorough or near[i])]
+    motions, near = _traced(task, A, B, clear, True)
+    again = [i for i, motion in enumerate(motions) if motion.hindrance is Hindrance.LIMITS and (thorough or near[i])]
     if again:
-        for i, one in zip(again, _traced(task, A[again], B[again], clear, False)[0], strict=True):
-            found[i] = one
-    return found
-
-
-def _rest(q: Vector) -> StillMotion:
-    return StillMotion(q[None], np.zeros(1))
+        for i, motion in zip(again, _traced(task, A[again], B[again], clear, False)[0], strict=True):
+            motions[i] = motion
+    return motions
 
 
 def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
@@ -193,18 +181,18 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
 
 def _traced(
     task: Task, A: Matrix, B: Matrix, clear: Clear | None, limits: bool
-) -> tuple[list[StillMotion], list[bool]]:  # fmt: skip
+) -> tuple[list[StillMotion], list[bool]]:
     """(the motions, whether the other posture is near an end of the curve: it may lie a step farther, at a limit)."""
-    found, near = [_hindered(task.n, Hindrance.SINGULAR) for _ in A], [False for _ in A]
+    motions, near = [_hindered(task.n, Hindrance.SINGULAR) for _ in A], [False for _ in A]
     sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
     good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
     if len(good):
         curves = SelfMotions.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=limits)
         for i, curve in zip(good.tolist(), curves, strict=True):
-            found[i] = _along(_Line.of(curve), A[i], B[i], clear)
+            motions[i] = _along(_Line.of(curve), A[i], B[i], clear)
             ends = curve.q[[0, -1]]
             near[i] = bool(np.linalg.norm(joint_gap(task.robot, ends, B[i]), axis=1).min() < 3 * STEP)
-    return found, near
+    return motions, near
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,10 +213,11 @@ class _Line(Value):
     def of(cls, curve: SelfMotion) -> _Line:
         """That of a self-motion. `why`: what is the matter where a posture is not on it."""
         ends = {
-            CurveEnd.LIMIT: Hindrance.LIMITS, CurveEnd.SINGULAR: Hindrance.SINGULAR,
+            CurveEnd.LIMIT: Hindrance.LIMITS,
+            CurveEnd.SINGULAR: Hindrance.SINGULAR,
             CurveEnd.LENGTH: Hindrance.LENGTH,
-        }  # fmt: skip
-        why = next((ends[one] for one in ends if one in curve.endings), Hindrance.APART)
+        }
+        why = next((ends[ending] for ending in ends if ending in curve.endings), Hindrance.APART)
         q, s, wind = curve.q, curve.s, np.zeros(curve.q.shape[1])
         if curve.closed:
             wind = np.round((q[-1] - q[0]) / (2 * np.pi)) * curve.task.robot.hinges
@@ -254,34 +243,34 @@ class _Line(Value):
         robot = self.task.robot
         d = np.linalg.norm(joint_gap(robot, self.q, b), axis=1)
         before, after = np.append(np.inf, d[:-1]), np.append(d[1:], np.inf)
-        found: list[float] = []
+        places: list[float] = []
         for j in np.flatnonzero((d <= before) & (d <= after) & (d < 2 * STEP)):
             s = float(self.s[j])
             for _ in range(NEARER):
-                low, here, high = self.at(np.array([s - 0.1 * STEP, s, s + 0.1 * STEP]))
+                low, middle, high = self.at(np.array([s - 0.1 * STEP, s, s + 0.1 * STEP]))
                 tangent = (high - low) / (0.2 * STEP)
-                s += float(joint_gap(robot, b, here) @ tangent / max(float(tangent @ tangent), TINY))
+                s += float(joint_gap(robot, b, middle) @ tangent / max(float(tangent @ tangent), TINY))
                 if not self.closed:
                     s = float(np.clip(s, self.s[0], self.s[-1]))
-            known = any(abs(s - other) < SAME or abs(abs(s - other) - self.length) < SAME for other in found)
+            known = any(abs(s - other) < SAME or abs(abs(s - other) - self.length) < SAME for other in places)
             if not known and np.abs(joint_gap(robot, b, self.at(np.array([s]))[0])).max() < SAME:
-                found.append(s)
-        return found
+                places.append(s)
+        return places
 
     def ends(self, b: Vector) -> tuple[list[float], Hindrance]:
         """(arc lengths at which it is the posture b (n,), whole turns included, why there is none)."""
-        found, why = [], self.why
+        ends_found, why = [], self.why
         for s in self.places(b):
             why = Hindrance.TURNS
             turns = np.round((b - self.at(np.array([s]))[0]) / (2 * np.pi)) * self.task.robot.hinges
             if not self.wind.any():
                 if not turns.any():
-                    found += [s, s - np.copysign(self.length, s)] if self.closed else [s]
+                    ends_found += [s, s - np.copysign(self.length, s)] if self.closed else [s]
             else:
                 m = round(float(turns @ self.wind / (self.wind @ self.wind)))
                 if abs(m) <= ROUNDS and np.array_equal(turns, m * self.wind):
-                    found.append(s + m * self.length)
-        return found, why
+                    ends_found.append(s + m * self.length)
+        return ends_found, why
 
 
 def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
@@ -313,10 +302,10 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
         middle = curve.derivatives(s, 0)[0]
         if np.abs(_off(task, middle, p, R)).max() < most:
             break
-        found = held(task, middle, p, R)
-        if not np.isfinite(found).all() or np.abs(found - middle).max() > STEP:
+        corrected = held(task, middle, p, R)
+        if not np.isfinite(corrected).all() or np.abs(corrected - middle).max() > STEP:
             return _hindered(task.n, Hindrance.SINGULAR)
-        q = np.insert(q, np.arange(1, len(q)), found, axis=0)
+        q = np.insert(q, np.arange(1, len(q)), corrected, axis=0)
     else:
         return _hindered(task.n, Hindrance.SINGULAR)
     if not _within(robot, curve):
@@ -403,28 +392,25 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
 
     The sample between two stages is that of the later one.
     """
-    t = [one.t for one in stages]
-    starts = np.concatenate([[0.0], np.cumsum([one[-1] for one in t])])
-    first = np.concatenate([[0], np.cumsum([len(one) - 1 for one in t])]).astype(int)
+    t = [stage.t for stage in stages]
+    starts = np.concatenate([[0.0], np.cumsum([stage[-1] for stage in t])])
+    first = np.concatenate([[0], np.cumsum([len(stage) - 1 for stage in t])]).astype(int)
 
     def put(parts: Sequence[Array]) -> Array:
         return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
 
     corners = set(first[1:-1].tolist())
     corners |= {int(a) + c for a, stage in zip(first, stages, strict=False) for c in stage.corners}
-    joints, rates = put([one.q for one in stages]), put([one.dq for one in stages])
-    T, off, robot = put([one.poses for one in stages]), put([one.residual for one in stages]), task.robot
+    joints, rates = put([stage.q for stage in stages]), put([stage.dq for stage in stages])
+    T, off, robot = put([stage.poses for stage in stages]), put([stage.residual for stage in stages]), task.robot
+    units = tuple(c.unit for c in robot.coordinates)
     measures = Measures(
         dq=lambda k: rates[:k],
         x=lambda k: task.value_batch(joints[:k]),
         error=lambda k: task.error(joints[:k], T[:k, :3, 3], T[:k, :3, :3]),
-        sigma=lambda k: np.asarray(
-            np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1], dtype=float
-        ),
+        sigma=lambda k: np.asarray(np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1]),
         residual=lambda k: off[:k],
     )
-    return Trajectory(
-        robot, tuple(c.unit for c in robot.coordinates), task.row_names, task.units,
-        put([one + start for one, start in zip(t, starts, strict=False)]), joints, (0, len(joints) - 1),
-        Status.COMPLETE, measures, tuple(sorted(corners)),
-    )  # fmt: skip
+    times, ends = put([stage + start for stage, start in zip(t, starts, strict=False)]), (0, len(joints) - 1)
+    rows, done = (task.row_names, task.units), (Status.COMPLETE, measures, tuple(sorted(corners)))
+    return Trajectory(robot, units, *rows, times, joints, ends, *done)

@@ -116,7 +116,8 @@ def _sources(
     found = [joint_feature(dataset, arm, name, **read) for name in dict.fromkeys(chosen)]
     if column is None:
         check_targets(dataset, arm, found)
-    places = [pose_feature(dataset, name, angles=angles, order=order) for name in dict.fromkeys(poses or [])]
+    units: Any = {"angles": angles, "order": order}
+    places = [pose_feature(dataset, name, **units) for name in dict.fromkeys(poses or [])]
     return [*found, *places]
 
 

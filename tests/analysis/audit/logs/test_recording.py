@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.fuzz.harness import run
 
 import holokin as hk
 from bags import JOINTS, Q, T, write_bag
-from conftest import PANDA_START
+from conftest import PANDA_START, campaign
+from holokin.analysis.audit.logs import Recording
 from holokin.base.errors import ArgumentError, RecordingError
 
 
@@ -173,7 +175,7 @@ def test_repeated_rows_are_dropped_and_conflicts_refused_with_their_line(
     refused(log(lambda _h, rows: rows[8].__setitem__(0, rows[7][0])), "line 10", "with other joints")
     refused(log(lambda _h, rows: rows[8].__setitem__(0, -1.0)), "backward at line 10")
     with pytest.raises(ArgumentError, match="rising times"):
-        hk.analysis.audit.logs.Recording(JOINTS, T[::-1].copy(), Q, "memory")
+        Recording(JOINTS, T[::-1].copy(), Q, "memory")
 
 
 def test_gaps_are_noted_not_refused(panda: hk.Robot, log: Callable[..., Path]) -> None:
@@ -242,8 +244,20 @@ def test_small_drifts_there_and_back_are_a_way_dependence_and_no_drift() -> None
     loop = hk.circle(point, point - [0.1, 0, 0])
     law = hk.motion.control.gradient_projection(task, hk.strategies.constraints.posture_cost(start), 5.0, 40.0)
     walk = hk.simulate(law, task, loop + loop.reversed(), start, dt=0.02, cycles=4)
-    found = hk.audit_recording(hk.analysis.audit.logs.Recording(robot.joint_names, walk.t, walk.q, "a loop"), robot)
+    found = hk.audit_recording(Recording(robot.joint_names, walk.t, walk.q, "a loop"), robot)
     assert found.verdict is hk.analysis.audit.LogVerdict.DIFFERS and found.trend is hk.analysis.audit.Trend.NONE
     assert np.abs(found.drift).max() < 1e-3
     assert found.by_way is not None
     assert found.by_way.beyond
+
+
+@pytest.mark.parametrize("kind", ["csv_logs", "bags"])
+@pytest.mark.parametrize("count", [40, campaign("count", 150)])
+def test_no_mutant_of_a_log_ends_in_a_traceback(kind: str, count: int) -> None:
+    if kind == "bags":
+        pytest.importorskip("rosbags")
+    tally = run(kind, count, workers=1)
+    assert tally.done == count
+    assert count / 10 < tally.refused < count
+    assert [fault for fault in tally.faults if fault[0] >= 0] == []  # the process holds other tests' memory, too
+    assert tally.slowest < 20

@@ -8,11 +8,12 @@ import sqlite3
 import struct
 import sys
 from array import array
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,30 +21,24 @@ from ....base.errors import HolokinError, MissingExtraError, RecordingError
 from ....base.files import listed, shown
 from ....base.sqlite_file import sqlite_file
 from ....robot import Robot
-from .joint_columns import Columns, Samples, columns_named, joint_columns
+from .joint_columns import Columns, Samples, columns_named
 
 # --- What a bag or a dataset unpacks to is measured before it is unpacked: a few bytes may stand for gigabytes.
 
-MOST_CHUNK = 256 * 2**20
-"""Bytes that one chunk may unpack to; recorders write chunks of 1 to 16 MB."""
+MOST_CHUNK = 256 * 2**20  # bytes that one chunk may unpack to; recorders write chunks of 1 to 16 MB
+MOST_MESSAGE = 2**20  # bytes of one JointState message; that of an arm has less than a thousand
+MOST_FILE = 4 * 2**30  # bytes that a packed storage file of a folder may unpack to, on disk
 
-MOST_MESSAGE = 2**20
-"""Bytes of one JointState message; that of an arm has less than a thousand."""
-
-MOST_FILE = 4 * 2**30
-"""Bytes that a packed storage file of a folder may unpack to, on disk."""
-
+# Bytes of metadata.yaml; that of an hour of bags in parts has a tenth, and parsing takes five seconds a megabyte.
 MOST_METADATA = 2 * 2**20
-"""Bytes of metadata.yaml; that of an hour of bags in parts has a tenth, and parsing takes five seconds a megabyte."""
 
-MOST_ROWS = 64 * 2**20
-"""Bytes that the rows of a dataset may unpack to that are in memory at one time."""
+MOST_ROWS = 64 * 2**20  # bytes that the rows of a dataset may unpack to that are in memory at one time
 
+# Bytes up to which writers of parquet files keep the texts of a column in a dictionary; rows name its entries.
 DICTIONARY = 2**20
-"""Bytes up to which writers of parquet files keep the texts of a column in a dictionary; rows name its entries."""
 
+# How many times its size in the file a column of over `MOST_ROWS` bytes may unpack to; texts come to some 100.
 DENSEST = 1000
-"""How many times its size in the file a column of over `MOST_ROWS` bytes may unpack to; texts come to some 100."""
 
 _WIDTHS = {"BOOLEAN": 1, "INT32": 4, "INT64": 8, "INT96": 12, "FLOAT": 4, "DOUBLE": 8}
 
@@ -56,6 +51,21 @@ def broken(file: Path, why: str) -> RecordingError:
     """The refusal of a bag whose bytes make no sense."""
     cure = "give a rosbag2 folder with metadata.yaml, or a whole .mcap, .db3 or .bag file"
     return RecordingError(file, f"cannot be read as a bag ({shown(why, 200)})", cure)
+
+
+@contextmanager
+def _refusals(file: Path) -> Iterator[None]:
+    """Whatever the parsers of a bag raise at broken bytes becomes a refusal of the file.
+
+    They and the libraries beneath (sqlite, zstd, lz4, yaml, struct) have no common error, and raise MemoryError or
+    OverflowError at senseless sizes. So everything is caught, round calls of theirs alone.
+    """
+    try:
+        yield
+    except HolokinError:
+        raise
+    except Exception as problem:  # noqa: BLE001
+        raise broken(file, f"{type(problem).__name__}: {problem}") from None
 
 
 def _unpacker(kind: str) -> Any:
@@ -103,8 +113,7 @@ def unpacked(file: Path, what: str, kind: str, data: bytes, most: int) -> bytes:
 
 def _check_size(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> None:
     """Raises: RecordingError when packed data unpack to more than `most` bytes."""
-    for _ in _bounded(file, what, kind, pieces, most):
-        pass
+    deque(_bounded(file, what, kind, pieces, most), maxlen=0)
 
 
 def _too_large(file: Path, what: str, most: int) -> RecordingError:
@@ -115,7 +124,7 @@ def _too_large(file: Path, what: str, most: int) -> RecordingError:
 
 def check_folder(folder: Path) -> list[Path]:
     """The files of a rosbag2 folder. Raises: RecordingError when it cannot be read without harm."""
-    try:
+    with _refusals(folder):
         parts = sorted(folder.iterdir())
         for part in parts:
             if not (part.is_dir() or part.is_file()):
@@ -129,9 +138,8 @@ def check_folder(folder: Path) -> list[Path]:
         text = metadata.read_text("utf-8")
         depth = accumulate((c in "[{") - (c in "]}") for c in text)
         if _ALIAS.search(text) or max(depth, default=0) > _DEEPEST:
-            fact = (
-                f"its metadata.yaml holds aliases (& and *), or brackets over {_DEEPEST} deep, which no recorder writes"
-            )
+            fact = f"its metadata.yaml holds aliases (& and *), or brackets over {_DEEPEST} deep"
+            fact += ", which no recorder writes"
             raise RecordingError(folder, fact, "write it out, or audit its .mcap or .db3 files one by one")
         files = [part for part in parts if part.is_file()]
         for part in files:
@@ -139,10 +147,6 @@ def check_folder(folder: Path) -> list[Path]:
                 with part.open("rb") as stream:
                     pieces = iter(lambda: stream.read(_PIECE), b"")
                     _check_size(folder, shown(part.name), "zstd", pieces, MOST_FILE)
-    except RecordingError:
-        raise
-    except Exception as problem:  # noqa: BLE001  zstd's errors are its own, and need the extra to be named
-        raise broken(folder, f"{type(problem).__name__}: {problem}") from None
     return files
 
 
@@ -151,33 +155,28 @@ def _check_mcap(file: Path) -> None:
     size = file.stat().st_size
     chunks: dict[int, int] = {}
     indexed: set[int] = set()
-    try:
-        with file.open("rb") as stream:
-            if stream.read(8) != b"\x89MCAP0\r\n":
-                raise broken(file, "it does not begin like an MCAP file")
-            at = 8
-            while at + 9 <= size:
-                stream.seek(at)
-                kind, length = struct.unpack("<BQ", stream.read(9))
-                if at + 9 + length > size:
-                    raise broken(file, f"the record at byte {at} is longer than the file")
-                if kind == 0x06:
-                    chunks[at] = _check_chunk(file, stream, at, length)
-                if kind == 0x08:
-                    where, says = _index(stream.read(min(length, 2**20)))
-                    if where in indexed or chunks.get(where) != says:
-                        raise broken(file, f"its index names a chunk at byte {where} that is not there")
-                    indexed.add(where)
-                if kind == 0x02:
-                    break
-                at += 9 + length
-    except RecordingError:
-        raise
-    except Exception as problem:  # noqa: BLE001  the unpackers have errors of their own
-        raise broken(file, f"{type(problem).__name__}: {problem}") from None
+    with _refusals(file), file.open("rb") as stream:
+        if stream.read(8) != b"\x89MCAP0\r\n":
+            raise broken(file, "it does not begin like an MCAP file")
+        place = 8
+        while place + 9 <= size:
+            stream.seek(place)
+            kind, length = struct.unpack("<BQ", stream.read(9))
+            if place + 9 + length > size:
+                raise broken(file, f"the record at byte {place} is longer than the file")
+            if kind == 0x06:
+                chunks[place] = _check_chunk(file, stream, place, length)
+            if kind == 0x08:
+                where, says = _index(stream.read(min(length, 2**20)))
+                if where in indexed or chunks.get(where) != says:
+                    raise broken(file, f"its index names a chunk at byte {where} that is not there")
+                indexed.add(where)
+            if kind == 0x02:
+                break
+            place += 9 + length
 
 
-def _check_chunk(file: Path, stream: Any, at: int, length: int) -> int:
+def _check_chunk(file: Path, stream: Any, place: int, length: int) -> int:
     """The size that a chunk says it unpacks to, when it does."""
     head = stream.read(min(length, 64))
     says, letters = struct.unpack_from("<16xQ4xI", head)
@@ -185,13 +184,13 @@ def _check_chunk(file: Path, stream: Any, at: int, length: int) -> int:
     (packed,) = struct.unpack_from("<Q", head, 32 + letters)
     begin = 40 + letters
     if begin + packed > length or kind not in ("", "lz4", "zstd") or (not kind and says != packed):
-        raise broken(file, f"the chunk at byte {at} makes no sense")
+        raise broken(file, f"the chunk at byte {place} makes no sense")
     if says > MOST_CHUNK:
-        raise _too_large(file, f"the chunk at byte {at}", MOST_CHUNK)
+        raise _too_large(file, f"the chunk at byte {place}", MOST_CHUNK)
     if kind:
-        stream.seek(at + 9 + begin)
+        stream.seek(place + 9 + begin)
         pieces = (stream.read(min(_PIECE, packed - done)) for done in range(0, packed, _PIECE))
-        _check_size(file, f"the chunk at byte {at}", kind, pieces, says)
+        _check_size(file, f"the chunk at byte {place}", kind, pieces, says)
     return says
 
 
@@ -207,14 +206,12 @@ def _index(record: bytes) -> tuple[int, int]:
 def _check_sqlite(file: Path) -> None:
     """Raises: RecordingError when a database is none, or computes its rows (views, generated columns): that may never
     end."""
-    try:
+    with _refusals(file):
         with file.open("rb") as stream:
             if stream.read(16) != b"SQLite format 3\0":
                 raise broken(file, "it does not begin like an SQLite file")
         with sqlite_file(file, "frozen") as db:
             rows = db.execute("SELECT type, sql FROM sqlite_master").fetchmany(10_000)
-    except (OSError, sqlite3.Error, ValueError, OverflowError) as problem:
-        raise broken(file, f"{type(problem).__name__}: {problem}") from None
     for kind, sql in rows:
         computed = re.search(r"\bas\s*\(|\bvirtual\s+table\b", str(sql or ""), re.IGNORECASE)
         if kind not in ("table", "index") or computed:
@@ -268,13 +265,7 @@ def _rows_at_once(file: Path, table: Any, columns: Sequence[str] | None, most: i
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 
-class _State(NamedTuple):
-    """A message: its stamp and the time of its reception [ns], names and positions."""
-
-    stamp: int
-    received: int
-    names: tuple[str, ...]
-    position: Any
+_State = tuple[int, int, tuple[str, ...], Any]  # of a message: its stamp, its reception [ns], names, positions
 
 
 def read_bag(file: Path, robot: Robot, topic: str | None, columns: Columns | None = None) -> Samples:
@@ -308,27 +299,12 @@ def read_bag(file: Path, robot: Robot, topic: str | None, columns: Columns | Non
         name = _topic(file, {c.topic for c in connections}, {c.topic for c in reader.connections}, topic, notes)
         wanted = [c for c in connections if c.topic == name]
         samples, read = _joint_states(file, robot, _states(file, reader, wanted, parse), columns, notes)
-        told = sum(c.msgcount for c in wanted)
-        if read < told:
-            notes.append(f"{read} messages read of the {told} that the bag counts")
+        counted = sum(c.msgcount for c in wanted)
+        if read < counted:
+            notes.append(f"{read} messages read of the {counted} that the bag counts")
         return samples
     finally:
         reader.close()
-
-
-@contextmanager
-def _refusals(file: Path) -> Iterator[None]:
-    """Whatever the parsers of a bag raise at broken bytes becomes a refusal of the file.
-
-    They and the libraries beneath (sqlite, zstd, lz4, yaml, struct) have no common error, and raise MemoryError or
-    OverflowError at senseless sizes. So everything is caught, round calls of theirs alone.
-    """
-    try:
-        yield
-    except HolokinError:
-        raise
-    except Exception as problem:  # noqa: BLE001
-        raise broken(file, f"{type(problem).__name__}: {problem}") from None
 
 
 def _states(file: Path, reader: Any, wanted: list[Any], parse: Any) -> Iterator[_State]:
@@ -342,18 +318,17 @@ def _states(file: Path, reader: Any, wanted: list[Any], parse: Any) -> Iterator[
         messages = reader.messages(wanted)
     while True:
         with _refusals(file):
-            found = next(messages, None)
-            if found is None:
+            record = next(messages, None)
+            if record is None:
                 return
-            connection, at, raw = found
+            connection, received, raw = record
             data = unpacked(file, "a message", "zstd", raw, MOST_MESSAGE) if packed else raw
             message = parse(data, connection.msgtype)
             stamp = int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
             names, position = tuple(message.name), np.asarray(message.position, dtype=float)
-            if not 0 <= int(at) < 2**63:
-                raise OverflowError(f"a message was received at {at} ns")
-            state = _State(stamp, int(at), names, position)
-        yield state
+            if not 0 <= int(received) < 2**63:
+                raise OverflowError(f"a message was received at {received} ns")
+        yield stamp, int(received), names, position
 
 
 def _topic(file: Path, states: set[str], every: set[str], topic: str | None, notes: list[str]) -> str:
@@ -364,17 +339,10 @@ def _topic(file: Path, states: set[str], every: set[str], topic: str | None, not
         name = next(iter(states))
         notes.append(f"topic {shown(name)}")
         return name
-    there = f"topics of JointState messages: {listed(sorted(states))}" if states else (
-        f"it has no JointState messages at all, its topics are {listed(sorted(every)) or 'none'}"
-    )  # fmt: skip
+    known = f"it has no JointState messages at all, its topics are {listed(sorted(every)) or 'none'}"
+    known = f"topics of JointState messages: {listed(sorted(states))}" if states else known
     fact = f"there are no JointState messages on {shown(name)}"
-    raise RecordingError(file, fact, f"name the topic with --topic; {there}")
-
-
-def _places(file: Path, robot: Robot, names: Sequence[str], columns: Columns | None) -> list[int]:
-    """The robot's joints among names. Raises: RecordingError, UnknownNameError, ArgumentError."""
-    others = lambda joints: joint_columns(file, names, robot, joints, "joints")  # noqa: E731
-    return others(robot.joint_names) if columns is None else columns_named(file, names, robot, columns, others, "name")
+    raise RecordingError(file, fact, f"name the topic with --topic; {known}")
 
 
 def _joint_states(
@@ -386,32 +354,33 @@ def _joint_states(
     order: list[int] | None = None
     last: tuple[str, ...] | None = None
     count = 0
-    for state in states:
-        count += 1
-        if state.names != last:
-            last = state.names
+    # The robot's joints in each message that has them all; their places are looked for where the names change.
+    for count, (stamp, reception, names, position) in enumerate(states, 1):
+        if names != last:
+            last = names
             seen.update(dict.fromkeys(last if len(seen) < 1000 else ()))
             try:
-                order = _places(file, robot, last, columns)
+                order = columns_named(file, last, robot, columns, noun="name", what="joints")
             except RecordingError:  # a message of other joints
                 order = None
-        if order is None or len(state.position) < len(state.names):
+        if order is None or len(position) < len(names):
             continue
-        row = state.position[order]
+        row = position[order]
         if not np.isfinite(row).all():
             joint = robot.joint_names[int(np.argmin(np.isfinite(row)))]
             fact = f"message {count}: the position of {joint} is not finite"
             raise RecordingError(file, fact, "record again, or cut the bag before it")
-        stamps.append(state.stamp)
-        received.append(state.received)
+        stamps.append(stamp)
+        received.append(reception)
         numbers.append(count)
         q.frombytes(row.tobytes())
     if not numbers:
         if not seen:
             raise RecordingError(file, "there are no JointState messages in it", "record at least two cycles")
-        _places(file, robot, list(seen), columns)
+        columns_named(file, list(seen), robot, columns, noun="name", what="joints")
         fact = f"no message holds the positions of all joints of {robot.name} together"
         raise RecordingError(file, fact, "record the topic of the joint_state_broadcaster")
+    # Their times: the stamps, or where there are none the times of reception.
     if len(numbers) < count:
         notes.append(f"{count - len(numbers)} messages without all of the robot's joints left out")
     stamped = any(stamps)

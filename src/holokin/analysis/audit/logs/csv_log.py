@@ -9,20 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ....base import tables
 from ....base.errors import RecordingError
 from ....base.files import listed
-from ....base.tables import (
-    UNITS,
-    WORDS,
-    Rows,
-    TimeColumns,
-    no_time,
-    number_in,
-    read_table,
-    time_columns,
-    unit_in,
-    unit_of,
-)
 from ....base.types import Matrix, Vector
 from ....robot import Robot
 from .joint_columns import (
@@ -39,13 +28,7 @@ from .joint_columns import (
 
 # --- Names for the columns of a CSV file without a header: as `ros2 topic echo --csv` writes them, or by their number.
 
-STAMPS = ("secs", "nsecs")
-"""Columns of a stamp in two parts."""
-
-
-def numbered(cells: Sequence[str]) -> list[str]:
-    """The columns by their numbers, "1", "2", ..., for who names them so."""
-    return [str(k + 1) for k in range(len(cells))]
+STAMPS = ("secs", "nsecs")  # columns of a stamp in two parts
 
 
 def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], str]:
@@ -53,22 +36,24 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
 
     A JointState as `ros2 topic echo --csv` writes it names its joints in each row: stamp, frame, names, positions, and
     perhaps velocities and efforts. Else the number of columns tells: a time, or seconds and nanoseconds, then the
-    joints in the robot's order, perhaps their rates, perhaps their efforts.
-
-    Raises:
-        RecordingError: columns that nobody knows.
-    """
-    found = _joint_state(cells, robot) or _by_count(cells, robot)
-    if found is None:
+    joints in the robot's order, perhaps their rates, perhaps their efforts. Raises: RecordingError: columns that nobody
+    knows."""
+    form = _joint_state(cells, robot)
+    if form is None and all(tables.number_in(cell) is not None for cell in cells):
+        # By the number of columns, where one form alone has so many; a stamp in two parts holds whole numbers.
+        whole = all(cell.strip().isdigit() for cell in cells[:2])
+        fitting = [form for form in _forms(robot).get(len(cells), []) if whole or form[0][0] not in STAMPS]
+        form = fitting[0] if len(fitting) == 1 else None
+    if form is None:
         n = robot.n
         fact = f"line 1 holds numbers, no header, and {len(cells)} columns are none that are known for {n} joints"
         counts = ", ".join(str(count) for count in sorted(_forms(robot)))
         cure = f"log a header, or give the columns by their numbers: --columns 2,3,... --time 1 ({counts} are known)"
         raise RecordingError(file, fact, cure)
-    names, what = found
+    names, what = form
     beside = names_beside(names)
-    at = {name: k + 1 for k, name in enumerate(names)} | {cells[name]: k + 1 for k, name in beside.items()}
-    places = [at[joint] for joint in robot.joint_names]
+    number = {name: k + 1 for k, name in enumerate(names)} | {cells[name]: k + 1 for k, name in beside.items()}
+    places = [number[joint] for joint in robot.joint_names]
     row = places == list(range(places[0], places[-1] + 1))
     which = f"{places[0]} to {places[-1]}" if row else ", ".join(map(str, places))
     return names, f"no header: {what}; columns {which} were taken for {listed(robot.joint_names)}"
@@ -76,14 +61,14 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
 
 def _joint_state(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | None:
     """Of a JointState: the joints' names stand in the row itself."""
-    there = [k for k, cell in enumerate(cells) if k > 1 and not _is_number(cell) and cell]
+    there = [k for k, cell in enumerate(cells) if k > 1 and tables.number_in(cell) is None and cell]
     if not there or not set(robot.joint_names) <= {cells[k] for k in there}:
         return None
     first = min(cells.index(joint) for joint in robot.joint_names)
     while first - 1 in there and cells[first - 1].strip() and first - 1 > 2:  # joints of other parts before them
         first -= 1
     last = first
-    while last < len(cells) and not _is_number(cells[last]):
+    while last < len(cells) and tables.number_in(cells[last]) is None:
         last += 1
     count, rest = last - first, len(cells) - last
     joints = list(cells[first:last])
@@ -92,33 +77,18 @@ def _joint_state(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | 
     kinds = ("position", "velocity", "effort", *(f"more {k} " for k in range(rest // count)))
     named = [f"{kind}{k}" for kind in ("name", *kinds[: rest // count]) for k in range(count)]
     head = [*STAMPS, *(f"field {k}" for k in range(2, first))]
-    return [
-        *head,
-        *named,
-    ], "a JointState of `ros2 topic echo --csv`, with its joints' names in each row"
-
-
-def _by_count(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | None:
-    """By the number of columns, where all hold numbers and one form alone has so many."""
-    if not all(map(_is_number, cells)):
-        return None
-    whole = all(cell.strip().isdigit() for cell in cells[:2])  # a stamp in two parts holds whole numbers
-    fitting = [form for form in _forms(robot).get(len(cells), []) if whole or form[0][0] not in STAMPS]
-    return fitting[0] if len(fitting) == 1 else None
+    what = "a JointState of `ros2 topic echo --csv`, with its joints' names in each row"
+    return [*head, *named], what
 
 
 def _forms(robot: Robot) -> dict[int, list[tuple[list[str], str]]]:
     """Number of columns -> what they may be: names, and the same in words."""
-    joints, found = list(robot.joint_names), {}
-    for stamp, said in ((["t"], "a time"), (list(STAMPS), "seconds and nanoseconds")):
+    joints, forms = list(robot.joint_names), {}
+    for stamp, stamp_words in ((["t"], "a time"), (list(STAMPS), "seconds and nanoseconds")):
         for parts, more in (((), ""), (("d_",), ", their rates"), (("d_", "effort."), ", their rates and efforts")):
             names = [*stamp, *joints, *(part + joint for part in parts for joint in joints)]
-            found.setdefault(len(names), []).append((names, f"guessed from the count: {said}, the joints{more}"))
-    return found
-
-
-def _is_number(text: str) -> bool:
-    return number_in(text) is not None
+            forms.setdefault(len(names), []).append((names, f"guessed from the count: {stamp_words}, the joints{more}"))
+    return forms
 
 
 CURE = "log a header and at least two cycles"
@@ -130,12 +100,10 @@ def read_csv(
 ) -> Samples:
     """The samples of a CSV file; columns and time name its columns, of a file without a header by their numbers.
 
-    skip_bad: rows that cannot be read are left out and counted; else the first one is refused.
-
-    Raises:
-        RecordingError. UnknownNameError, ArgumentError: as `columns_named`.
-    """
-    times: list[TimeColumns] = []
+    skip_bad: rows that cannot be read are left out and counted; else the first one is refused. Raises: RecordingError.
+    UnknownNameError, ArgumentError: as `columns_named`."""
+    # What is learnt of the columns when the header is read: names, times, units, and joints named in each row.
+    times: list[tables.TimeColumns] = []
     notes: list[str] = []
     bad: list[RecordingError] | None = [] if skip_bad else None
 
@@ -146,7 +114,7 @@ def read_csv(
             return names
         first = "" if time is not None else "column 1 was taken for the time, "
         notes.append(f"no header: {first}columns by their numbers")
-        return [*(["t"] if time is None else ["1"]), *numbered(cells)[1:]]
+        return ["t" if time is None else "1", *(str(k) for k in range(2, len(cells) + 1))]
 
     scales: list[float] = []
     labels: list[int] = []
@@ -155,19 +123,16 @@ def read_csv(
     def wanted(names: Sequence[str]) -> list[int]:
         header = [plain_name(name) for name in names]
         if time is None:
-            found = time_columns(names)
-            if found is None:
-                raise no_time(file, header)
-            times.append(found)
+            columns_of_time = tables.time_columns(names)
+            if columns_of_time is None:
+                raise tables.no_time(file, header)
+            times.append(columns_of_time)
         else:
             place = column_named(file, header, time, "the time")
-            times.append(TimeColumns((place,), unit_in(names[place])))
+            times.append(tables.TimeColumns((place,), tables.unit_in(names[place])))
         beside = names_beside(header)
-        others = lambda joints: joint_columns(file, header, robot, joints)  # noqa: E731
-        if columns is not None:
-            places = columns_named(file, header, robot, columns, others)
-        else:
-            places = [] if beside and not set(robot.joint_names) <= set(header) else others(robot.joint_names)
+        named_in_rows = columns is None and beside and not set(robot.joint_names) <= set(header)
+        places = [] if named_in_rows else columns_named(file, header, robot, columns)
         if beside and set(places) <= set(beside):
             given = [list(beside).index(place) for place in places] or None
             joints.append(_JointsByName(file, robot, given, isinstance(columns, str) and NUMBER in columns))
@@ -177,10 +142,11 @@ def read_csv(
         scales.extend(scale_of(names[place]) for place in places)
         return [*times[0].places, *places]
 
+    # The rows, some at a time.
     stamps: _Stamps | None = None
     q, numbers = array("d"), array("q")
     cure = "t and the robot's joints"
-    for rows in read_table(file, wanted, CURE, cure, headless=headless, bad=bad, labels=labels):
+    for rows in tables.read_table(file, wanted, CURE, cure, headless=headless, bad=bad, labels=labels):
         count = len(times[0].places)
         stamps = stamps or _Stamps(times[0])
         stamps.add(rows.table[:, :count], rows.texts)
@@ -192,9 +158,10 @@ def read_csv(
     if bad:
         rows = "1 row was" if len(bad) == 1 else f"{len(bad)} rows were"
         notes.append(f"{rows} left out that could not be read; the first: {bad[0].fact}")
+    # Seconds, and joints in their order.
     t, origin = stamps.seconds(file, notes)
-    lines, said = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
-    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, said, origin)
+    lines, units_named = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
+    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, units_named, origin)
 
 
 class _JointsByName:
@@ -208,7 +175,7 @@ class _JointsByName:
         self.file, self.robot, self.given, self.pattern = file, robot, given, pattern
         self.known: dict[tuple[str, ...], Sequence[int]] = {}
 
-    def ordered(self, values: Matrix, rows: Rows) -> Matrix:
+    def ordered(self, values: Matrix, rows: tables.Rows) -> Matrix:
         """Values (k, c) of the named joints -> (k, n). Raises: RecordingError."""
         places = np.empty((len(values), self.robot.n), dtype=np.intp)
         for k, names in enumerate(rows.labels):
@@ -220,22 +187,22 @@ class _JointsByName:
     def _places(self, names: Sequence[str], line: int) -> Sequence[int]:
         joints = self.robot.joint_names
         try:
-            found = joint_columns(self.file, names, self.robot, joints, f"names in line {line}")
+            places = joint_columns(self.file, names, self.robot, joints, f"names in line {line}")
         except RecordingError:
             if self.given is None or self.known:
                 raise
             return self.given
-        if self.given is not None and not self.pattern and list(self.given) != found:
-            i = next(i for i in range(len(joints)) if self.given[i] != found[i])
+        if self.given is not None and not self.pattern and list(self.given) != places:
+            i = next(i for i in range(len(joints)) if self.given[i] != places[i])
             fact = f"line {line} names {names[self.given[i]]!r} where --columns says {joints[i]!r}"
             raise RecordingError(self.file, fact, "leave out --columns (columns=...): the names in the file are used")
-        return found
+        return places
 
 
 class _Stamps:
     """Times, piece by piece: as numbers, and as exact integers as long as all are whole."""
 
-    def __init__(self, columns: TimeColumns) -> None:
+    def __init__(self, columns: tables.TimeColumns) -> None:
         self.split, self.unit, self.whole, self.origin = columns.split, columns.unit, not columns.split, 0.0
         self.values, self.ticks = array("d"), array("q")
 
@@ -269,8 +236,8 @@ class _Stamps:
                 since = (ticks - ticks[0]).astype(float)
             else:
                 since = t - first
-            unit = self.unit or unit_of(file, t, steady=True)
+            unit = self.unit or tables.unit_of(file, t, steady=True)
             if self.unit is None and unit != "s":
-                notes.append(f"stamps read as {WORDS[unit]}")
-            size = UNITS[unit]
+                notes.append(f"stamps read as {tables.WORDS[unit]}")
+            size = tables.UNITS[unit]
             return (since * size, first * size) if abs(first * size) > 1e6 or size < 1 else (t, 0.0)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,31 +16,30 @@ from ....base.arguments import AxisCounts, typed
 from ....base.errors import ArgumentError, RecordingError, UnknownNameError
 from ....base.extra_module import extra_module
 from ....base.files import listed, shown
+from ....base.poses import QuaternionOrder
 from ....base.tables import PoseColumns, Units, columns_of_poses, poses_of
 from ....base.types import Array, Indices, Matrix, Shown, Value, Vector
 from ....robot import Robot
 from .bag import record_batches
-from .joint_columns import Columns, columns_named, joint_columns
+from .joint_columns import Columns, columns_named
 from .log_formats import outside
 
 # --- A LeRobot dataset on disk, formats v2.1 and v3.0: its description, its episodes, and its rows, a batch at a time.
 
 INFO = "meta/info.json"
 VERSIONS = ("v2.1", "v3.0")
-ROWS = 20_000
-"""Rows of a data file that are in memory at one time: a megabyte and a half of fourteen columns."""
+ROWS = 20_000  # rows of a data file that are in memory at one time: a megabyte and a half of fourteen columns
 
+# How parquet files are opened: bytes of a column that are read at one time; else all of a row group are in memory.
 _SMALL = {"memory_map": False, "pre_buffer": False, "buffer_size": 2**16}
-"""How parquet files are opened: bytes of a column that are read at one time; else all of a row group are in memory."""
 
+# Frames of one dataset: five weeks at 30 Hz. A file that says more is broken, or made to fill the memory.
 MOST_FRAMES = 100_000_000
-"""Frames of one dataset: five weeks at 30 Hz. A file that says more is broken, or made to fill the memory."""
 
-LARGEST_TEXT = 200_000_000
-"""Bytes of a JSON file that is read, and of what a parquet file of metadata unpacks to."""
+LARGEST_TEXT = 200_000_000  # bytes of a JSON file that is read, and of what a parquet file of metadata unpacks to
 
+# How the columns of meta/episodes begin that are read: others, as texts of tasks and statistics, may be large.
 _FACTS = ("episode_index", "dataset_from_index", "length", "data/", "videos/")
-"""How the columns of meta/episodes begin that are read: others, as texts of tasks and statistics, may be large."""
 
 _FIELD = re.compile(r"\{(\w+)(?::0?(\d{1,2})d)?\}")
 
@@ -113,8 +112,7 @@ def read_dataset(folder: Path) -> Dataset:
     """
     info = read_json(folder / INFO)
     _check_info(folder / INFO, info)
-    rows = _episodes_v3(folder) if info["codebase_version"] == "v3.0" else _episodes_v2(folder)
-    episodes = [_episode(folder, info, row) for row in rows]
+    episodes = [_episode(folder, info, row) for row in _episode_rows(folder, info["codebase_version"])]
     where, first = folder / "meta", 0
     if not episodes:
         raise RecordingError(where, "has no episodes", "record one")
@@ -130,7 +128,7 @@ def read_dataset(folder: Path) -> Dataset:
 
 def rows(
     dataset: Dataset, columns: Sequence[str], episodes: Sequence[int] | None = None, size: int = ROWS
-) -> Iterator[Rows]:  # fmt: skip
+) -> Iterator[Rows]:
     """Numeric columns of a dataset, a batch at a time, in the order of the files.
 
     Args:
@@ -143,16 +141,16 @@ def rows(
     """
     chosen = None if episodes is None else set(episodes)
     for file in dataset.files():
-        here = [e for e in dataset.episodes if e.file == file]
-        if chosen is not None and not chosen & {e.index for e in here}:
+        in_file = [e for e in dataset.episodes if e.file == file]
+        if chosen is not None and not chosen & {e.index for e in in_file}:
             continue
         read = 0
-        for batch in batches(file, sum(e.length for e in here), ["episode_index", "frame_index", *columns], size):
-            found = _rows_of(dataset, file, batch, columns, here, read)
-            read += len(found.episode)
-            keep = np.isin(found.episode, list(chosen)) if chosen is not None else slice(None)
-            part = {name: values[keep] for name, values in found.values.items()}
-            yield Rows(found.episode[keep], found.frame[keep], part)
+        for batch in batches(file, sum(e.length for e in in_file), ["episode_index", "frame_index", *columns], size):
+            batch_rows = _rows_of(dataset, file, batch, columns, in_file, read)
+            read += len(batch_rows.episode)
+            keep = np.isin(batch_rows.episode, list(chosen)) if chosen is not None else slice(None)
+            part = {name: values[keep] for name, values in batch_rows.values.items()}
+            yield Rows(batch_rows.episode[keep], batch_rows.frame[keep], part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,24 +203,21 @@ def reading(file: Path) -> Iterator[None]:
 
 def read_json(file: Path) -> Any:
     """What a JSON file holds. Raises: RecordingError."""
-    text = _text(file)
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise RecordingError(file, f"is no JSON ({shown(str(problem), 120)})", "download it anew") from problem
+    return _value_of(file, _text(file), "is")
 
 
 def read_lines(file: Path) -> list[Any]:
     """What a file holds that has a JSON value a line. Raises: RecordingError."""
-    found = []
-    for number, line in enumerate(_text(file).split("\n"), 1):
-        if line.strip():
-            try:
-                found.append(json.loads(line))
-            except (ValueError, RecursionError) as problem:
-                fact = f"line {number} is no JSON ({shown(str(problem), 120)})"
-                raise RecordingError(file, fact, "download it anew") from problem
-    return found
+    lines = enumerate(_text(file).split("\n"), 1)
+    return [_value_of(file, line, f"line {number} is") for number, line in lines if line.strip()]
+
+
+def _value_of(file: Path, text: str, what: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as problem:
+        fact = f"{what} no JSON ({shown(str(problem), 120)})"
+        raise RecordingError(file, fact, "download it anew") from problem
 
 
 def read_parquet(file: Path, begins: tuple[str, ...] = ("",)) -> Any:
@@ -278,37 +273,33 @@ def _check_info(file: Path, info: Any) -> None:
         cure = f"convert it by LeRobot's own scripts to {' or '.join(VERSIONS)}"
         raise RecordingError(file, f"says format {shown(version)}", cure)
     features = info.get("features")
-    sound = isinstance(features, dict) and all(_is_feature(one) for one in features.values())
+    sound = isinstance(features, dict) and all(_is_feature(feature) for feature in features.values())
     if not sound or not isinstance(info.get("data_path"), str):
         raise RecordingError(file, "has no data_path, or features without dtype and shape", "download it anew")
     if version == "v2.1" and not (isinstance(info.get("chunks_size"), int) and info["chunks_size"] > 0):
         raise RecordingError(file, "has no chunks_size", "download it anew")
 
 
-def _is_feature(one: Any) -> bool:
+def _is_feature(feature: Any) -> bool:
     return (
-        isinstance(one, dict)
-        and isinstance(one.get("dtype"), str)
-        and isinstance(one.get("shape"), list)
-        and all(isinstance(side, int) and side >= 0 for side in one["shape"])
+        isinstance(feature, dict)
+        and isinstance(feature.get("dtype"), str)
+        and isinstance(feature.get("shape"), list)
+        and all(isinstance(side, int) and side >= 0 for side in feature["shape"])
     )
 
 
-def _episodes_v3(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = []
-    for file in episode_files(folder):
-        found += read_parquet(file, _FACTS).to_pylist()
-    return found
-
-
-def _episodes_v2(folder: Path) -> list[dict[str, Any]]:
-    first, found = 0, []
-    for row in read_lines(folder / "meta" / "episodes.jsonl"):
+def _episode_rows(folder: Path, version: str) -> list[dict[str, Any]]:
+    """What meta/ says of each episode. Raises: RecordingError."""
+    if version == "v3.0":
+        return [row for file in episode_files(folder) for row in read_parquet(file, _FACTS).to_pylist()]
+    first, episodes, file = 0, [], folder / "meta" / "episodes.jsonl"
+    for row in read_lines(file):
         if not isinstance(row, dict) or not isinstance(row.get("length"), int):
-            raise RecordingError(folder / "meta" / "episodes.jsonl", "has a line without a length", "download it anew")
-        found.append(row | {"dataset_from_index": first})
+            raise RecordingError(file, "has a line without a length", "download the dataset anew")
+        episodes.append(row | {"dataset_from_index": first})
         first += row["length"]
-    return found
+    return episodes
 
 
 def _episode(folder: Path, info: dict[str, Any], row: dict[str, Any]) -> Episode:
@@ -352,20 +343,20 @@ def check_inside(folder: Path, what: str, file: Path) -> Path:
 
 
 def _rows_of(
-    dataset: Dataset, file: Path, batch: Any, columns: Sequence[str], here: Sequence[Episode], read: int
-) -> Rows:  # fmt: skip
+    dataset: Dataset, file: Path, batch: Any, columns: Sequence[str], in_file: Sequence[Episode], read: int
+) -> Rows:
     """A record batch as arrays, whose episodes are those that are due. Raises: RecordingError."""
     with reading(file):
         episode, frame = (_numbers(batch.column(name)) for name in ("episode_index", "frame_index"))
         values = {name: numeric(dataset, file, name, batch.column(name)) for name in columns}
-    begins = np.cumsum([0, *(e.length for e in here)])
+    begins = np.cumsum([0, *(e.length for e in in_file)])
     place = np.arange(read, read + len(episode))
-    at = np.searchsorted(begins, place, side="right") - 1
-    due = np.array([e.index for e in here])[at]
-    wrong = np.flatnonzero((episode != due) | (frame != place - begins[at]))
+    which = np.searchsorted(begins, place, side="right") - 1
+    due, frame_due = np.array([e.index for e in in_file])[which], place - begins[which]
+    wrong = np.flatnonzero((episode != due) | (frame != frame_due))
     if len(wrong):
         i = int(wrong[0])
-        fact = f"row {read + i} is frame {frame[i]} of episode {episode[i]}, where frame {place[i] - begins[at[i]]} of "
+        fact = f"row {read + i} is frame {frame[i]} of episode {episode[i]}, where frame {frame_due[i]} of "
         raise RecordingError(file, f"{fact}episode {due[i]} was due", "download the dataset anew")
     return Rows(due, frame.astype(np.intp), values)
 
@@ -385,12 +376,12 @@ def numeric(dataset: Dataset, file: Path, name: str, column: Any) -> Matrix:
     if len(flat) != len(column) * width:
         fact = f"its column {name} has {len(flat)} numbers in {len(column)} rows"
         raise RecordingError(file, fact, f"meta/info.json says {width} a row: download it anew")
-    found = _numbers(flat).astype(np.float64).reshape(len(column), width)
-    bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
+    numbers = _numbers(flat).astype(np.float64).reshape(len(column), width)
+    bad = np.flatnonzero(~np.isfinite(numbers).all(axis=1))
     if len(bad):
         cure = "correct or delete the episode; LeRobot's own delete_episodes does"
         raise RecordingError(file, f"{len(bad)} rows of its column {name} hold no finite number", cure)
-    return found
+    return numbers
 
 
 def _numbers(column: Any) -> Any:
@@ -400,8 +391,8 @@ def _numbers(column: Any) -> Any:
     plain = types.is_floating(column.type) or types.is_integer(column.type)
     if not plain or column.null_count or not len(column):
         return column.to_numpy(zero_copy_only=False)
-    found = np.frombuffer(column.buffers()[1], column.type.to_pandas_dtype())
-    return found[column.offset : column.offset + len(column)]
+    numbers = np.frombuffer(column.buffers()[1], column.type.to_pandas_dtype())
+    return numbers[column.offset : column.offset + len(column)]
 
 
 STATE = "observation.state"
@@ -410,14 +401,12 @@ STATE = "observation.state"
 ACTION = "action"
 """The name that LeRobot gives to what the robot is told."""
 
-NORMALIZED = 100.0
-"""The ends of the range to which LeRobot maps a motor that has no unit."""
+NORMALIZED = 100.0  # the ends of the range to which LeRobot maps a motor that has no unit
 
+# How `robot_type` begins of arms of hobby servos: LeRobot records these in degrees, or from -100 to 100.
 MOTORS = ("so100", "so101", "so_", "koch", "omx", "lekiwi", "bi_so", "hope_jr")
-"""How `robot_type` begins of arms of hobby servos: LeRobot records these in degrees, or from -100 to 100."""
 
-_TURNS = {"wx": "rx", "wy": "ry", "wz": "rz"}
-"""Rotation vectors: as LeRobot names their entries, and as they are read."""
+_TURNS = {"wx": "rx", "wy": "ry", "wz": "rz"}  # rotation vectors: as LeRobot names their entries, and as they are read
 
 _POSE = re.compile(r"(?:^|.*[._/: ])(x|y|z|q[xyzw0-4]|roll|pitch|yaw|[rw][xyz])(?:[._](?:pos|position))?$")
 
@@ -438,15 +427,13 @@ class JointFeature(Value):
 
     def joints(self, robot: Robot, values: Matrix, degrees: bool | None = None) -> Matrix:
         """Joints (k, n) in rad and m of values in the robot's order."""
-        return self.counts.joints(robot.joint_names, values, self._units(robot, degrees))
+        units = np.where(robot.hinges & bool(self.degrees if degrees is None else degrees), np.pi / 180, 1.0)
+        return self.counts.joints(robot.joint_names, values, units)
 
     def values(self, robot: Robot, joints: Matrix) -> Matrix:
         """What the dataset has for joints (k, n)."""
-        return self.counts.values(robot.joint_names, joints, self._units(robot, None))
-
-    def _units(self, robot: Robot, degrees: bool | None) -> Vector:
-        unit = bool(self.degrees) if degrees is None else degrees
-        return np.where(robot.hinges & unit, np.pi / 180, 1.0)
+        units = np.where(robot.hinges & bool(self.degrees), np.pi / 180, 1.0)
+        return self.counts.values(robot.joint_names, joints, units)
 
 
 @dataclass(frozen=True, eq=False)
@@ -473,10 +460,17 @@ def _names_of(dataset: Dataset, feature: str) -> list[str]:
 
 @typed
 def joint_feature(
-    dataset: Dataset, robot: Robot, feature: str, *, columns: Columns | None = None, degrees: bool | None = None,
-    counts_turns: bool = False, signs: Mapping[str, int] | None = None, offsets: Mapping[str, float] | None = None,
+    dataset: Dataset,
+    robot: Robot,
+    feature: str,
+    *,
+    columns: Columns | None = None,
+    degrees: bool | None = None,
+    counts_turns: bool = False,
+    signs: Mapping[str, int] | None = None,
+    offsets: Mapping[str, float] | None = None,
     scales: Mapping[str, float] | None = None,
-) -> JointFeature:  # fmt: skip
+) -> JointFeature:
     """The joints of a robot in a column, by their names, in whatever order.
 
     Args:
@@ -490,12 +484,7 @@ def joint_feature(
     """
     names, file = _names_of(dataset, feature), dataset.folder / INFO
     counts = AxisCounts(signs or {}, offsets or {}, scales or {}).known(robot.joint_names)
-    if columns is None:
-        places = joint_columns(file, names, robot, robot.joint_names)
-    else:
-        places = columns_named(
-            file, names, robot, columns, lambda joints: joint_columns(file, names, robot, joints)
-        )  # fmt: skip
+    places = columns_named(file, names, robot, columns)
     kind = str(dataset.info.get("robot_type") or "")
     if degrees is None and kind.startswith(MOTORS) and not counts.scaled(robot.joint_names)[robot.hinges].all():
         fact = f"was recorded with {shown(kind)}, whose joints LeRobot writes in degrees or from -100 to 100"
@@ -516,8 +505,12 @@ def has_joints(dataset: Dataset, robot: Robot, feature: str) -> bool:
 
 @typed
 def pose_feature(
-    dataset: Dataset, feature: str, *, angles: str | None = None, order: str | None = None
-) -> PoseFeature:  # fmt: skip
+    dataset: Dataset,
+    feature: str,
+    *,
+    angles: Literal["rad", "deg"] | None = None,
+    order: QuaternionOrder | None = None,
+) -> PoseFeature:
     """The tool pose in a column, with entries x, y, z [m] and qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz, also
     as ee.x or ee.wx; other entries are left aside.
 
@@ -530,27 +523,24 @@ def pose_feature(
     """
     names = _names_of(dataset, feature)
     plain = [_plain(name) for name in names]
-    said = Units(None, angles, order, assumed=True, place="frame")
+    units = Units(None, angles, order, assumed=True, place="frame")
     numbered = [name for name in plain if re.fullmatch(r"q[0-4]", name)]
-    kept = [(i, name) for i, name in enumerate(plain) if name and (order is not None or name not in numbered)]
-    found = columns_of_poses(dataset.folder / INFO, [name for _, name in kept], said)
-    if not found.kind:
+    entries = [(i, name) for i, name in enumerate(plain) if name and (order is not None or name not in numbered)]
+    columns = columns_of_poses(dataset.folder / INFO, [name for _, name in entries], units)
+    if not columns.kind:
         fact = f"{feature} has a position, but no orientation: its entries are {listed(names)}"
         cure = "name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz"
         if numbered:
             cure = "say --order xyzw or wxyz (order=...), if these numbers are a quaternion"
         raise RecordingError(dataset.folder / INFO, fact, cure)
-    at = [i for i, _ in kept]
-    places = [[at[i] for i in part] for part in (found.position, found.orientation)]
-    return PoseFeature(feature, PoseColumns(places[0], places[1], found.kind, None, found.scales), said)
+    places_of_entries = [i for i, _ in entries]
+    places = [[places_of_entries[i] for i in part] for part in (columns.position, columns.orientation)]
+    return PoseFeature(feature, PoseColumns(places[0], places[1], columns.kind, None, columns.scales), units)
 
 
 def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Matrix) -> Matrix:
-    """Postures (k, n) in rad and m of the values (k, d) of a column.
-
-    Raises:
-        RecordingError: values that look like degrees, or like LeRobot's -100 to 100, where nothing was said.
-    """
+    """Postures (k, n) in rad and m of the values (k, d) of a column. Raises: RecordingError: values that look like
+    degrees, or like LeRobot's -100 to 100, where nothing was said."""
     raw = values[:, joints.places]
     if not len(raw):
         return raw
@@ -577,13 +567,11 @@ def check_normalized(dataset: Dataset, robot: Robot, joints: JointFeature, low: 
         raise RecordingError(dataset.folder / INFO, fact, f"{cure}; a degree has 0.0174533")
 
 
-def tool_poses_of(
-    dataset: Dataset, poses: PoseFeature, values: Matrix, frames: Indices
-) -> tuple[Matrix, Array]:  # fmt: skip
+def tool_poses_of(dataset: Dataset, poses: PoseFeature, values: Matrix, frames: Indices) -> tuple[Matrix, Array]:
     """Points [m] (k, 3) and rotations (k, 3, 3) of the values (k, d) of a column. Raises: RecordingError."""
     wanted = [*poses.columns.position, *poses.columns.orientation]
-    found = poses_of(dataset.folder, poses.columns, values[:, wanted], frames, poses.said)
-    return found.points, np.asarray(found.rotations)
+    poses_read = poses_of(dataset.folder, poses.columns, values[:, wanted], frames, poses.said)
+    return poses_read.points, np.asarray(poses_read.rotations)
 
 
 def _flat(names: Any) -> list[str]:
@@ -625,12 +613,12 @@ def chosen_episodes(dataset: Dataset, text: str | None) -> list[int]:
     count = len(dataset.episodes)
     if text is None:
         return list(range(count))
-    found: set[int] = set()
+    chosen: set[int] = set()
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,9})\s*(?:(:)\s*(\d{0,9})\s*)?", part)
         first, last = (int(match[1]), int(match[3] or count) if match[2] else int(match[1]) + 1) if match else (0, 0)
         if not match or not first < last <= count:
             cure = f"give numbers and ranges such as 0:10,12 of the episodes 0 to {count - 1}"
             raise ArgumentError("--episodes", text, cure)
-        found |= set(range(first, last))
-    return sorted(found)
+        chosen |= set(range(first, last))
+    return sorted(chosen)

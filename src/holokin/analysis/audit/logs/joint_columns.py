@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import pi
 from pathlib import Path
@@ -30,30 +30,19 @@ class Samples:
 
     def some(self, first: int, last: int) -> Samples:
         """The samples from one to before another."""
-        return replace(
-            self, t=self.t[first:last], q=self.q[first:last].copy(), numbers=self.numbers[first:last],
-            notes=list(self.notes),
-        )  # fmt: skip
+        t, q, numbers = self.t[first:last], self.q[first:last].copy(), self.numbers[first:last]
+        return replace(self, t=t, q=q, numbers=numbers, notes=list(self.notes))
 
     def where(self, i: int) -> str:
         """The place of sample i in the file, in words."""
         return f"{self.place} {self.numbers[i]}"
 
 
-def _joints_missing(
-    file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot
-) -> RecordingError:
-    """The error that names the joints missing and what is there instead."""
-    fact = f"joints {listed(missing)} of {shown(robot.name)} are not in it"
-    cure = f"rename them, name them by --columns (columns=...) or choose another robot; the {what} are {listed(there)}"
-    return RecordingError(file, fact, cure)
-
-
 Columns = str | Sequence[str] | Mapping[str, str]
 """Columns of the joints: names in the robot's order; joint -> name; or text, "a, b, c", "elbow=a, wrist=b", "q_%d"."""
 
+# Stands in a pattern for the number of a joint, counted from 0, or from 1 where the file has no column with 0.
 NUMBER = "%d"
-"""Stands in a pattern for the number of a joint, counted from 0, or from 1 where the file has no column with 0."""
 
 
 _OTHER = re.compile(
@@ -85,18 +74,23 @@ def column_named(file: Path, header: Sequence[str], name: str, what: str, noun: 
 
 
 def columns_named(
-    file: Path, header: Sequence[str], robot: Robot, columns: Columns, others: Callable[[Sequence[str]], list[int]],
+    file: Path,
+    header: Sequence[str],
+    robot: Robot,
+    columns: Columns | None,
+    *,
     noun: str = "column",
-) -> list[int]:  # fmt: skip
-    """The places of the robot's joints, in its order.
-
-    Args:
-        others: finds the joints that a mapping does not name.
+    what: str = "columns",
+) -> list[int]:
+    """The places of the robot's joints in a header, in its order; joints without a column have their own names.
 
     Raises:
         RecordingError: the file has no such column. ArgumentError: too few or too many, or one column for two joints.
         UnknownNameError: a joint that the robot has not.
     """
+    if columns is None:
+        return joint_columns(file, header, robot, robot.joint_names, what)
+    # The column that is named for each joint.
     names = _in_words(header, robot, columns) if isinstance(columns, str) else columns
     if isinstance(names, Mapping):
         for joint in names:
@@ -109,13 +103,15 @@ def columns_named(
             cure = f'name {robot.n} columns in the order {order}, or a pattern "q_{NUMBER}", or joint=column'
             raise ArgumentError("columns", columns, cure)
         chosen = dict(zip(robot.joint_names, names, strict=True))
+    # Its place; joints that a mapping leaves out have their own names.
+    place_of: dict[str, int] = {}
     for joint, name in chosen.items():
         if not isinstance(name, str):
             raise ArgumentError(f"the column of joint {joint!r}", name, "give its name in the header")
-    found = {joint: column_named(file, header, name, f"joint {joint!r}", noun) for joint, name in chosen.items()}
-    rest = [joint for joint in robot.joint_names if joint not in found]
-    found |= dict(zip(rest, others(rest), strict=True))
-    places = [found[joint] for joint in robot.joint_names]
+        place_of[joint] = column_named(file, header, name, f"joint {joint!r}", noun)
+    rest = [joint for joint in robot.joint_names if joint not in place_of]
+    place_of |= dict(zip(rest, joint_columns(file, header, robot, rest, what), strict=True))
+    places = [place_of[joint] for joint in robot.joint_names]
     for i, place in enumerate(places):
         if place in places[:i]:
             two = f"{robot.joint_names[places.index(place)]} and {robot.joint_names[i]}"
@@ -138,13 +134,13 @@ def _in_words(header: Sequence[str], robot: Robot, text: str) -> Sequence[str] |
 def names_beside(header: Sequence[str]) -> dict[int, int]:
     """Columns of positions, and beside each the column that names its joint in every row, as `field.name0` names that
     of `field.position0`."""
-    found = {}
+    beside = {}
     for i, column in enumerate(header):
         match = _NAMES.fullmatch(column)
         position = f"{match[1]}position{match[2]}" if match else ""
         if position in header:
-            found[header.index(position)] = i
-    return found
+            beside[header.index(position)] = i
+    return beside
 
 
 def joint_columns(
@@ -168,5 +164,7 @@ def joint_columns(
         else:
             missing.append(joint)
     if missing:
-        raise _joints_missing(file, missing, header, what, robot)
+        fact = f"joints {listed(missing)} of {shown(robot.name)} are not in it"
+        cure = "rename them, name them by --columns (columns=...) or choose another robot"
+        raise RecordingError(file, fact, f"{cure}; the {what} are {listed(header)}")
     return chosen

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ....base.arguments import AxisCounts, typed
 from ....base.errors import ArgumentError, RecordingError
 from ....base.files import is_folder
-from ....base.types import Array, Flags, Indices, Matrix, Vector, positive
+from ....base.types import Array, Flags, Indices, Matrix, Vector, positive, runs
 from ....motion.trajectory import GAP, Recording
 from ....robot import Robot
 from .bag import read_bag
@@ -31,23 +31,18 @@ from .joint_columns import Columns, Samples
 TURN = 2 * np.pi
 
 Rows = NDArray[np.integer[Any]]
-Numbers = NDArray[np.floating[Any]]
-"""In any precision: datasets are long."""
+Numbers = NDArray[np.floating[Any]]  # in any precision: datasets are long
 
 SLACK = 0.5
 """How far [rad or m] beyond its limits a joint may be logged before the unit is doubted: calibration never errs so."""
 
-OVERSPEED = 1.2
-"""Times its speed limit that a joint may move: controllers overshoot, and stamps are not exact."""
+OVERSPEED = 1.2  # times its speed limit that a joint may move: controllers overshoot, and stamps are not exact
 
+# Change [rad] that the noise of two samples may add, and distance from joint limits at which values may lie.
 NOISE = 0.05
-"""Change [rad] that the noise of two samples may add, and distance from joint limits at which values may lie."""
 
-BLOCK = 50_000
-"""Samples whose changes are in memory at one time."""
-
-FASTEST_HINGE = 4 * np.pi
-"""Speed [rad/s] of a hinge without a speed limit: the wrists of industrial arms reach 8 rad/s."""
+BLOCK = 50_000  # samples whose changes are in memory at one time
+FASTEST_HINGE = 4 * np.pi  # speed [rad/s] of a hinge without a speed limit: the wrists of industrial arms reach 8 rad/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,19 +78,19 @@ def hinge_turns(values: Numbers, steps: Numbers, robot: Robot, joint: int) -> Hi
     if most > 2 * TURN or (not cut and (high - low > TURN + 2 * NOISE or most > TURN + NOISE)):
         # no interval of a turn that drivers use holds the values: they count turns
         return HingeTurns(None, begins, np.ones(len(begins), bool), False)
-    whole, joined = np.zeros(0, values.dtype), values
-    if cut or turns.any():
+    whole: Numbers | None = None
+    if turns.any():
         whole = np.zeros_like(values)
         np.cumsum(turns, out=whole[1:])
         whole *= TURN
-        joined = values + whole
-    least, greatest = np.minimum.reduceat(joined, begins), np.maximum.reduceat(joined, begins)
-    moves, known = _into_limits(least, greatest, robot.lower[joint], robot.upper[joint])
+    joined = values if whole is None else values + whole
+    lowest, highest = np.minimum.reduceat(joined, begins), np.maximum.reduceat(joined, begins)
+    moves, known = _into_limits(lowest, highest, robot.lower[joint], robot.upper[joint])
     if moves.any():
-        whole = whole if len(whole) else np.zeros_like(values)
+        whole = np.zeros_like(values) if whole is None else whole
         for first, last, move in zip(begins, [*begins[1:], len(values)], TURN * moves, strict=True):
             whole[first:last] += move
-    return HingeTurns(whole if len(whole) else None, begins, known, bool(turns.any()))
+    return HingeTurns(whole, begins, known, bool(turns.any()))
 
 
 def _least_turns(values: Numbers, steps: Numbers, speed: float) -> tuple[Rows, Flags]:
@@ -107,12 +102,12 @@ def _least_turns(values: Numbers, steps: Numbers, speed: float) -> tuple[Rows, F
     for i in range(0, len(steps), BLOCK):  # a dataset has a million
         change = np.diff(values[i : i + BLOCK + 1])
         reach = OVERSPEED * speed * steps[i : i + BLOCK] + NOISE
-        least = np.abs(change)
-        if least.max() > np.pi:
+        change_left = np.abs(change)
+        if change_left.max() > np.pi:
             turn = np.round(change / -TURN)
             turns[i : i + BLOCK] = turn
-            least = np.abs(change + TURN * turn)
-        other[i : i + BLOCK] = (TURN - least <= reach) | ((least > reach) & (least > np.pi / 2))
+            change_left = np.abs(change + TURN * turn)
+        other[i : i + BLOCK] = (TURN - change_left <= reach) | ((change_left > reach) & (change_left > np.pi / 2))
     return turns, other
 
 
@@ -132,13 +127,13 @@ def joined_turns(log: Recording, robot: Robot, *, counted: bool = False, breaks:
     steps = np.diff(log.t)
     steps[list(breaks)] = np.inf
     for i in np.flatnonzero(robot.hinges).tolist() if not counted else ():
-        found = hinge_turns(log.q[:, i], steps, robot, i)
-        before = found.begins[1:] - 1
-        unknown += [(k, i) for k in before[found.apart(before, before + 1)]]
-        if found.turns is not None:
+        hinge = hinge_turns(log.q[:, i], steps, robot, i)
+        before = hinge.begins[1:] - 1
+        unknown += [(k, i) for k in before[hinge.apart(before, before + 1)]]
+        if hinge.turns is not None:
             q = q.copy() if q is log.q else q
-            q[:, i] += found.turns
-            (cut if found.cut else moved).append(robot.joint_names[i])
+            q[:, i] += hinge.turns
+            (cut if hinge.cut else moved).append(robot.joint_names[i])
     notes = (*log.notes, *turns_notes(cut, moved, "log"))
     return replace(log, q=q, notes=notes, unknown_turns=np.array(sorted(unknown), dtype=np.intp).reshape(-1, 2))
 
@@ -154,12 +149,12 @@ def _into_limits(low: Numbers, high: Numbers, lower: float, upper: float) -> tup
     leave no other)."""
     if not np.isfinite([lower, upper]).any():
         return np.zeros(len(low)), np.zeros(len(low), bool)
-    least, most = np.ceil((lower - NOISE - low) / TURN), np.floor((upper + NOISE - high) / TURN)
+    fewest, most = np.ceil((lower - NOISE - low) / TURN), np.floor((upper + NOISE - high) / TURN)
     narrow = upper - lower < TURN - 2 * NOISE
-    shift, sure, now = np.zeros(len(low)), least == most, 0.0
+    shift, sure, now = np.zeros(len(low)), fewest == most, 0.0
     for r in range(len(low)):
-        if least[r] <= most[r]:
-            now = float(np.clip(now, least[r], most[r]))
+        if fewest[r] <= most[r]:
+            now = float(np.clip(now, fewest[r], most[r]))
         else:  # it lies beyond them whatever the turn
             middle = np.round((lower + upper - low[r] - high[r]) / 2 / TURN)
             over = [max(lower - low[r] - TURN * c, high[r] + TURN * c - upper) for c in (middle, now)]
@@ -188,23 +183,30 @@ def less_turns(change: Array, which: Flags) -> Array:
     return np.where(which, change - TURN * np.round(change / TURN), change)
 
 
+# Largest joint position [rad or m] that is believed: 160,000 turns; beyond it a float holds less than a micrometre.
 FARTHEST = 1e6
-"""Largest joint position [rad or m] that is believed: 160,000 turns; beyond it a float holds less than a micrometre."""
 
+# Longest log [s] that is believed: three centuries. A longer one has stamps in another unit, or broken ones.
 LONGEST = 1e10
-"""Longest log [s] that is believed: three centuries. A longer one has stamps in another unit, or broken ones."""
 
-FASTEST = 1e-9
-"""Shortest median step [s] that is believed: stamps have nanoseconds."""
+FASTEST = 1e-9  # shortest median step [s] that is believed: stamps have nanoseconds
 
 
 @typed
 def read_recording(
-    path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None,
-    columns: Columns | None = None, time: str | None = None, skip_bad: bool = False, counts_turns: bool = False,
-    signs: Mapping[str, int] | None = None, offsets: Mapping[str, float] | None = None,
+    path: str | Path,
+    robot: Robot,
+    *,
+    degrees: bool | None = None,
+    topic: str | None = None,
+    columns: Columns | None = None,
+    time: str | None = None,
+    skip_bad: bool = False,
+    counts_turns: bool = False,
+    signs: Mapping[str, int] | None = None,
+    offsets: Mapping[str, float] | None = None,
     scales: Mapping[str, float] | None = None,
-) -> Recording:  # fmt: skip
+) -> Recording:
     """Read the joints of a robot from a log.
 
     CSV: a header with a time column (`TIMES`; its name or its size says the unit) and the robot's joints, in any order;
@@ -255,9 +257,7 @@ def _samples_of(
     return read_csv(file, robot, columns, time, skip_bad=skip_bad)
 
 
-def recorded(
-    file: Path, samples: Samples, robot: Robot, degrees: bool | None, counts: AxisCounts
-) -> Recording:  # fmt: skip
+def recorded(file: Path, samples: Samples, robot: Robot, degrees: bool | None, counts: AxisCounts) -> Recording:
     """Samples as a recording: in rad and m, with rising times. Raises: RecordingError."""
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
@@ -309,24 +309,26 @@ def joined(log: Recording, robot: Robot, counts_turns: bool, breaks: Sequence[in
 
 def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, counts: AxisCounts) -> Matrix:
     """Joints in rad and m: the unit is looked for in the extremes of the columns, since a log may be long."""
+    # The extremes of the joints, read in rad or in degrees.
     names, turning = robot.joint_names, robot.hinges
     units = {unit: np.where(turning & unit, np.pi / 180, 1.0) for unit in (False, True)}
     ends = np.stack([q.min(axis=0), q.max(axis=0)])
 
     def extremes(unit: bool) -> tuple[Vector, Vector]:
-        found = counts.joints(names, ends, units[unit])
-        return found.min(axis=0), found.max(axis=0)
+        q_ends = counts.joints(names, ends, units[unit])
+        return q_ends.min(axis=0), q_ends.max(axis=0)
 
-    least, most = extremes(bool(degrees))
-    reach = np.maximum(-least, most)
+    # Positions that nobody believes, degrees where radians are due, and ticks of encoders are refused.
+    lowest, highest = extremes(bool(degrees))
+    reach = np.maximum(-lowest, highest)
     far = int(np.argmax(reach))
     if reach[far] > FARTHEST:
         fact = f"joint {names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
         raise RecordingError(file, fact, "give joints in rad and m; correct or delete the broken samples")
-    over = np.where(counts.scaled(names), -np.inf, outside(robot, least, most))
+    over = np.where(counts.scaled(names), -np.inf, outside(robot, lowest, highest))
     worst = int(np.argmax(over))
     if degrees is None and turning[worst] and over[worst] > 0 and (outside(robot, *extremes(True)) <= 0).all():
-        value = float(least[worst] if -least[worst] > most[worst] else most[worst])
+        value = float(lowest[worst] if -lowest[worst] > highest[worst] else highest[worst])
         fact = f"joint {names[worst]} reaches {value:.4g}, far outside its limits in rad"
         fact = f"{fact}, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
@@ -341,12 +343,12 @@ def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, count
     return q if plain else counts.joints(names, q, units[bool(degrees)])
 
 
+# Rest [s] from which on a log is cut there: longer than the dwells of a process, shorter than most pauses between
+# runs.
 IDLE = 5.0
-"""Rest [s] from which on a log is cut there: longer than the dwells of a process, shorter than most pauses between
-runs."""
 
+# How far [rad or m] joints may move within a fourth of that and still rest: noise, brakes, a servo that hunts.
 STILL = 1e-3
-"""How far [rad or m] joints may move within a fourth of that and still rest: noise, brakes, a servo that hunts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,7 +390,9 @@ def read_runs(
     pieces: list[_Piece] = []
     for path in map(Path, paths):
         samples = _samples_of(path, robot, topic, columns, time, skip_bad)
-        for part in _by_clock(samples) if split else [samples]:
+        back = np.flatnonzero(np.diff(samples.t) < 0) + 1 if split else ()  # where the clock is set back
+        for first, last in pairwise([0, *map(int, back), len(samples.t)]):
+            part = samples.some(first, last) if split else samples
             if len(part.t) > 1:
                 pieces.append(_Piece(recorded(path, part, robot, degrees, counts), samples.origin))
     if not pieces:
@@ -396,38 +400,32 @@ def read_runs(
     logs = _joined(pieces, robot, anew=not split, counts_turns=counts_turns)
     if not split:
         return logs
-    found = tuple(part for log in logs for part in _without_rests(log, idle))
-    if not found:
+    moving = tuple(part for log in logs for part in _without_rests(log, idle))
+    if not moving:
         raise RecordingError(paths[0], "all joints rest", "log a motion of the arm, or leave out --split")
-    return tuple(replace(part, source=f"{part.source}, run {k} of {len(found)}") for k, part in enumerate(found, 1))
-
-
-def _by_clock(samples: Samples) -> list[Samples]:
-    """The samples cut where the time is set back."""
-    cuts = [0, *(np.flatnonzero(np.diff(samples.t) < 0) + 1), len(samples.t)]
-    return [samples.some(int(a), int(b)) for a, b in pairwise(cuts)]
+    return tuple(replace(part, source=f"{part.source}, run {k} of {len(moving)}") for k, part in enumerate(moving, 1))
 
 
 def _joined(pieces: Sequence[_Piece], robot: Robot, *, anew: bool, counts_turns: bool) -> tuple[Recording, ...]:
     """Pieces put together as long as their clock goes on; with `anew` all, a gap before each whose clock does not."""
-    found: list[list[_Piece]] = []
+    groups: list[list[_Piece]] = []
     breaks: list[list[int]] = []  # samples after which the clock begins anew
     notes: list[str] = []
     for piece in pieces:
-        before = found[-1][-1] if found else None
+        before = groups[-1][-1] if groups else None
         if before is not None and piece.ends[0] > before.ends[1]:
-            found[-1].append(piece)
+            groups[-1].append(piece)
         elif before is not None and anew:
             wait = 2 * GAP / min(piece.log.rate, before.log.rate)
             shift = before.ends[1] + wait - piece.ends[0]
-            breaks[-1].append(sum(len(one.log) for one in found[-1]) - 1)
-            found[-1].append(_Piece(piece.log, piece.origin + shift))
+            breaks[-1].append(sum(len(part.log) for part in groups[-1]) - 1)
+            groups[-1].append(_Piece(piece.log, piece.origin + shift))
             notes.append(f"the clock of {Path(piece.log.source).name} begins anew: put behind, with a gap")
         else:
-            found.append([piece])
+            groups.append([piece])
             breaks.append([])
-    logs = (_one(group, notes) for group in found)
-    return tuple(joined(log, robot, counts_turns, at) for log, at in zip(logs, breaks, strict=True))
+    logs = (_one(group, notes) for group in groups)
+    return tuple(joined(log, robot, counts_turns, cuts) for log, cuts in zip(logs, breaks, strict=True))
 
 
 def _one(group: Sequence[_Piece], notes: Sequence[str]) -> Recording:
@@ -438,9 +436,9 @@ def _one(group: Sequence[_Piece], notes: Sequence[str]) -> Recording:
     t: Vector = np.concatenate([piece.log.t + (piece.origin - origin) for piece in group])
     q: Matrix = np.vstack([piece.log.q for piece in group])
     names = dict.fromkeys(piece.log.source for piece in group)
-    said = [note for piece in group for note in piece.log.notes] + list(notes)
+    all_notes = [note for piece in group for note in piece.log.notes] + list(notes)
     source = f"{len(names)} files, {Path(next(iter(names))).name} to {Path(next(reversed(names))).name}"
-    return Recording(group[0].log.joint_names, t, q, source if len(names) > 1 else next(iter(names)), tuple(said))
+    return Recording(group[0].log.joint_names, t, q, source if len(names) > 1 else next(iter(names)), tuple(all_notes))
 
 
 def _without_rests(log: Recording, idle: float) -> list[Recording]:
@@ -449,14 +447,13 @@ def _without_rests(log: Recording, idle: float) -> list[Recording]:
     first = np.flatnonzero(np.diff(block, prepend=-1))
     low, high = np.minimum.reduceat(log.q, first), np.maximum.reduceat(log.q, first)
     still = ((high - low) <= STILL).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int))).reshape(-1, 2)
     stop = np.append(first, len(log.t))
-    rests = [(stop[a], stop[b] - 1) for a, b in edges if log.t[stop[b] - 1] - log.t[stop[a]] >= idle * 3 / 4]
+    rests = [(stop[a], stop[b] - 1) for a, b in runs(still) if log.t[stop[b] - 1] - log.t[stop[a]] >= idle * 3 / 4]
     begins = [0, *(int(b) for _, b in rests)]
     ends = [*(int(a) for a, _ in rests), len(log.t) - 1]
-    found = []
+    parts = []
     for a, b in zip(begins, ends, strict=True):
         if b > a + 1 and float(np.ptp(log.q[a : b + 1], axis=0).max()) > STILL:
-            said = f"from {log.t[a]:.4g} to {log.t[b]:.4g} s"
-            found.append(replace(log.part(a, b + 1), notes=(*log.notes, said)))
-    return found
+            span = f"from {log.t[a]:.4g} to {log.t[b]:.4g} s"
+            parts.append(replace(log.part(a, b + 1), notes=(*log.notes, span)))
+    return parts
