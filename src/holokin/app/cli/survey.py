@@ -109,8 +109,7 @@ def report_one(
         survey, folder, found = store.content(), store.folder(), Findings.of(store.rows())
     page = out or results.with_suffix(".html")
     write_survey_report(survey, folder, found, page)
-    head, rows = found.table()
-    show_rich(lambda console: _print(head, rows, console))
+    show_rich(found.section().rich)
     show(f"wrote {page}")
 
 
@@ -128,12 +127,3 @@ def case_one(
     show(job)
     if why:
         print(why.replace("RESULTS", repr(str(results))), file=sys.stderr)
-
-
-def _print(head: list[str], rows: list[list[str]], console: Any) -> None:
-    from rich.table import Table
-
-    table = Table(*head)
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)

@@ -11,8 +11,9 @@ import numpy as np
 from ...analysis.audit import DatasetAudit, LogAudit, LogVerdict
 from ...base.files import write_json
 from .job_figures import margins
-from .plots import BAD, GOOD, GREY, INK, PALE, WARNING, color_of, joint_unit, on_figure, thin
+from .plots import BAD, GOOD, GREY, INK, PALE, color_of, joint_unit, on_figure, thin
 from .robot_panels import Actor, Curve, draw_panel, stage_of
+from .section import Note, Section, Tone
 
 MOST_JOINTS = 4
 """Joints in the figure: those that move most."""
@@ -23,17 +24,9 @@ MOST_ARMS = 4
 
 def print_audit(audit: LogAudit | DatasetAudit, console: Any) -> None:
     """Print the findings as a table, and the sentence of the verdict below in its colour."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column()
-    for what, finding in audit.rows():
-        table.add_row(what, Text(finding))
-    console.print(table)
-    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(audit.verdict, BAD)
-    console.print(Text(audit.sentence(), style=color), highlight=False)
+    tones: dict[LogVerdict, Tone] = {LogVerdict.REPEATS: "good", LogVerdict.UNDECIDED: "warning"}
+    verdict = Note(audit.sentence(), tones.get(audit.verdict, "bad"))
+    Section(rows=audit.rows(), remarks=[verdict]).rich(console)
 
 
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:

@@ -6,7 +6,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from html import escape
 from pathlib import Path
@@ -21,7 +21,7 @@ from ...base.files import write_text
 from ...base.types import Array, Flags, Indices, Value, Vector, one_line
 from ...version import build
 from ..job.templates import table, toml
-from ..report.html_page import drawn, html_table, page
+from ..report.html_page import page
 from ..report.plots import (
     BLUE,
     GREEN,
@@ -40,6 +40,7 @@ from ..report.plots import (
     on_figure,
     style,
 )
+from ..report.section import Note, Section, drawn, right
 from .cases import Case, Cases
 from .one_case import METRICS, CaseStatus, repeating_job
 from .survey_file import SurveyTable
@@ -79,20 +80,20 @@ class Findings(Value):
     def __len__(self) -> int:
         return len(self.columns["status"])
 
+    def section(self) -> Section:
+        """The table by strategy, and below it how many cases are faults."""
+        (law, *numbers), rows = self.table()
+        return Section("By strategy", head=[law, *right(*numbers)], rows=rows, remarks=self._fault_sentences())
+
     def __str__(self) -> str:
-        head, rows = self.table()
-        widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-        lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]
-        return "\n".join([*lines, *self._fault_sentences()])
+        return str(replace(self.section(), title=""))
 
     def __repr__(self) -> str:
         return one_line(f"Findings({len(self):,} rows, laws {', '.join(map(str, self.laws))})")
 
     def _repr_html_(self) -> str:
         """The table by law, as notebooks show it."""
-        head, rows = self.table()
-        table = html_table([escape(title) for title in head], [[escape(cell) for cell in row] for row in rows], True)
-        return table + "".join(f"<p>{escape(line)}</p>" for line in self._fault_sentences())
+        return replace(self.section(), title="").html()
 
     def _fault_sentences(self) -> list[str]:
         """How many cases are faults, and the reason of the first."""
@@ -497,53 +498,44 @@ def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, f
     if not len(findings):
         cure = "run it with `holokin survey FILE.toml`, or go on with --resume, and report then"
         raise SurveyError(survey.title, f"none of its {len(cases):,} cases has a row yet", cure)
-    stopped = findings.stopped(len(findings))
+    stopped, within = findings.stopped(len(findings)), f"{1e3 * ON_PATH:g} mm"
+    # What was asked, and whether all rows are of it.
+    counts = {"robots": cases.robots, "tasks": survey.tasks, "kinds of loop": survey.loops, "strategies": survey.laws}
+    facts = ", ".join(f"{name}: {len(listed)}" for name, listed in counts.items())
+    about = f"{len(findings):,} of {len(cases):,} cases; {facts}; {survey.cycles} cycles each. holokin {build()}."
+    intro: list[Note | str] = [" ".join(survey.about.split()), Note(about, "small")]
+    if stale := len(set(findings.columns["id"].tolist()).difference(cases.ids)):
+        why = "there were more cases, or the file of a robot or a strategy was another one, or is not to be found here"
+        text = f"{stale:,} of the rows are of cases that the survey no longer has"
+        intro.append(Note(text, "strong", f": {why}. They count, too."))
+    # The figures, with what to see in them.
+    figures = {
+        "Of each strategy the share of cases whose last cycle ends with a joint error below a value.": drift_figure,
+        "Of each strategy the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
+        "Meier). A case that completes all cycles, or stops for another reason, counts as one without a limit in "
+        "the cycles that it did, and is left out of the later ones.": survival_figure,
+        "Coverage, in percent: of the loops that a robot was asked to go round with a strategy those that it went "
+        f"round to the end, with the tool within {within} of the path. Grey and empty: not asked. "
+        + _faults(findings): coverage_figure,
+        "How the cases of each strategy ended.": status_figure,
+        "Medians, quartiles, and 5 and 95 percent of the cases.": boxes_figure,
+    }
+    images = [Section(figure=drawn(lambda draw=draw: draw(findings), words)) for words, draw in figures.items()]
+    # The cases, each with a job that repeats it.
+    rarest = "The rarest first; reasons that differ in names and numbers alone are one."
+    more = len(stopped) - KINDS
+    rarest += f" {more:,} more frequent kinds are not shown." if more > 0 else ""
+    kinds = [_case_note(row, cases, many) for many, row in stopped[:KINDS]] or ["All were complete."]
+    table = findings.section()
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
-        f"<p>{escape(' '.join(survey.about.split()))}</p>",
-        f"<p class='small'>{len(findings):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
-        f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
-        f"{survey.cycles} cycles each. holokin {escape(build())}.</p>",
-        *_stale(cases, findings),
-        "<h2>By law</h2>",
-        findings._repr_html_(),
-        f"<p class='small'>{escape(_TERMS)}</p>",
-        "<h2>Figures</h2>",
-        drawn(
-            lambda: drift_figure(findings),
-            "Of each law the share of cases whose last cycle ends with a joint error below a value.",
-        ),
-        drawn(
-            lambda: survival_figure(findings),
-            "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
-            "Meier). A case that completes all cycles, or stops for another reason, counts as one without a limit in "
-            "the cycles that it did, and is left out of the later ones.",
-        ),
-        drawn(
-            lambda: coverage_figure(findings),
-            "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
-            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey and empty: not asked. "
-            + _faults(findings),
-        ),
-        drawn(lambda: status_figure(findings), "How the cases of each law ended."),
-        drawn(lambda: boxes_figure(findings), "Medians, quartiles, and 5 and 95 percent of the cases."),
-        "<h2>The cases that drift most</h2>",
-        *(_told(row, cases) for row in findings.drifting(WORST)),
-        "<h2>Cases that stopped: one of each law and reason</h2>",
-        "<p class='small'>The rarest first; reasons that differ in names and numbers alone are one."
-        + (f" {len(stopped) - KINDS:,} more frequent kinds are not shown.</p>" if len(stopped) > KINDS else "</p>"),
-        *([_told(row, cases, many) for many, row in stopped[:KINDS]] or ["<p>All were complete.</p>"]),
+        Section(notes=intro),
+        replace(table, remarks=[*table.remarks, Note(_TERMS, "small")]),
+        Section("Figures", parts=images),
+        Section("The cases that drift most", [_case_note(row, cases) for row in findings.drifting(WORST)]),
+        Section("Cases that stopped: one of each strategy and reason", [Note(rarest, "small"), *kinds]),
     ]
     write_text(file, page(survey.title, parts))
-
-
-def _stale(cases: Cases, findings: Findings) -> list[str]:
-    """A sentence about rows of cases that the survey no longer has, where there are."""
-    many = len(set(findings.columns["id"].tolist()).difference(cases.ids))
-    if not many:
-        return []
-    why = "there were more cases, or the file of a robot or a law was another one, or is not to be found here"
-    return [f"<p><b>{many:,} of the rows are of cases that the survey no longer has</b>: {why}. They count, too.</p>"]
 
 
 def _faults(findings: Findings) -> str:
@@ -557,7 +549,8 @@ def _faults(findings: Findings) -> str:
     return f"Cases that are faults: {counts}; where all are, the map says so, elsewhere they count as not gone round."
 
 
-def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
+def _case_note(row: dict[str, Any], cases: Cases, many: int = 0) -> Note:
+    """A case in a line, which unfolds to its reason and a job that repeats it."""
     words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
     words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
     figures = [f"{word} {row[name]:.3g}" for name, word in words.items() if row[name] == row[name]]
@@ -567,10 +560,8 @@ def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
         line = f"{many:,} {'case' if many == 1 else 'cases'}, as {line}" + (f" ({reason})" if reason else "")
     case = cases.of_row(row)
     job = repeated(cases, case)[0] if case else "# no job repeats it: its survey, or the file of its robot, has changed"
-    return (
-        f"<details><summary>{escape('; '.join([line, ', '.join(figures)] if figures else [line]))}</summary>"
-        f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
-    )
+    reason = "".join(f"# {text}\n" for text in row["reason"].splitlines())
+    return Note("; ".join([line, ", ".join(figures)] if figures else [line]), detail=f"{reason}\n{job}")
 
 
 def repeated(cases: Cases, case: Case) -> tuple[str, str]:
