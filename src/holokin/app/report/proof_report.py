@@ -146,11 +146,9 @@ def _page(certificate: Certificate, file: FilePath, word: CheckerWord, now: date
 
 def _mark(text: str) -> Note:
     """What is proven or verified in green, what is not in red."""
-    tones: dict[tuple[str, ...], Tone] = {
-        (PROVEN, Outcome.VERIFIED.value): "good",
-        ("NO", "REJECTED", "not", "claimed"): "bad",
-    }
-    return Note(text, next((tone for beginnings, tone in tones.items() if text.startswith(beginnings)), ""))
+    if text.startswith((PROVEN, Outcome.VERIFIED.value)):
+        return Note(text, "good")
+    return Note(text, "bad" if text.startswith(("NO", "REJECTED", "not", "claimed")) else "")
 
 
 def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, Note | str]]:
