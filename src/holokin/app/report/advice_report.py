@@ -95,10 +95,6 @@ def _cells(law: Law) -> list[str]:
     ]
 
 
-MOST_LAWS = 12
-"""Strategies in the figure: the best ones."""
-
-
 def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     """The laws as bars of coverage and of joint speed, and below them the robot with what the best of them reaches.
 
@@ -107,7 +103,8 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     """
     from matplotlib.figure import Figure
 
-    laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
+    # Strategies in the figure: the best ones.
+    laws, every = advice.laws[:12], len(advice.laws)
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
     things = () if advice.scene is None else advice.scene.obstacles

@@ -43,12 +43,6 @@ RATE = 20
 HOLD = 20
 """Times that the last frame is shown."""
 
-QUALITY = (25, 30, 36, 42)
-"""Constant rate factors of H.264 to try, the best first, until a film is small enough."""
-
-SCALES = (1.0, 0.75, 0.5, 0.35)
-"""Sizes of a GIF to try, until it is small enough."""
-
 
 def ending() -> str:
     """ ".mp4" where it can be written, else ".gif"."""
@@ -75,7 +69,8 @@ def _write_mp4(frames: Sequence[Any], file: FilePath, rate: int) -> None:
     import imageio_ffmpeg
 
     rows, columns = (2 * (size // 2) for size in frames[0].shape[:2])  # H.264 wants even sizes
-    for quality in QUALITY:
+    # Constant rate factors of H.264 to try, the best first, until a film is small enough.
+    for quality in (25, 30, 36, 42):
         options = ["-crf", str(quality), "-preset", "veryfast", "-movflags", "+faststart"]
         writer = imageio_ffmpeg.write_frames(
             str(file), (columns, rows), fps=rate, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2,
@@ -94,7 +89,8 @@ def _write_mp4(frames: Sequence[Any], file: FilePath, rate: int) -> None:
 def _write_gif(frames: Sequence[Any], file: FilePath, rate: int) -> None:
     from PIL import Image
 
-    for scale in SCALES:
+    # Sizes of a GIF to try, until it is small enough.
+    for scale in (1.0, 0.75, 0.5, 0.35):
         size = (round(scale * frames[0].shape[1]), round(scale * frames[0].shape[0]))
         images = [Image.fromarray(frame) for frame in frames[: len(frames) - HOLD + 1]]
         images = [image if scale == 1.0 else image.resize(size) for image in images]
@@ -122,9 +118,6 @@ TOP, STRIP, SIDE = 52, 120, 60
 
 CONTROLS = 44
 """Room below the drift [pixels]: browsers lay the buttons of a film over its lower edge."""
-
-MOST_LAWS = 3
-"""Panels of a film: all laws of a job that has no more, else the two that differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +169,8 @@ def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
     """All of up to MOST_LAWS laws; of more the first that is not holonomic, such as the pseudo-inverse, and the first
     holonomic one.
     """
-    if len(result.drawn) <= MOST_LAWS:
+    # Panels of a film: all laws of a job that has no more, else the two that differ.
+    if len(result.drawn) <= 3:
         return result.drawn
     first = {s.verdict.holonomic: s for s in reversed(result.drawn)}
     laws = tuple(first[kind] for kind in (False, True) if kind in first)

@@ -55,9 +55,6 @@ COLUMNS = 2
 MOST_PANELS = 12
 """Laws in the picture of the robot: of more, those whose ends are farthest apart."""
 
-MOST_BARS = 6
-"""Laws in the picture of ranges."""
-
 
 def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     """(file stem, caption, Figure) of every figure of a job, made one at a time."""
@@ -253,7 +250,8 @@ def _ranges_figure(result: JobResult) -> Any:
     """What each law uses of the joints' ranges."""
     from matplotlib.figure import Figure
 
-    shown = result.drawn[:MOST_BARS]
+    # Laws in the picture of ranges.
+    shown = result.drawn[:6]
     rows = int(np.isfinite(result.robot.upper - result.robot.lower).sum())
     figure = Figure(figsize=(7.6, 0.9 + rows * max(0.32, 0.13 * len(shown)) + 0.24 * -(-len(shown) // 3)))
     margins(figure, left=1.7, right=0.45, bottom=0.45 + 0.24 * -(-len(shown) // 3), top=0.15)

@@ -24,9 +24,6 @@ from .section import Column, Image, Note, Section, Tone, right
 
 # --- The table of a job, for the terminal and the report.
 
-MOST_ROWS = 200
-"""Findings in a report; result.json has them all."""
-
 NOTHING = 1e-18
 """Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
 
@@ -283,9 +280,6 @@ def not_tested(result: JobResult) -> list[str]:
 RETURNS = ", returns"
 """Beside a drift that is none."""
 
-_DRIFTS = ("drift", "drift_mean", "drift_total", "drift_least", "drift_most")
-"""Metrics that say whether the joints return."""
-
 NOTHING_MOVES = 1e-9
 """Peak of a rate [joint units / s, s^2, s^3] that is shown as 0."""
 
@@ -478,7 +472,8 @@ def _check_sections(result: JobResult) -> list[Section]:
         if report is None:
             continue
         table = []
-        for finding in (finding.printed(result.units) for finding in report.findings[:MOST_ROWS]):
+        # Findings in a report; result.json has them all.
+        for finding in (finding.printed(result.units) for finding in report.findings[:200]):
             unit, sign = f" {finding.unit}" if finding.unit else "", "at least" if finding.is_least else "limit"
             times = [f"{time:.3f}" for time in (finding.start, finding.stop, finding.time)]
             values = [f"{finding.value:.4g}{unit}", f"{sign} {finding.limit:.4g}{unit}"]
@@ -506,7 +501,11 @@ def _measured_section(result: JobResult) -> Section:
     for key in result.meanings:
         values = [s.metrics.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
-            factor, words = result.factor(key), RETURNS if key in _DRIFTS else ""
+            # Metrics that say whether the joints return.
+            factor, words = (
+                result.factor(key),
+                RETURNS if key in ("drift", "drift_mean", "drift_total", "drift_least", "drift_most") else "",
+            )
             cells = [_measured(factor * value) + (words if abs(value) <= ALIKE else "") for value in values]
             table.append([result.meaning(key), *cells])
     return Section("Everything measured", head=["", *(s.name for s in result.strategies)], rows=table)

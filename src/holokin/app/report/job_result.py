@@ -378,9 +378,6 @@ def _repair(place: FilePath) -> None:
         restore(place, lambda held: written(held) or set())
 
 
-ENDING = ".cells"
-
-
 class CellsFiles:
     """The files `<stem>-<strategy>.cells`, beside the folder of the certificates."""
 
@@ -390,7 +387,7 @@ class CellsFiles:
     def of(self, title: str) -> FilePath:
         """That of a strategy. Raises: ArgumentError: it is there, and the run is not to go on with it."""
         used = {file.name for file in self._files.values()}
-        file = self._stem.with_name(free_name(title, ENDING, used, prefix=f"{self._stem.name}-"))
+        file = self._stem.with_name(free_name(title, ".cells", used, prefix=f"{self._stem.name}-"))
         if file.exists() and not self._resume:
             cure = "a run that was stopped left it: say --resume to go on with its cells, or delete it"
             raise ArgumentError("the file of cells", str(file), cure)

@@ -310,9 +310,10 @@ def _limit_lines(axes: Any, lower: float, upper: float) -> Any:
         axes.set_ylim(min([low, *(x - pad for x in near)]), max([high, *(x + pad for x in near)]))
     for limit, arrow, y in ((lower, "\u2193", 0.0), (upper, "\u2191", 1.0)):
         if np.isfinite(limit) and limit not in near:
+            # Of the colour of limits, dark enough for small letters.
             axes.text(
                 1.01, y, f"{arrow} {limit:.3g}", transform=axes.transAxes, ha="left", va="bottom" if y == 0 else "top",
-                fontsize=7.5, color=_LIMIT_TEXT,
+                fontsize=7.5, color="#8f3f6b",
             )  # fmt: skip
     return axes
 
@@ -434,10 +435,6 @@ def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: 
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1], ["lower limit", "25 %", "50 %", "75 %", "upper limit"])
     axes.grid(axis="y", visible=False)
     return axes
-
-
-_LIMIT_TEXT = "#8f3f6b"
-"""Of the colour of limits, dark enough for small letters."""
 
 
 def _readable(color: str) -> str:

@@ -56,9 +56,6 @@ from .section import Note, Section, Tone, drawn, right
 MOST_ROWS = 150
 """Rows of a table; the file has all."""
 
-MOST_PIECES = 12
-"""Rows in the table of a path; the file has all pieces."""
-
 PLACES = 8
 """Decimals of a joint in rad or m, so that a bound and the limit next to it are not confused."""
 
@@ -238,7 +235,8 @@ def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]
 
 def _piece_section(title: str, path: Path) -> Section:
     """The ends of the pieces of a path."""
-    shown = path.segments[:MOST_PIECES]
+    # Rows in the table of a path; the file has all pieces.
+    shown = path.segments[:12]
     begun = path.on(np.arange(len(shown)), np.zeros(len(shown))).position
     ended = path.on(np.arange(len(shown)), np.ones(len(shown))).position
     rows = [

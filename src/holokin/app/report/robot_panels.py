@@ -48,9 +48,6 @@ MOST_POINTS = 120
 GHOST = 0.38
 """How much a ghost covers."""
 
-BEFORE = 0.45
-"""How much an obstacle covers of the robot behind it."""
-
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -154,7 +151,8 @@ def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], wind
             cover, depth = np.maximum(beneath.cover, layer.cover), np.maximum(beneath.depth, layer.depth)
             beneath = Layer(layer.color, cover, depth)
     if stage.obstacles:
-        pixels = over(pixels, things, BEFORE, (things.depth > beneath.depth) & (beneath.cover > 0))
+        # How much an obstacle covers of the robot behind it.
+        pixels = over(pixels, things, 0.45, (things.depth > beneath.depth) & (beneath.cover > 0))
     depth = np.maximum(beneath.depth, things.depth)
     pixels = laid(pixels, layer_of(stage.scene, base, window), depth, 0.0)
     return laid(pixels, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)

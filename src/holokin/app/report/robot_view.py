@@ -274,15 +274,6 @@ def onto(ground: Pixels, layer: Layer, alpha: float = 1.0, where: Any = None) ->
 TAPER = 0.6
 """Thickness of the last link over that of the first."""
 
-SLENDER = 26.0
-"""Length of a robot's chain over the radius of its first link, where its model has no shapes."""
-
-CORE = 0.4
-"""Thickness of the rod inside a link that has shapes, which holds together those that do not touch."""
-
-RAIL_BEYOND = 0.15
-"""How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot."""
-
 DIRECTIONS = 120
 """Directions in which a shape is touched by planes: its outline in a picture is that of the solid between them."""
 
@@ -321,7 +312,8 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
         index, step = line.joint, line.end - line.start
         if (index >= 0 or index not in shaped) and np.linalg.norm(step) > _SMALL:
             width = unit * (1 - (1 - TAPER) * (deep[index] if index >= 0 else 0.0))
-            width *= CORE if index in shaped else 1.0
+            # Thickness of the rod inside a link that has shapes, which holds together those that do not touch.
+            width *= 0.4 if index in shaped else 1.0
             plate = step * min(0.5, width / np.linalg.norm(step)) if index < 0 else 0.0  # it stands on it
             pieces.append(_piece(index, between(line.start + plate, line.end, width), "link"))
     for index, joint in enumerate(robot.joints):
@@ -363,7 +355,8 @@ def thickness(robot: Robot, Q: Matrix) -> float:
     if length < _SMALL:
         values = [np.ptp(Q[:, joint.coordinate]) for joint in robot.joints]
         length = max(float(max(values, default=0.0)), 1e-3)
-    return length / SLENDER
+    # Length of a robot's chain over the radius of its first link, where its model has no shapes.
+    return length / 26.0
 
 
 def solids_at(pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True) -> list[Solid]:
@@ -480,7 +473,8 @@ def _rail(robot: Robot, index: int, Q: Matrix, width: float, shaped: bool) -> li
     ends = joint.multiplier * np.array([entry.lower, entry.upper]) + joint.offset
     low, high = float(ends.min()), float(ends.max())
     used = float(values.min()), float(values.max())
-    spare = max(RAIL_BEYOND * chain_length(robot), 4 * width)
+    # How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot.
+    spare = max(0.15 * chain_length(robot), 4 * width)
     low, high = max(low, used[0] - spare), min(high, used[1] + spare)
     T, _ = between(low * joint.axis, high * joint.axis, 1.0)
     beam = Box(np.array([1.1 * width, 1.1 * width, high - low + 2 * width]))
@@ -495,20 +489,8 @@ def _piece(joint: int, placed_shape: tuple[Matrix, Shape], role: str) -> Piece:
     return Piece(LinkShape(role, joint, *placed_shape), role)
 
 
-ELEVATIONS = (8.0, 16.0, 24.0, 34.0)
-"""Heights of the eye over the floor that are looked from [degrees]."""
-
 DETAIL = 150
 """Pixels for an inch of a picture."""
-
-AROUND = 0.25
-"""Room for obstacles beside a robot, over its size in the picture: what is farther out is cut off."""
-
-LABEL_BEYOND = 0.042
-"""Way from the end of a base's axis to its name, at least, over the width of the picture."""
-
-SHADOW = 0.16
-"""Darkness of the shadow on the floor."""
 
 _COARSE = 4
 """Pixels to a side for one of the shadow."""
@@ -562,7 +544,8 @@ def best_view(
     path = np.vstack(paths) if len(paths) else np.zeros((0, 3))
     loop = path - path.mean(axis=0) if len(path) else path
     gaps = np.vstack([one - other for one, other in pairs]) if len(pairs) else np.zeros((0, 3))
-    views = [View(a, e) for e in ELEVATIONS for a in np.arange(-170.0, 190.0, 10.0)]
+    # Heights of the eye over the floor that are looked from [degrees].
+    views = [View(a, e) for e in (8.0, 16.0, 24.0, 34.0) for a in np.arange(-170.0, 190.0, 10.0)]
     scores = np.zeros((4, len(views)))
     for i, view in enumerate(views):
         flat = view.seen(body)[:, :2]
@@ -624,7 +607,8 @@ def scene_of(
         stand[:, 2] = floor
         low[1] = min(low[1], view.seen(stand)[:, 1].min())
     if len(around):
-        room = AROUND * float((high - low).max())
+        # Room for obstacles beside a robot, over its size in the picture: what is farther out is cut off.
+        room = 0.25 * float((high - low).max())
         beside = cloud(view.turned(around))[:, :2]
         low = np.maximum(np.minimum(low, beside.min(axis=0)), low - room)
         high = np.minimum(np.maximum(high, beside.max(axis=0)), high + room)
@@ -673,7 +657,8 @@ def shadowed(picture: Pixels, scene: Scene, window: Window, solids: Sequence[Sol
     rows = np.linspace(0, coarse.rows - 1, window.rows)
     columns = np.linspace(0, coarse.columns - 1, window.columns)
     fine = map_coordinates(dark, np.meshgrid(rows, columns, indexing="ij"), order=1).astype(np.float32)
-    return over(picture, Layer(np.zeros((*fine.shape, 3), np.float32), SHADOW * fine, fine))
+    # Darkness of the shadow on the floor.
+    return over(picture, Layer(np.zeros((*fine.shape, 3), np.float32), 0.16 * fine, fine))
 
 
 def laid(picture: Pixels, layer: Layer, depth: Pixels, hidden: float = 0.25) -> Pixels:
@@ -734,7 +719,8 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
         short = float(np.hypot(*flat))
         if short <= 0.2:
             continue
-        x, y = (size + max(0.2 * size, LABEL_BEYOND * wide / short)) * flat
+        # Way from the end of a base's axis to its name, at least, over the width of the picture.
+        x, y = (size + max(0.2 * size, 0.042 * wide / short)) * flat
         row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
         if 0 <= row < window.rows and 0 <= column < window.columns and cover[row, column] < 0.5:
             axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)

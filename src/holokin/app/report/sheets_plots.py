@@ -50,9 +50,6 @@ CAUSES = {
 CUT = "#d6006c"
 """Colour of the lines across which the joints jump."""
 
-SHADES = ("#b9e0d2", "#74bfa7", "#1f7a6b", "#0b3d3a")
-"""Reached poses from rcond 0, light, to the greatest of the picture, dark."""
-
 _AXES = "xyz"
 
 
@@ -221,7 +218,8 @@ def shades() -> Any:
     """The colour map of reached poses."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    return LinearSegmentedColormap.from_list("reached", SHADES)
+    # Reached poses from rcond 0, light, to the greatest of the picture, dark.
+    return LinearSegmentedColormap.from_list("reached", ("#b9e0d2", "#74bfa7", "#1f7a6b", "#0b3d3a"))
 
 
 def _greatest(every: Sequence[Coverage]) -> float:

@@ -29,12 +29,6 @@ SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
 HASH = "sha256"
 """The key of a file's hash in the table of a robot or of a law."""
 
-LOOKED_AT = 16
-"""Starts of which the least used one is next: to look at all of a survey with many would take too long."""
-
-SEARCHED = 20_000
-"""Cases among which that of a row is looked for whose number is of another run: less than a second."""
-
 
 @dataclass(frozen=True)
 class Case:
@@ -242,7 +236,8 @@ class Cases(Value):
             and row["law"] in s.laws
         ]
         near = ((k, repetition) for repetition in count() for k in same) if same else iter(())
-        for k, repetition in islice(near, SEARCHED):
+        # Cases among which that of a row is looked for whose number is of another run: less than a second.
+        for k, repetition in islice(near, 20_000):
             case_of_row = self._of(k, repetition, str(row["law"]), number)
             if case_of_row.id == row["id"]:
                 return case_of_row
@@ -282,7 +277,8 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
             ),
         )  # fmt: skip
         free, first = left[task, loop], round + round // round_
-        next_ones = islice((k % many for k in range(first, first + many) if k % many in free), LOOKED_AT)
+        # Starts of which the least used one is next: to look at all of a survey with many would take too long.
+        next_ones = islice((k % many for k in range(first, first + many) if k % many in free), 16)
         start = min(next_ones, key=lambda k: (of_all[f"start {k}"], own[robot, k]))
         place = free.pop(start)
         if not free:

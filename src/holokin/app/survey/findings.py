@@ -50,9 +50,6 @@ FAULT = CaseStatus.FAULT
 RETURNS = 1e-6
 """Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
 
-FOR_A_QUANTILE = 20
-"""Cases of which a quantile of 95 % is more than the largest."""
-
 ON_PATH = 5e-3
 """Error of the tool [m] up to which a loop counts as covered: of a welding seam or a bead of glue it is the width."""
 
@@ -222,12 +219,13 @@ class Findings(Value):
             cost, margin = findings.known("cost"), findings.known("margin")
             ended = [shares["complete"], float(np.mean(findings.covered)), shares["limit"]]
             ended.append(max(0.0, 1 - shares["complete"] - shares["limit"]))
+            # Cases of which a quantile of 95 % is more than the largest.
             rows.append([
                 law, f"{len(findings):,}", *(f"{share:.1%}" for share in ended),
                 f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
                 _digits(np.median(first)) if first.size else "",
                 _digits(np.median(drift)) if drift.size else "",
-                _digits(np.quantile(drift, 0.95)) if drift.size >= FOR_A_QUANTILE else "",
+                _digits(np.quantile(drift, 0.95)) if drift.size >= 20 else "",
                 f"{np.median(cost):.2f}" if cost.size else "",
                 f"{np.median(margin):.1%}" if margin.size else "",
             ])  # fmt: skip
@@ -267,9 +265,6 @@ DASHES = ("-", "--", ":", "-.")
 
 NAME = 30
 """Letters of a robot's name in a line: the map of the laws needs the room beside it."""
-
-DEAR = 3.0
-"""Cost beyond which the boxes end at the edge of the figure: it is rare, and would make all others look alike."""
 
 
 def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
@@ -462,7 +457,8 @@ def boxes_figure(findings: Findings) -> Any:
             box.set_alpha(0.6)
         ax.set_xlabel(words)
     right = axes[0].get_xlim()[1]
-    axes[0].set_xlim(0.95, min(max(right, 1.1), DEAR))
+    # Cost beyond which the boxes end at the edge of the figure: it is rare, and would make all others look alike.
+    axes[0].set_xlim(0.95, min(max(right, 1.1), 3.0))
     axes[1].set_xlim(left=min(0.0, axes[1].get_xlim()[0]))
     axes[1].xaxis.set_major_formatter(_percent)
     axes[0].set_yticks(np.arange(1, len(laws) + 1), [on_figure(law) for law in laws])
@@ -473,14 +469,8 @@ def boxes_figure(findings: Findings) -> Any:
 
 # --- `holokin survey report`: one self-contained page of a results file.
 
-WORST = 10
-"""Cases with the largest drift that are shown, each with a job that repeats it."""
-
 KINDS = 40
 """Laws with a reason to stop, of each of which a case is shown."""
-
-LONGEST_REASON = 240
-"""Characters of a reason in the line of a case; the whole one is below it."""
 
 
 _TERMS = (
@@ -527,12 +517,13 @@ def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, f
     rarest += f" {more:,} more frequent kinds are not shown." if more > 0 else ""
     kinds = [_case_note(row, cases, many) for many, row in stopped[:KINDS]] or ["All were complete."]
     table = findings.section()
+    # Cases with the largest drift that are shown, each with a job that repeats it.
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
         Section(notes=intro),
         replace(table, remarks=[*table.remarks, Note(_TERMS, "small")]),
         Section("Figures", parts=images),
-        Section("The cases that drift most", [_case_note(row, cases) for row in findings.drifting(WORST)]),
+        Section("The cases that drift most", [_case_note(row, cases) for row in findings.drifting(10)]),
         Section("Cases that stopped: one of each strategy and reason", [Note(rarest, "small"), *kinds]),
     ]
     write_text(file, page(survey.title, parts))
@@ -556,7 +547,8 @@ def _case_note(row: dict[str, Any], cases: Cases, many: int = 0) -> Note:
     figures = [f"{word} {row[name]:.3g}" for name, word in words.items() if row[name] == row[name]]
     line = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     if many:
-        reason = brief(row["reason"], LONGEST_REASON)
+        # Characters of a reason in the line of a case; the whole one is below it.
+        reason = brief(row["reason"], 240)
         line = f"{many:,} {'case' if many == 1 else 'cases'}, as {line}" + (f" ({reason})" if reason else "")
     case = cases.of_row(row)
     job = repeated(cases, case)[0] if case else "# no job repeats it: its survey, or the file of its robot, has changed"

@@ -154,9 +154,6 @@ def _shorts(values: Vector) -> list[float]:
 KEPT_LAWS = 64
 """Laws whose functions a process keeps: some tens of megabytes."""
 
-STEP = 0.02
-"""Longest step of a control law [s]: a large, slow loop gets more of them than samples."""
-
 LOST = 0.05
 """Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
 
@@ -443,7 +440,8 @@ def _run(
                 law, path, q0, samples=rest["samples"], cycles=rest["cycles"], limits=rest["limits"], native=True
             )
             return walk, "", None
-        steps = rest["samples"] * math.ceil(path.duration / rest["samples"] / STEP)
+        # Longest step of a control law [s]: a large, slow loop gets more of them than samples.
+        steps = rest["samples"] * math.ceil(path.duration / rest["samples"] / 0.02)
         walk = simulate(law, task, path, q0, dt=path.duration / steps, cycles=rest["cycles"])
     except PathError as problem:
         if problem.trajectory is None:

@@ -76,13 +76,6 @@ MOST_WORKERS = 1024
 Say = Callable[["Progress"], None]
 
 
-WINDOW = 60.0
-"""Seconds over which the speed of a survey is told: robots and laws differ in what they cost."""
-
-AT_LEAST = 1.0
-"""Seconds of rows before a speed is told."""
-
-
 @dataclass(frozen=True)
 class Progress:
     """How far a survey is: `str` says it in a line.
@@ -139,10 +132,12 @@ class _Clock:
         self._faults += sum(row.status == "fault" for row in rows)
         if rows:
             self._recent.append((now, self._done))
-        while len(self._recent) > 2 and self._recent[1][0] < now - WINDOW:
+        # Seconds over which the speed of a survey is told: robots and laws differ in what they cost.
+        while len(self._recent) > 2 and self._recent[1][0] < now - 60.0:
             self._recent.popleft()
         then, before = self._recent[0] if rows else (now, self._done)
-        speed = (self._done - before) / (now - then) if now - then > AT_LEAST else float("nan")
+        # Seconds of rows before a speed is told.
+        speed = (self._done - before) / (now - then) if now - then > 1.0 else float("nan")
         return Progress(self._done, self._total, self._faults, now - self._began, self._resumed, speed, self._again)
 
 

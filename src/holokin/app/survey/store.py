@@ -31,9 +31,6 @@ FORM = 2
 KINDS: dict[str, tuple[type, ...]] = {"number": (int,), **dict.fromkeys(("id", *NAMES, "status", "reason"), (str,))}
 """Of the values of columns; the others hold numbers, or nothing."""
 
-DIGITS = 19
-"""Of a number that SQLite does not hold."""
-
 
 def fingerprint(table: SurveyTable) -> str:
     """A hash of what a survey asks; not of its title, of how many cases, or of how long one may take."""
@@ -186,7 +183,8 @@ class Store:
         """The row of a case by its id, or by its number. Raises: ArgumentError: there is none."""
         columns = ", ".join(map(_quoted, self._columns))
         values = self._db.execute(f"SELECT {columns} FROM cases WHERE id = ?", (case,)).fetchone()
-        if values is None and case.isdecimal() and len(case) < DIGITS:
+        # Of a number that SQLite does not hold.
+        if values is None and case.isdecimal() and len(case) < 19:
             values = self._db.execute(f"SELECT {columns} FROM cases WHERE number = ?", (int(case),)).fetchone()
         if values is None:
             cure = f"give the id of one of the {len(self):,} rows, or its number, from 0"
