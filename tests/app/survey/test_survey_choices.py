@@ -15,7 +15,7 @@ from holokin.app.job import keys_of
 from holokin.app.job.tables import Table
 from holokin.app.survey import SurveyTable, read_survey, run_survey, survey_of
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.one_case import METRICS, STATUSES, _robot, run_case
+from holokin.app.survey.one_case import METRICS, CaseStatus, _robot, run_case
 from holokin.app.survey.store import COLUMNS
 from holokin.app.survey.survey_file import OWN_KINDS, LoopTable, StartsTable, WithoutTable
 from holokin.base.errors import JobError
@@ -198,7 +198,7 @@ def test_the_reference_of_survey_files_has_every_kind_of_law() -> None:
 
 
 def test_the_reference_of_rows_has_every_column_and_status() -> None:
-    assert set(rows_of("## A row", "Status")) == set(STATUSES.values())
+    assert set(rows_of("## A row", "Status")) == set(CaseStatus)
     assert list(rows_of("## A row", "Column")) == list(METRICS)
     text = REFERENCE.split("\n## A row\n")[1].split("\n## ")[0]
     assert all(f"`{column}`" in text for column in COLUMNS)

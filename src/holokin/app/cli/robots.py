@@ -31,6 +31,7 @@ def robots(
     from ..job import robot_of_file
     from ..report.advice_report import robot_section
 
+    # The catalogue, the chains of a model, or one robot.
     if robot is None:
         if tip:
             raise ArgumentError("--tip", tip, "give the file of a model, too")

@@ -1,4 +1,4 @@
-"""What a survey found: its rows as columns, shares and quantiles by law and by robot, the worst cases."""
+"""The findings of a survey: its rows as columns, shares and quantiles by strategy and robot, the worst cases."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from ...version import build
 from ..job.templates import table, toml
 from ..report.html_page import page
 from ..report.plots import (
+    BLACK,
     BLUE,
     GREEN,
     GREY,
@@ -124,7 +125,7 @@ class Findings(Value):
         count = max(len(self), 1)
         return {s: float(np.sum(self.columns["status"] == s)) / count for s in STATUS_ORDER}
 
-    def survival(self) -> tuple[Vector, Vector, int]:
+    def survival(self) -> tuple[Indices, Vector, int]:
         """(k, share of cases that met no joint limit within k cycles, cases): the estimate of Kaplan and Meier.
 
         A case that ends complete, or for another reason, counts as one without a limit up to its last cycle, and as
@@ -133,16 +134,11 @@ class Findings(Value):
         cycles, status = self.columns["cycles"], self.columns["status"]
         known = np.isfinite(cycles)
         cycles, hit = cycles[known], status[known] == "limit"
-        most = int(cycles.max(initial=0.0))
-        k, share, alive = [0], [1.0], 1.0
-        for cycle in range(most + 1):
-            at_risk = int(np.sum(cycles >= cycle))
-            stopped = int(np.sum(hit & (cycles == cycle)))
-            if at_risk and stopped:
-                alive *= 1 - stopped / at_risk
-            k.append(cycle + 1)
-            share.append(alive)
-        return np.array(k[: most + 1]), np.array(share[: most + 1]), int(known.sum())
+        k = np.arange(int(cycles.max(initial=0.0)) + 1)
+        at_risk = (cycles >= k[:, None]).sum(axis=1)
+        stopped = (hit & (cycles == k[:, None])).sum(axis=1)
+        share = np.cumprod(1 - stopped / np.maximum(at_risk, 1))
+        return k, np.concatenate([[1.0], share[:-1]]), int(known.sum())
 
     def met_a_limit(self, cycles: int) -> float:
         """The share of the arms that have met a joint limit within so many cycles, by `survival`."""
@@ -219,16 +215,17 @@ class Findings(Value):
             cost, margin = findings.known("cost"), findings.known("margin")
             ended = [shares["complete"], float(np.mean(findings.covered)), shares["limit"]]
             ended.append(max(0.0, 1 - shares["complete"] - shares["limit"]))
-            # Cases of which a quantile of 95 % is more than the largest.
-            rows.append([
-                law, f"{len(findings):,}", *(f"{share:.1%}" for share in ended),
-                f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
-                _digits(np.median(first)) if first.size else "",
-                _digits(np.median(drift)) if drift.size else "",
-                _digits(np.quantile(drift, 0.95)) if drift.size >= 20 else "",
-                f"{np.median(cost):.2f}" if cost.size else "",
-                f"{np.median(margin):.1%}" if margin.size else "",
-            ])  # fmt: skip
+            # A quantile of 95 % of fewer cases is no more than the largest.
+            figures = [
+                (drift, lambda values: f"{np.mean(values < RETURNS):.1%}", 1),
+                (first, lambda values: _digits(np.median(values)), 1),
+                (drift, lambda values: _digits(np.median(values)), 1),
+                (drift, lambda values: _digits(np.quantile(values, 0.95)), 20),
+                (cost, lambda values: f"{np.median(values):.2f}", 1),
+                (margin, lambda values: f"{np.median(values):.1%}", 1),
+            ]
+            known = [form(values) if values.size >= fewest else "" for values, form, fewest in figures]
+            rows.append([law, f"{len(findings):,}", *(f"{share:.1%}" for share in ended), *known])
         return head, rows
 
 
@@ -259,7 +256,7 @@ def _digits(value: Any) -> str:
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
 
-STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, SKY, GREY)
+STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, BLACK, SKY, GREY)
 
 DASHES = ("-", "--", ":", "-.")
 
@@ -293,19 +290,14 @@ def _empty(height: float) -> Any:
     return Shown(figsize=(PAGE, height), layout="constrained")
 
 
-def _figure(height: float) -> tuple[Any, Any]:
-    figure = _empty(height)
-    return figure, figure.add_subplot()
-
-
 def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
     """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
     drift = [findings.of_law(law).known("drift_last") for law in findings.laws]
-    return_ = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
-    colors = [GREY if color == YELLOW else color for color in law_colors(return_)]  # no line is yellow on white
+    returns = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
+    colors = [GREY if color == YELLOW else color for color in law_colors(returns)]  # no line is yellow on white
     looks = {}
     for i, law in enumerate(findings.laws):
-        before = return_[:i].count(return_[i])
+        before = returns[:i].count(returns[i])
         looks[law] = {"color": colors[i], "linestyle": DASHES[before // 4 % len(DASHES)], "linewidth": 2.0}
     return looks
 
@@ -323,16 +315,15 @@ def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
 @_styled
 def drift_figure(findings: Findings) -> Any:
     """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
-    figure, axes = _figure(4.4)
+    figure = _empty(4.4)
+    axes = figure.add_subplot()
     looks, handles = _line_styles(findings), []
     for law in findings.laws:
         drift = np.sort(np.maximum(findings.of_law(law).known("drift_last"), LEAST))
         if drift.size:
             share = np.arange(1, drift.size + 1) / drift.size
-            (line,) = axes.step(
-                np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0), where="post", label=on_figure(law),
-                **looks[law],
-            )  # fmt: skip
+            ends = np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0)
+            (line,) = axes.step(*ends, where="post", label=on_figure(law), **looks[law])
             handles.append((-float(np.median(drift)), line))
     axes.axvline(RETURNS, color=GREY, linewidth=1.0, linestyle=(0, (1, 3)), zorder=0)
     axes.set_xscale("log")
@@ -348,7 +339,8 @@ def drift_figure(findings: Findings) -> Any:
 @_styled
 def survival_figure(findings: Findings) -> Any:
     """Share of the arms that have met no limit after k cycles."""
-    figure, axes = _figure(4.0)
+    figure = _empty(4.0)
+    axes = figure.add_subplot()
     looks, handles, lowest = _line_styles(findings), [], 1.0
     for law in findings.laws:
         cycles, share, count = findings.of_law(law).survival()
@@ -382,12 +374,15 @@ def coverage_figure(findings: Findings) -> Any:
     """
     from matplotlib.colors import LinearSegmentedColormap
 
+    # The best robots first.
     robots, laws, share = findings.coverage()
     names = robot_labels(robots)
     known = np.isfinite(share)
     order = np.argsort(-np.nansum(share, axis=1) / np.maximum(known.sum(axis=1), 1), kind="stable")
     faults = findings.faults()
-    figure, axes = _figure(2.2 + 0.29 * len(robots))
+    # The map.
+    figure = _empty(2.2 + 0.29 * len(robots))
+    axes = figure.add_subplot()
     scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
     colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
     image = axes.imshow(np.ma.masked_invalid(share[order]), aspect="auto", vmin=0.0, vmax=1.0, cmap=colors)
@@ -399,6 +394,7 @@ def coverage_figure(findings: Findings) -> Any:
             if np.isfinite(value):
                 ink = "white" if value > 0.9 or value < 0.1 else INK
                 axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=TYPE, color=ink)
+    # The names, and the scale.
     axes.set_xticks(range(len(laws)), [on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
     axes.xaxis.tick_top()
     shown = [fill(on_figure(names[i]), NAME) for i in order]
@@ -418,7 +414,8 @@ def coverage_figure(findings: Findings) -> Any:
 def status_figure(findings: Findings) -> Any:
     """How the cases of each law ended, as bars."""
     laws = findings.laws
-    figure, axes = _figure(1.2 + 0.34 * len(laws))
+    figure = _empty(1.2 + 0.34 * len(laws))
+    axes = figure.add_subplot()
     left = np.zeros(len(laws))
     for status, color in zip(STATUS_ORDER, STATUS_COLORS, strict=True):
         share = np.array([findings.of_law(law).shares()[status] for law in laws])
@@ -448,10 +445,9 @@ def boxes_figure(findings: Findings) -> Any:
     )
     for ax, (metric, words) in zip(axes, panels, strict=True):
         values = [findings.of_law(law).known(metric) for law in laws]
-        boxes = ax.boxplot(
-            [v if v.size else [np.nan] for v in values], orientation="horizontal", whis=(5, 95), showfliers=False,
-            patch_artist=True, widths=0.6, medianprops={"color": INK, "linewidth": 1.8},
-        )  # fmt: skip
+        look = {"patch_artist": True, "widths": 0.6, "medianprops": {"color": INK, "linewidth": 1.8}}
+        shown = [v if v.size else [np.nan] for v in values]
+        boxes = ax.boxplot(shown, orientation="horizontal", whis=(5, 95), showfliers=False, **look)
         for law, box in zip(laws, boxes["boxes"], strict=True):
             box.set_facecolor(looks[law]["color"])
             box.set_alpha(0.6)
@@ -534,10 +530,11 @@ def _faults(findings: Findings) -> str:
     many: Counter[str] = Counter()
     for (_, law), count in findings.faults().items():
         many[law] += count
-    if not many:
-        return "No case was a fault."
     counts = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
-    return f"Cases that are faults: {counts}; where all are, the map says so, elsewhere they count as not gone round."
+    sentence = (
+        f"Cases that are faults: {counts}; where all are, the map says so, elsewhere they count as not gone round."
+    )
+    return sentence if many else "No case was a fault."
 
 
 def _case_note(row: dict[str, Any], cases: Cases, many: int = 0) -> Note:

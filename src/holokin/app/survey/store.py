@@ -57,6 +57,7 @@ class Store:
             SurveyError: it is there already and resume is False; it is of another survey, or no results file.
             WriteError: the system refuses it.
         """
+        # Whether the file is what is asked for.
         if file.is_dir():
             raise SurveyError(file, "is a folder", "give a file, as out/arms.sqlite")
         new = not file.exists()
@@ -65,6 +66,7 @@ class Store:
         if table is not None and not new and not resume:
             cure = "say --resume, in Python resume=True, to go on, or delete it"
             raise SurveyError(file, "holds results already", cure)
+        # The file, made where it is new.
         db: sqlite3.Connection | None = None
         try:
             with _system(file):
@@ -130,13 +132,10 @@ class Store:
         columns = self._columns
         marks = ", ".join("?" * len(columns))
         new = ", ".join(f"{_quoted(name)} = excluded.{_quoted(name)}" for name in columns[1:])
-        values = [
-            [
-                row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds,
-                *(row.metrics.get(metric) for metric in (*METRICS, *self._own)),
-            ]
-            for row in rows
-        ]  # fmt: skip
+        values = []
+        for row in rows:
+            facts = [row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds]
+            values.append([*facts, *(row.metrics.get(metric) for metric in (*METRICS, *self._own))])
         gone = [(faults[row.number],) for row in rows if row.number in faults]
         with _system(self.file), self._db:
             self._db.executemany("DELETE FROM cases WHERE id = ? AND status = 'fault'", gone)
