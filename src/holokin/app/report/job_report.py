@@ -347,22 +347,21 @@ def _fill(result: JobResult, folder: FilePath, version: str, films: list[tuple[s
 
 def _facts(result: JobResult, version: str) -> dict[str, Any]:
     """What result.json says."""
-    return {
-        "job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name,
-        "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
-        "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
-        "path_length_m": result.path.length,
-        "sheets": result.sheets.to_dict() if result.sheets is not None else None,
-        "two_paths": paths_words(result) or "compared",
-        "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
-        "holokin": version, "strategies": [s.to_dict() for s in result.strategies],
-        "not_run": [vars(strategy) for strategy in result.not_run],
-    }  # fmt: skip
+    robot, path = result.robot, result.path
+    facts: dict[str, Any] = {"job": result.name, "title": result.title, "passed": result.passed, "robot": robot.name}
+    facts |= {"robot_source": robot.source, "task": result.task, "start": result.q0.tolist()}
+    facts |= {"joint_names": list(robot.joint_names), "workspace": result.workspace or None}
+    facts |= {"path_length_m": path.length, "path_duration_s": path.duration, "cycles": result.cycles}
+    facts |= {"sheets": None if result.sheets is None else result.sheets.to_dict()}
+    facts |= {"two_paths": paths_words(result) or "compared", "seconds": result.seconds, "holokin": version}
+    facts |= {"strategies": [s.to_dict() for s in result.strategies]}
+    return facts | {"not_run": [vars(strategy) for strategy in result.not_run]}
 
 
 def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
 ) -> str:
+    # What was run.
     robot, units = result.robot, [c.unit for c in result.robot.coordinates]
     start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)
     facts = (
@@ -371,6 +370,7 @@ def _page(
         f"start: {start} [{' or '.join(map(result.units.name, dict.fromkeys(units)))}]. "
         f"holokin {version}, {result.seconds:.1f} s."
     )
+    # The figures, the films, the terms.
     wide = ("paths", "cycles", "coverage", "sheets")
     images = [
         Image((folder / f"{stem}.svg").read_bytes(), caption, wide=stem.startswith(wide)) for stem, caption in shown
@@ -378,6 +378,7 @@ def _page(
     mimes = {".mp4": "video/mp4", ".gif": "image/gif"}
     moving = [Image((folder / name).read_bytes(), caption, mimes[FilePath(name).suffix]) for name, caption in films]
     terms = "".join(f"<dt>{escape(term)}:</dt><dd>{escape(text)}</dd>" for term, text in _TERMS.items())
+    # The sections, the verdict first.
     parts = [
         f"<h1>{escape(result.title)}</h1>",
         _verdict_section(result),
@@ -501,11 +502,8 @@ def _measured_section(result: JobResult) -> Section:
     for key in result.meanings:
         values = [s.metrics.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
-            # Metrics that say whether the joints return.
-            factor, words = (
-                result.factor(key),
-                RETURNS if key in ("drift", "drift_mean", "drift_total", "drift_least", "drift_most") else "",
-            )
+            drift = key in ("drift", "drift_mean", "drift_total", "drift_least", "drift_most")
+            factor, words = result.factor(key), RETURNS if drift else ""
             cells = [_measured(factor * value) + (words if abs(value) <= ALIKE else "") for value in values]
             table.append([result.meaning(key), *cells])
     return Section("Everything measured", head=["", *(s.name for s in result.strategies)], rows=table)

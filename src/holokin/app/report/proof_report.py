@@ -545,9 +545,13 @@ def print_certificates(
 
 
 def write_certificates(
-    name: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str,
+    name: str,
+    certificates: dict[str, Certificate | str],
+    words: dict[str, CheckerWord],
+    out: FilePath,
+    version: str,
     stopped: bool,
-) -> list[FilePath]:  # fmt: skip
+) -> list[FilePath]:
     """Write NAME-certificate.json and its page for each into `out/<name>`, which is replaced whole, see `renewed`.
 
     Args:
@@ -558,29 +562,28 @@ def write_certificates(
         ArgumentError: the folder exists and was not written by holokin, or cannot be made. WriteError.
     """
     files: list[str] = []
-    facts: dict[str, Any] = {"holokin": version, "stopped": stopped, "strategies": {}}
+    strategies: dict[str, Any] = {}
     with renewed(out, name) as work:
         for label, certificate in certificates.items():
             if isinstance(certificate, str):
-                facts["strategies"][label] = {"proven": False, "theorem": certificate}
+                strategies[label] = {"proven": False, "theorem": certificate}
                 continue
-            file, word = (
-                certificate.save(work / free_name(label, "-certificate.json", files)),
-                words.get(label) or unasked(certificate),
-            )
+            # The files.
+            word = words.get(label) or unasked(certificate)
+            file = certificate.save(work / free_name(label, "-certificate.json", files))
             files += [file.name, write_page(certificate, file, word).name]
-            facts_of_one = {"proven": certificate.whole, "theorem": certificate.theorem, "checker": word.outcome.value}
-            facts["strategies"][label] = facts_of_one
+            # What result.json says of it.
+            facts: dict[str, Any] = {"proven": certificate.whole, "theorem": certificate.theorem}
+            facts["checker"] = word.outcome.value
             if (worst := refuted_by(certificate)) is not None:
-                facts_of_one["refuted"] = {
-                    "names": worst.names, "distance": worst.distance, "wanted": worst.wanted, "q": worst.q.tolist(),
-                    "pose": worst.pose.tolist(),
-                }  # fmt: skip
+                facts["refuted"] = {"names": worst.names, "distance": worst.distance, "wanted": worst.wanted}
+                facts["refuted"] |= {"q": worst.q.tolist(), "pose": worst.pose.tolist()}
             if isinstance(certificate.asked, PoseRange) and not certificate.whole:
                 region = region_of(certificate)
-                facts_of_one["shares"] = {"proven": region.share, **region.parts.shares}
+                facts["shares"] = {"proven": region.share, **region.parts.shares}
             if certificate.revisit is not None:
-                moved = [certificate.revisit.low.tolist(), certificate.revisit.high.tolist()]
-                facts_of_one["drift"] = dict(zip(("least", "most"), moved, strict=True))
-        write_facts(work, facts)
+                low, high = certificate.revisit.low, certificate.revisit.high
+                facts["drift"] = {"least": low.tolist(), "most": high.tolist()}
+            strategies[label] = facts
+        write_facts(work, {"holokin": version, "stopped": stopped, "strategies": strategies})
     return [out / name / file for file in files]
