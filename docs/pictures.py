@@ -21,7 +21,7 @@ import holokin as hk
 from holokin.analysis.curvature.obstructions import LeafField, sphere_of
 from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
-from holokin.app.report.animation import cycles_frames, shown_laws, write_film
+from holokin.app.report.animation import cycles_frames, shown_strategies, write_film
 from holokin.app.report.job_figures import cycles_figure, robot_figure, two_paths_figure
 from holokin.app.report.plots import BLUE, SKY, law_colors, legible, region_figure, style
 from holokin.app.report.plots import VERMILLION as RED
@@ -589,7 +589,7 @@ def jobs() -> None:
 def readme() -> None:
     """The moving picture of the README: eight circles of a Panda, the pseudo-inverse beside a holonomic law."""
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-eight-cycles.toml")))
-    frames = list(cycles_frames(result, shown_laws(result)))
+    frames = list(cycles_frames(result, shown_strategies(result)))
     small = [np.asarray(Image.fromarray(f).resize((2 * f.shape[1] // 3, 2 * f.shape[0] // 3))) for f in frames[::2]]
     write_film(small, HERE / "panda.gif", rate=12)
     print("panda.gif", (HERE / "panda.gif").stat().st_size // 1000, "kB")

@@ -188,7 +188,7 @@ def test_peak_speed_is_the_share_of_the_joints_limit(panda_circle: JobResult) ->
     said = speed_warning(fast, fast.strategies[0])
     assert slow.robot.joint_names[int(np.argmax(shares))] in said
     assert "1.5 times its speed limit" in said
-    assert remarks(fast) == [("mp", said)]
+    assert [note.text for note in remarks(fast)] == [f"mp: {said}"]
     advice = float(said.split("run the path at ")[1].split(" m/s")[0])
     assert 0.9 * 0.1 / shares.max() < advice < 0.1 / shares.max()
 

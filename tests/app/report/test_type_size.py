@@ -19,9 +19,9 @@ from matplotlib.text import Text
 import holokin as hk
 from conftest import campaign, sampled
 from holokin.analysis.coverage import coverage_slices
-from holokin.app.report.html_page import drawn
 from holokin.app.report.job_figures import figures
 from holokin.app.report.plots import region_figure, write_figure
+from holokin.app.report.section import drawn
 from holokin.app.report.sheets_plots import coverage_figure
 from holokin.app.survey import Findings
 from holokin.app.survey import coverage_figure as map_of_laws

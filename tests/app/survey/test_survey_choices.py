@@ -10,12 +10,14 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from casadi import if_else
 
+import holokin as hk
 from holokin.app.job import keys_of
 from holokin.app.job.tables import Table
 from holokin.app.survey import SurveyTable, read_survey, run_survey, survey_of
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.one_case import METRICS, STATUSES, _robot, run_case
+from holokin.app.survey.one_case import METRICS, CaseStatus, _robot, run_case
 from holokin.app.survey.store import COLUMNS
 from holokin.app.survey.survey_file import OWN_KINDS, LoopTable, StartsTable, WithoutTable
 from holokin.base.errors import JobError
@@ -198,7 +200,17 @@ def test_the_reference_of_survey_files_has_every_kind_of_law() -> None:
 
 
 def test_the_reference_of_rows_has_every_column_and_status() -> None:
-    assert set(rows_of("## A row", "Status")) == set(STATUSES.values())
+    assert set(rows_of("## A row", "Status")) == set(CaseStatus)
     assert list(rows_of("## A row", "Column")) == list(METRICS)
     text = REFERENCE.split("\n## A row\n")[1].split("\n## ")[0]
     assert all(f"`{column}`" in text for column in COLUMNS)
+
+
+def test_every_end_of_a_motion_is_a_status_of_a_row_and_a_strategy_that_jumps_is_no_fault() -> None:
+    def jumping(task: hk.Task, q0: np.ndarray) -> hk.Strategy:
+        return hk.holonomic(task, hk.custom(lambda q: q[2] + if_else(q[0] > q0[0] + 0.01, 0.3, 0.0)))
+
+    assert set(CaseStatus.__members__) == set(hk.motion.Status.__members__)
+    loops = {"c": {"kind": "circle", "share": 0.3}}
+    rows = hk.survey(["planar-3r"], {"jump": jumping}, loops, workers=0, cycles=1, samples=40, limits=False).rows()
+    assert [row["status"] for row in rows] == ["jump"] and "its g jumps" in rows[0]["reason"]

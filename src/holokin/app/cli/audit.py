@@ -87,66 +87,61 @@ def audit(
     from ...base.errors import ArgumentError, RecordingError
     from ...robot import is_model, load
 
+    # The robot, and how the log is read.
     if position and axis is not None:
         raise ArgumentError("--position beside --axis", axis, "give one of them")
-    about = None
+    tool: dict[str, Any] = {"tip": tip, "orientation": False if position else None, "axis": None}
     if axis is not None:
         from ..job import axis_of  # it loads the reader of job files: 13 MB
 
-        about = axis_of(axis)
+        tool["axis"] = axis_of(axis)
     arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
-    of_dataset = {
-        "episodes": episodes, "column": column, "poses": poses, "angles": angles, "order": order, "near": near,
-    }  # fmt: skip
+    of_dataset: dict[str, Any] = {
+        "episodes": episodes,
+        "column": column,
+        "poses": poses,
+        "angles": angles,
+        "order": order,
+    }
+    of_dataset["near"] = near
     read = {"degrees": degrees, "columns": columns, "counts_turns": counts_turns}
     read |= counts_of_words(signs, offsets, scales)
+    # A dataset, or a log of one run or several.
     if len(log) == 1 and is_dataset(log[0]):
-        refuse_options("a log", topic=topic, time=time, skip_bad=skip_bad or None, split=split or None)
-        tool = {"tip": tip, "orientation": False if position else None, "axis": about}
-        audit_of_dataset(log[0], arm, tool, of_dataset, read, tolerance, json, plot)
-    refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
+        _refuse_options("a log", topic=topic, time=time, skip_bad=skip_bad or None, split=split or None)
+        _audit_of_dataset(log[0], arm, tool, of_dataset, read, tolerance, json, plot)
+    _refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
     from ..report.log_report import log_figure, print_audit, save_log_audits
     from ..report.plots import write_figure
 
-    runs = read_runs(
-        log, arm, split=split, idle=idle, topic=topic, time=time, skip_bad=skip_bad, **read
-    )  # fmt: skip
-    found: list[LogAudit] = []
+    read |= {"split": split, "idle": idle, "topic": topic, "time": time, "skip_bad": skip_bad}
+    audits: list[LogAudit] = []
     left_out: list[RecordingError] = []
-    for run in runs:
+    for run in read_runs(log, arm, **read):
         try:
-            found.append(
-                audit_recording(
-                    run,
-                    arm,
-                    tip=tip,
-                    orientation=False if position else None,
-                    axis=about,
-                    tolerance=1e-3 if tolerance is None else tolerance,
-                )
-            )
+            audits.append(audit_recording(run, arm, **tool, tolerance=1e-3 if tolerance is None else tolerance))
         except RecordingError as problem:
             left_out.append(problem)
-    if not found:
+    if not audits:
         raise left_out[0]
+    # The findings: files, terminal, exit code.
     if json is not None:
-        save_log_audits(found, json)
-    if plot is not None:
-        for k, one in enumerate(found):
-            file = plot if len(found) == 1 else plot.with_stem(f"{plot.stem}-{k + 1}")
-            write_figure(lambda one=one: log_figure(one), file)
-    for one in found:
-        show_rich(lambda console, one=one: print_audit(one, console))
+        save_log_audits(audits, json)
+    for k, verdict in enumerate(audits):
+        if plot is not None:
+            file = plot if len(audits) == 1 else plot.with_stem(f"{plot.stem}-{k + 1}")
+            write_figure(lambda verdict=verdict: log_figure(verdict), file)
+        show_rich(lambda console, verdict=verdict: print_audit(verdict, console))
     for problem in left_out:
         show(f"not audited: {problem.path}: {problem.fact}")
-    codes = {one.exit_code for one in found}
+    codes = {verdict.exit_code for verdict in audits}
     raise typer.Exit(1 if 1 in codes else 2 if 2 in codes else 0)
 
 
 # --- `holokin audit` of a LeRobot dataset: equal tool poses over its episodes.
 
 
-def refuse_options(what: str, **given: Any) -> None:
+def _refuse_options(what: str, **given: Any) -> None:
     """Raises: ArgumentError: an option that is only for something else."""
     from ...base.errors import ArgumentError
 
@@ -155,10 +150,16 @@ def refuse_options(what: str, **given: Any) -> None:
             raise ArgumentError(f"--{name.replace('_', '-')}", value, f"it is only for {what}: leave it out")
 
 
-def audit_of_dataset(
-    folder: Path, arm: Robot, tool: dict[str, Any], options: dict[str, Any], read: dict[str, Any],
-    tolerance: float | None, json: Path | None, plot: Path | None,
-) -> NoReturn:  # fmt: skip
+def _audit_of_dataset(
+    folder: Path,
+    arm: Robot,
+    tool: dict[str, Any],
+    options: dict[str, Any],
+    read: dict[str, Any],
+    tolerance: float | None,
+    json: Path | None,
+    plot: Path | None,
+) -> NoReturn:
     """Audit a dataset, and end the command. Raises: HolokinError."""
     from ...analysis.audit import audit_dataset
     from ...analysis.audit.logs import STATE, chosen_episodes, joint_feature, pose_feature, read_dataset
@@ -170,18 +171,18 @@ def audit_of_dataset(
     joints = joint_feature(dataset, arm, options["column"] or STATE, **read)
     poses = None
     if options["poses"] is None:
-        refuse_options("--poses", angles=options["angles"], order=options["order"])
+        _refuse_options("--poses", angles=options["angles"], order=options["order"])
     else:
         poses = pose_feature(dataset, options["poses"], angles=options["angles"], order=options["order"])
     chosen = chosen_episodes(dataset, options["episodes"])
     more = {"near": options["near"], "tolerance": tolerance}
     given = {name: value for name, value in more.items() if value is not None}
-    found = audit_dataset(dataset, arm, joints, poses=poses, episodes=chosen, **tool, **given)
+    audit = audit_dataset(dataset, arm, joints, poses=poses, episodes=chosen, **tool, **given)
     if json is not None:
-        write_json(json, found.to_dict())
+        write_json(json, audit.to_dict())
     if plot is not None:
         from ..report.plots import write_figure
 
-        write_figure(lambda: dataset_figure(found), plot)
-    show_rich(lambda console: print_audit(found, console))
-    raise typer.Exit(found.exit_code)
+        write_figure(lambda: dataset_figure(audit), plot)
+    show_rich(lambda console: print_audit(audit, console))
+    raise typer.Exit(audit.exit_code)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -14,24 +11,7 @@ from ...base.errors import ArgumentError
 from ...base.progress import progress
 from ...version import build
 from .export import OneJob
-from .outcome import TrustUnits, complain, ending, show, show_rich
-
-MINUTE = 60.0
-"""Seconds from line to line on stderr, where that is no terminal."""
-
-
-def each_minute(say: Callable[[str], None]) -> Callable[[str], None]:
-    """What is said goes to the line of a terminal; where there is none, some of it is printed, a line a minute."""
-    last = time.monotonic()
-
-    def told(text: str) -> None:
-        nonlocal last
-        say(text)
-        if not sys.stderr.isatty() and time.monotonic() - last > MINUTE:
-            last = time.monotonic()
-            complain(text)
-
-    return told
+from .outcome import TrustUnits, each_minute, ending, show, show_rich
 
 
 def certify(
@@ -67,6 +47,7 @@ def certify(
     from ..report.job_result import CellsFiles, check_folder
     from ..report.proof_report import print_certificates, write_certificates
 
+    # The job, and where its files go.
     for option, given in (("--part", part), ("--resume", resume)):
         if given and not workspace:
             raise ArgumentError(option, given, "it is about the box of the workspace: say --workspace, too")
@@ -75,33 +56,34 @@ def certify(
     name, opened, file = open_one_job(job)
     check_folder(out, f"{name}-proof")
     cells = CellsFiles(out / f"{name}-proof", resume) if workspace else None
-    found, words, stopped = {}, {}, True
+    more = {} if cells is None else {"cells_file": cells.of}
+    certificates, words, stopped = {}, {}, True
+    # The search for each proof, and the checker; what is done is written also after Ctrl-C.
     try:
         with ending().telling(name) as say_it:
             say = each_minute(say_it)
-            more = {} if cells is None else {"cells_file": cells.of}
-            for title, one in certify_job(
-                opened, file, workspace=workspace, part=part, budget=budget, progress=say, **more
-            ):  # fmt: skip
-                found[title] = one
-                if not isinstance(one, str):
+            asked = {"workspace": workspace, "part": part, "budget": budget, "progress": say, **more}
+            for title, certificate in certify_job(opened, file, **asked):
+                certificates[title] = certificate
+                if not isinstance(certificate, str):
                     say(f"{title}: the checker")
-                    words[title] = ask_checker(one, check, sample)
+                    words[title] = ask_checker(certificate, check, sample)
         stopped = False
     except BaseException:
         if cells is not None and (count := cells.count):
             show(f"{count:,} cells are kept: the same command with --resume goes on with them")
         raise
-    finally:  # after Ctrl-C those that are done
-        files = write_certificates(f"{name}-proof", found, words, out, build(), stopped) if found else []
-        for written in files:
-            show(f"wrote {written}")
+    finally:
+        if certificates:
+            for written in write_certificates(f"{name}-proof", certificates, words, out, build(), stopped):
+                show(f"wrote {written}")
+    # The table and the exit code.
     if cells is not None:
         cells.remove()
-    show_rich(lambda console: print_certificates(opened.title, found, words, console))
-    proven = [one for one in found.values() if not isinstance(one, str)]
+    show_rich(lambda console: print_certificates(opened.title, certificates, words, console))
+    proven = [certificate.whole for certificate in certificates.values() if not isinstance(certificate, str)]
     rejected = any(word.outcome is Outcome.REJECTED for word in words.values())
-    raise typer.Exit(0 if proven and all(one.whole for one in proven) and not rejected else 1)
+    raise typer.Exit(0 if proven and all(proven) and not rejected else 1)
 
 
 def check_certificate(
@@ -129,6 +111,7 @@ def check_certificate(
     """
     from ...proof.recheck import recheck
 
+    # The robot to compare it with.
     model = None
     if robot is not None:
         from ...robot import load
@@ -138,6 +121,7 @@ def check_certificate(
         raise ArgumentError("--tip or --base", tip or base, "it is of a robot: give --robot, too")
     if seed is not None and sample is None:
         raise ArgumentError("--seed", seed, "it is of a sample: give --sample, too")
+    # The check.
     with progress(f"checking {file.name}", 1000) as report:
         rejected, text = recheck(file, report, seconds, model, sample, seed)
     show(text)

@@ -60,21 +60,20 @@ def check(
     from ...strategies.tasks.task_kinds import pose
     from ...strategies.tasks.task_kinds import position as position_of
 
+    # What may touch, the robot and its motion.
     pairs = [tuple(part.strip() for part in text.split(",")) for text in allowed or []]
     for pair, text in zip(pairs, allowed or [], strict=True):
         if len(pair) != 2:
             raise ArgumentError("--allowed", text, "give two names, of links or the floor, with a comma between")
     arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
-    motion = read_recording(
-        log, arm, degrees=degrees, topic=topic, columns=columns, time=time, counts_turns=counts_turns,
-        **counts_of_words(signs, offsets, scales),
-    )  # fmt: skip
+    read = {"degrees": degrees, "topic": topic, "columns": columns, "time": time, "counts_turns": counts_turns}
+    motion = read_recording(log, arm, **read, **counts_of_words(signs, offsets, scales))
+    # The check.
     free = position or arm.n < 6
     scene = checks.Scene(floor=floor, clearance=clearance, allowed=[(a, b) for a, b in pairs])
     shaped = arm if radius is None else with_capsules(arm, radius)
-    found = checks.check(motion, scene, task=position_of(shaped) if free else pose(shaped), margin=margin)
+    report = checks.check(motion, scene, task=position_of(shaped) if free else pose(shaped), margin=margin)
     if json is not None:
-        found.save(json)
-    for line in found.table().splitlines():
-        show(line)
-    raise typer.Exit(0 if found.passed else 1)
+        report.save(json)
+    show(report.table())
+    raise typer.Exit(0 if report.passed else 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -45,14 +46,16 @@ def export_web(
     from ..studio import open_session
     from ..studio.standalone_page import page_plan
 
+    # What is written, and whether it gets round and passes the checks.
     plan = page_plan(open_session(name, tip=tip, base=base, trust_units=trust_units), strategy)
-    stopped = [f"{label}: {found}" for label, found in plan.rounds.items() if isinstance(found, HolokinError)]
-    found = plan.checked(open_one_job(name)[1]) if is_job(name) else None
-    for line in [*stopped, *(found.table().splitlines() if found is not None else [])]:
+    stopped = [f"{label}: {problem}" for label, problem in plan.rounds.items() if isinstance(problem, HolokinError)]
+    checked = plan.checked(open_one_job(name)[1]) if is_job(name) else None
+    for line in [*stopped, *(checked.table().splitlines() if checked is not None else [])]:
         show(line)
-    if (stopped or (found is not None and not found.passed)) and not anyway:
+    if (stopped or (checked is not None and not checked.passed)) and not anyway:
         show("nothing was written: cure it, or give --anyway")
         raise typer.Exit(1)
+    # The page.
     loops = plan.cusp_loops() if cusps else []
     if cusps and not loops:
         show("no loop round a cusp was found, which is no proof that there is none")
@@ -94,8 +97,7 @@ def export_c(
     for file in written.files:
         show(f"wrote {out / file}")
     if check:
-        for line in build_and_run(written):
-            show(line)
+        show("\n".join(build_and_run(written)))
 
 
 @exporting.command("moveit")
@@ -149,14 +151,6 @@ def export_ros2_control(
     show(f"in controller.yaml: type: {written.plugin}")
 
 
-def _speed(text: str) -> float | str:
-    """A number, or "fastest", which [timing] judges."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
 def _export_motion(language: str) -> Callable[..., None]:
     """The command that writes a job's motion in a language."""
 
@@ -179,27 +173,33 @@ def _export_motion(language: str) -> Callable[..., None]:
     ) -> None:
         from ..job import open_one_job, program_of_job, program_of_sheets
 
-        most = None if speed is None else _speed(speed)
+        # The job, with its limits as they are given.
+        most: float | str | None = speed
+        with suppress(ValueError, TypeError):  # "fastest" is judged by [timing]
+            most = float(speed)  # type: ignore[arg-type]
         given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": most, "dt": dt}
         changes = {key: value for key, value in given.items() if value is not None}
         if sheets and strategy is not None:
             raise ArgumentError("--strategy", strategy, "--sheets takes the place of a strategy: leave one out")
         opened = open_one_job(job)
         units = opened[1].printed_units
+        # The program, and what the checks say of its motion.
         if sheets:
             with ending().telling() as say:
-                program, timed, found = program_of_sheets(*opened, language, short=name, changes=changes, progress=say)
+                program, timed, checked = program_of_sheets(
+                    *opened, language, short=name, changes=changes, progress=say
+                )
         else:
-            program, timed, found = program_of_job(*opened, language, strategy, short=name, changes=changes)
-        if found is not None:
-            for line in found.table(units).splitlines():
-                show(line)
-            if not (found.passed or anyway):
+            program, timed, checked = program_of_job(*opened, language, strategy, short=name, changes=changes)
+        if checked is not None:
+            show(checked.table(units))
+            if not (checked.passed or anyway):
                 show("nothing was written: the motion fails the job's [checks]; cure it, or give --anyway")
                 raise typer.Exit(1)
-        for file in [*program.save(out), out / "joints.csv"]:
-            if file.name == "joints.csv":
-                timed.save(file, units)
+        # The files, and how near the program is to the motion.
+        files = [*program.save(out), out / "joints.csv"]
+        timed.save(files[-1], units)
+        for file in files:
             show(f"wrote {file}")
         unit, factor = units.together(timed.joint_units)
         if program.tool is None:
@@ -207,9 +207,7 @@ def _export_motion(language: str) -> Callable[..., None]:
             show(f"{program.targets} targets, even motion between them within {far}")
         else:
             show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
-        for note in program.notes:
-            show(note)
-        show(timed.table(units))
+        show("\n".join([*program.notes, timed.table(units)]))
 
     return command
 

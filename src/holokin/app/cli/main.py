@@ -38,8 +38,12 @@ class _EscapedError(Exception):
 class _Commands(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Every command with the first paragraph of its help, whole."""
-        found = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
-        rows = [(name, " ".join((one.help or "").split("\n\n")[0].split())) for name, one in found if one is not None]
+        commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        rows = [
+            (name, " ".join((command.help or "").split("\n\n")[0].split()))
+            for name, command in commands.items()
+            if command is not None
+        ]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 
@@ -85,26 +89,15 @@ def _options(
     """Makes redundant robots repeatable, and measures how repeatable any control law is."""
 
 
-app.command()(run)
-app.command()(jobs)
-app.command()(new)
-app.command()(robots)
-app.command()(audit)
-app.command()(retarget)
-app.command()(advise)
-app.command()(sheets)
-app.command()(certify)
+for _command in (run, jobs, new, robots, audit, retarget, advise, sheets, certify):
+    app.command()(_command)
 app.add_typer(exporting, name="export")
 app.add_typer(surveying, name="survey")
-app.command()(check)
-app.command()(studio)
-app.command("check-certificate")(check_certificate)
+for _command in (check, studio, check_certificate):
+    app.command()(_command)
 
-
-@cache
-def _command() -> Any:
-    """What runs the subcommands; reading their options takes longer than a short one, so once in a process."""
-    return get_command(app)
+_whole_command = cache(lambda: get_command(app))
+"""What runs the subcommands; reading their options takes longer than a short one, so once in a process."""
 
 
 def main() -> None:
@@ -119,7 +112,7 @@ def main() -> None:
     try:
         ending().listen()
         try:
-            _command()(args=arguments)
+            _whole_command()(args=arguments)
             code = 0
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 0 if end.code is None else 1

@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
@@ -113,9 +114,9 @@ _running: ContextVar[Ending] = ContextVar("how the command that runs will end")
 _running.set(Ending())
 
 
-def set_ending(one: Ending) -> None:
+def set_ending(of_command: Ending) -> None:
     """Of the command that runs from now on."""
-    _running.set(one)
+    _running.set(of_command)
 
 
 def ending() -> Ending:
@@ -177,6 +178,20 @@ def complain(text: str) -> None:
         typer.echo(text, err=True)
     except OSError:
         _mute(sys.stderr)
+
+
+def each_minute(say: Callable[[str], None]) -> Callable[[str], None]:
+    """Say what goes on; without a terminal, as in the log of a cluster, print some of it on stderr, a line a minute."""
+    last = time.monotonic()
+
+    def say_or_print(text: str) -> None:
+        nonlocal last
+        say(text)
+        if not sys.stderr.isatty() and time.monotonic() - last > 60.0:
+            last = time.monotonic()
+            complain(text)
+
+    return say_or_print
 
 
 def show(text: str, *, newline: bool = True) -> None:
@@ -257,8 +272,8 @@ Scales = Annotated[str | None, typer.Option(help='Rad or m of a unit of its own:
 
 def counts_of_words(signs: str | None, offsets: str | None, scales: str | None) -> dict[str, Any]:
     """Arguments signs, offsets and scales of the words of these options. Raises: ArgumentError."""
-    found = {"--signs": signs, "--offsets": offsets, "--scales": scales}
-    return {name[2:]: None if text is None else _pairs(name, text) for name, text in found.items()}
+    options = {"--signs": signs, "--offsets": offsets, "--scales": scales}
+    return {name[2:]: None if text is None else _pairs(name, text) for name, text in options.items()}
 
 
 def _pairs(option: str, text: str) -> dict[str, float]:

@@ -75,23 +75,24 @@ def retarget(
     from ..job import axis_of
     from ..job.strategy_tables import leaf_of_words
 
+    # The dataset, its columns, and the leaf that they are put on.
     if skip_bad and nearest:
         raise ArgumentError("--nearest beside --skip-bad", True, "give one of them")
     arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
     data = read_dataset(dataset)
     read: dict[str, Any] = {"columns": columns, "degrees": degrees, "counts_turns": counts_turns}
     read |= counts_of_words(signs, offsets, scales)
-    sources = _sources(data, arm, column, poses, angles, order, read)
+    sources = _sources(data, arm, column, poses or [], {"angles": angles, "order": order}, read)
     start = _start(data, arm, sources, q0, bool(degrees))
     whole = None if axis is not None else not position
     task, _ = task_of_tool(arm, tip, whole, None if axis is None else axis_of(axis), start)
     solver = ik(leaf_of_words(strategy, task, start), start, limits=limits)
     bad: Literal["refuse", "skip", "nearest"] = "skip" if skip_bad else "nearest" if nearest else "refuse"
+    # The new dataset, and what to do where it was not written.
     with ending().telling("retarget") as say:
         say(f"{data.frames} frames")
         done = learning.retarget(data, solver, sources, out, tip=tip, bad=bad, double=double)
-    for line in str(done).splitlines():
-        show(line)
+    show(str(done))
     for name in {STATE, ACTION} & set(data.features) - {source.name for source in sources}:
         show(f"{name} does not name the joints of {arm.name}, or was not asked for: it is as it was")
     if done.written is None:
@@ -100,9 +101,13 @@ def retarget(
 
 
 def _sources(
-    dataset: Dataset, arm: Robot, column: list[str] | None, poses: list[str] | None, angles: str | None,
-    order: str | None, read: dict[str, Any],
-) -> list[Any]:  # fmt: skip
+    dataset: Dataset,
+    arm: Robot,
+    column: list[str] | None,
+    poses: list[str],
+    of_poses: dict[str, Any],
+    read: dict[str, Any],
+) -> list[Any]:
     """The columns that get joints. Raises: HolokinError."""
     from ...analysis.audit.logs import ACTION, STATE, has_joints, joint_feature, pose_feature
     from ...base.errors import ArgumentError
@@ -113,12 +118,10 @@ def _sources(
     chosen = column or ([] if poses else named or usual)
     if not chosen and not poses:
         raise ArgumentError("the columns of joints", list(dataset.features), "name them by --column, or --poses")
-    found = [joint_feature(dataset, arm, name, **read) for name in dict.fromkeys(chosen)]
+    joints = [joint_feature(dataset, arm, name, **read) for name in dict.fromkeys(chosen)]
     if column is None:
-        check_targets(dataset, arm, found)
-    units: Any = {"angles": angles, "order": order}
-    places = [pose_feature(dataset, name, **units) for name in dict.fromkeys(poses or [])]
-    return [*found, *places]
+        check_targets(dataset, arm, joints)
+    return joints + [pose_feature(dataset, name, **of_poses) for name in dict.fromkeys(poses)]
 
 
 def _start(dataset: Dataset, arm: Robot, sources: list[Any], q0: str | None, degrees: bool) -> Vector:

@@ -29,8 +29,9 @@ def robots(
     from ...base.errors import ArgumentError
     from ...robot import catalogue, is_model, load, model_tips, reach
     from ..job import robot_of_file
-    from ..report.advice_report import robot_facts
+    from ..report.advice_report import robot_section
 
+    # The catalogue, the chains of a model, or one robot.
     if robot is None:
         if tip:
             raise ArgumentError("--tip", tip, "give the file of a model, too")
@@ -41,5 +42,4 @@ def robots(
         for end, joints in model_tips(robot).items():
             show(f"{end}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
     else:
-        for line in robot_facts(robot_of_file(robot, tip, trust_units)):
-            show(line)
+        show(str(robot_section(robot_of_file(robot, tip, trust_units))))

@@ -37,12 +37,14 @@ def run(
     from ..report.job_report import print_result, write_report
     from ..report.job_result import check_folder
 
+    # All jobs are read before anything runs.
     opened, code = _opened(jobs), 0
     if units is not None:
         printed_units(units)
         opened = [(name, job.model_copy(update={"units": units}), file) for name, job, file in opened]
     for name, _, _ in opened:
         check_folder(out, name)
+    # One after the other; whatever happens to one, the others are done.
     for name, job, file in opened:
         with ending().telling(name) as say:
             try:
@@ -63,10 +65,10 @@ def _opened(names: list[str]) -> list[tuple[str, Job, Path]]:
     """(short name, job, file) of each job, once. Raises: ArgumentError when two would write one folder."""
     from ..job import expand, open_job
 
-    found: dict[str, tuple[str, Job, Path]] = {}
+    unique: dict[str, tuple[str, Job, Path]] = {}
     for name, job, file in map(open_job, expand(names)):
-        other = found.setdefault(name.casefold(), (name, job, file))[2]
+        other = unique.setdefault(name.casefold(), (name, job, file))[2]
         if other.absolute() != file.absolute():
             cure = f"{other} and {file} would write into one folder: rename one, or run them with an --out each"
             raise ArgumentError("the name of two jobs", name, cure)
-    return list(found.values())
+    return list(unique.values())

@@ -43,6 +43,7 @@ def sheets(
     from ..report.plots import write_figure
     from ..report.sheets_plots import sheets_figure
 
+    # The search, and the picture.
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
@@ -53,6 +54,7 @@ def sheets(
         picture = file.with_suffix(".png")
         say.tell("drawing")
         write_figure(lambda: sheets_figure(result.found), picture)
+    # What was found.
     show("\n".join([*result.map_lines(), *result.path_lines()]))
     show(f"wrote {file} and {picture}")
     if not result.passed:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,14 +12,12 @@ from typer.core import TyperGroup
 from ...base.errors import ArgumentError
 from ...base.files import writing
 from ...base.progress import progress
-from .outcome import show, show_rich
+from .outcome import each_minute, show, show_rich
 
 if TYPE_CHECKING:
     from ..survey import Progress
 
 RUN = "run"
-MINUTE = 60.0
-"""Seconds between two lines of progress where there is no terminal, as in the log of a cluster."""
 
 
 class _RunsFiles(TyperGroup):
@@ -34,10 +31,8 @@ class _RunsFiles(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-surveying = typer.Typer(
-    cls=_RunsFiles, no_args_is_help=True, rich_markup_mode=None,
-    help="Run a survey: many robots, starts, loops and laws. `holokin survey FILE` runs one.",
-)  # fmt: skip
+_ABOUT = "Run a survey: many robots, starts, loops and strategies. `holokin survey FILE` runs one."
+surveying = typer.Typer(cls=_RunsFiles, no_args_is_help=True, rich_markup_mode=None, help=_ABOUT)
 
 Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="The .sqlite file of a survey.")]
 
@@ -57,41 +52,41 @@ def run_one(
     """
     from ..survey import Store, read_survey, run_survey
 
+    # The survey and its results file.
     survey = read_survey(file)
     out = out or Path("out") / f"{file.stem}.sqlite"
     if scheduler is not None and workers is not None:
         raise ArgumentError("workers", workers, "a scheduler has workers of its own: leave it out")
     with writing(out.parent):
         out.parent.mkdir(parents=True, exist_ok=True)
-    last, known = time.monotonic(), None
+    # The run.
+    asked = {"workers": workers, "scheduler": scheduler, "resume": resume, "again": again}
+    known: Progress | None = None
     try:
         with progress(survey.title, 1.0, words=True) as report:
 
-            def say(found: Progress) -> None:
-                nonlocal last, known
-                known = found
-                report(found.share, str(found))
-                if not sys.stderr.isatty() and time.monotonic() - last > MINUTE:
-                    last = time.monotonic()
-                    print(found, file=sys.stderr, flush=True)
+            def advance(state: Progress) -> None:
+                nonlocal known
+                known = state
+                say(str(state))
 
-            found = run_survey(
-                survey, file.parent, out, workers=workers, scheduler=scheduler, resume=resume, again=again, progress=say
-            )
+            say = each_minute(lambda text: report(0.0 if known is None else known.share, text))
+            done = run_survey(survey, file.parent, out, **asked, progress=advance)
     except KeyboardInterrupt:
         if known is not None:
             show(f"{known.done:,} of {known.total:,} cases are in {out}: go on with --resume")
         raise
-    resumed = f", {found.resumed:,} of them before" if found.resumed else ""
-    resumed += f", {found.again:,} faults done again" if found.again else ""
+    # What became of the cases, and what to do next.
+    resumed = f", {done.resumed:,} of them before" if done.resumed else ""
+    resumed += f", {done.again:,} faults done again" if done.again else ""
     with Store.opened(out, None) as store:
         reason, count, faults = store.most_frequent_fault()
-    show(f"{found.done:,} cases{resumed}, {faults:,} faults, {found.seconds:.1f} s: {out}")
-    if found.fewer:
-        show(found.fewer)
-    if found.stale:
-        why = "it had more cases, or the file of a robot or a law was another one; a report counts them, too"
-        show(f"{found.stale:,} more rows are of cases that the survey no longer has: {why} (--out begins a new file)")
+    show(f"{done.done:,} cases{resumed}, {faults:,} faults, {done.seconds:.1f} s: {out}")
+    if done.fewer:
+        show(done.fewer)
+    if done.stale:
+        why = "it had more cases, or the file of a robot or a strategy was another one; a report counts them, too"
+        show(f"{done.stale:,} more rows are of cases that the survey no longer has: {why} (--out begins a new file)")
     if faults:
         show(f"{count:,} of {faults:,} faults: {reason}\nwhen that is cured: holokin survey {file} --again")
     show(f"then: holokin survey report {out}")
@@ -102,15 +97,14 @@ def report_one(
     results: Results,
     out: Annotated[Path | None, typer.Option(help="The page; by default beside the results, as .html.")] = None,
 ) -> None:
-    """Write a page of a survey's results: how often each law drifts, meets a limit, and the worst cases."""
+    """Write a page of a survey's results: how often each strategy drifts, meets a limit, and the worst cases."""
     from ..survey import Findings, Store, write_survey_report
 
     with Store.opened(results, None) as store:
-        survey, folder, found = store.content(), store.folder(), Findings.of(store.rows())
+        survey, folder, findings = store.content(), store.folder(), Findings.of(store.rows())
     page = out or results.with_suffix(".html")
-    write_survey_report(survey, folder, found, page)
-    head, rows = found.table()
-    show_rich(lambda console: _print(head, rows, console))
+    write_survey_report(survey, folder, findings, page)
+    show_rich(findings.section().rich)
     show(f"wrote {page}")
 
 
@@ -123,17 +117,8 @@ def case_one(
     from ..survey.store import case_of
 
     with Store.opened(results, None) as store:
-        cases, found = case_of(store, case)
-    job, why = repeated(cases, found)
+        cases, chosen = case_of(store, case)
+    job, why = repeated(cases, chosen)
     show(job)
     if why:
         print(why.replace("RESULTS", repr(str(results))), file=sys.stderr)
-
-
-def _print(head: list[str], rows: list[list[str]], console: Any) -> None:
-    from rich.table import Table
-
-    table = Table(*head)
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)

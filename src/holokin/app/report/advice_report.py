@@ -11,26 +11,25 @@ from ...analysis.design import Advice, RatedStrategy
 from ...base.errors import brief
 from ...base.types import Vector
 from ...robot import Coordinate, Robot, Tip, knows_masses, reach
-from .job_report import Column, print_line, print_table
-from .plots import GOOD, GREY, HOLONOMIC, INK, PAGE, WARNING, on_figure
+from .plots import GREY, HOLONOMIC, INK, PAGE, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
+from .section import Note, Section, right
 from .sheets_plots import CAUSES, coverage_cloud
 
 # --- A robot in words: its joints with their limits, its tool frames, where its numbers are from.
 
 
-def robot_facts(robot: Robot) -> list[str]:
-    """Lines on a robot: its name, source and reach, a table of its joints, its tool frames, its shapes and masses."""
+def robot_section(robot: Robot) -> Section:
+    """A robot: its name, source and reach, a table of its joints, its tool frames, its shapes and masses."""
     count = f"{robot.n} joint{'s' * (robot.n > 1)}"
-    lines = [f"{robot.name}: {count}, reach {reach(robot):.3f} m" if robot.tips else f"{robot.name}: {count}"]
-    lines += [f"source: {robot.source}"] if robot.source else []
-    rows = [("joint", "range", "largest speed"), *((c.name, _range(c), _speed(c)) for c in robot.coordinates)]
-    widths = [max(len(row[k]) for row in rows) for k in range(3)]
-    lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    lines += [f"tool frame {_tip(robot, tip)}" for tip in robot.tips]
+    title = f"{robot.name}: {count}, reach {reach(robot):.3f} m" if robot.tips else f"{robot.name}: {count}"
+    joints = [(c.name, _range(c), _speed(c)) for c in robot.coordinates]
     kinds = sorted({type(shape.shape).__name__.lower() for shape in robot.shapes})
     shapes = f"{len(robot.shapes)}, {', '.join(kinds)}" if kinds else "none; capsules stand for the links"
-    return [*lines, f"shapes: {shapes}", f"masses: {'known' if knows_masses(robot) else 'not known'}"]
+    remarks = [f"tool frame {_tip(robot, tip)}" for tip in robot.tips]
+    remarks += [f"shapes: {shapes}", f"masses: {'known' if knows_masses(robot) else 'not known'}"]
+    notes = [f"source: {robot.source}"] if robot.source else []
+    return Section(title, notes, head=["joint", "range", "largest speed"], rows=joints, remarks=remarks)
 
 
 def _range(c: Coordinate) -> str:
@@ -59,57 +58,41 @@ def _tip(robot: Robot, tip: Tip) -> str:
     return f"{tip.name}: on {where}, xyz [{xyz}] m, rpy [{rpy}] deg"
 
 
-MOST_LAWS = 12
-"""Laws in the figure: the best ones."""
-
-COLUMNS: tuple[Column, ...] = (
-    ("law", "left"), ("workspace\nreached", "right"), ("nearest limit\n[of its range]", "right"), ("joint", "left"),
-    ("rcond\nmin", "right"), ("joint speed^2\n/ least", "right"),
-)  # fmt: skip
-"""Headings of the table, and how their columns are aligned."""
-
-CLEARANCE: Column = ("clearance\nmin [m]", "right")
-"""The heading of the column before the last, where clearance was asked for."""
-
-
 def print_advice(advice: Advice, console: Any) -> None:
-    """Print the laws as a table, the best first, and the reasons below."""
-    columns, rows = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.scene else COLUMNS, []
-    for law in advice.strategies:
-        cells_of_law = cells(law)
-        cells_of_law[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.scene else []
-        rows.append(cells_of_law)
-    print_table(console, brief(advice.subject, 600), columns, rows, lambda k, _: "" if k else GOOD)
+    """Print the strategies as a table, the best first, and the reasons below."""
+    clear = right("clearance\nmin [m]") if advice.scene else []
+    head = ["strategy", *right("workspace\nreached", "nearest limit\n[of its range]"), "joint", *right("rcond\nmin")]
+    rows = []
+    for k, law in enumerate(advice.strategies):
+        cells = _cells(law)
+        cells[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.scene else []
+        rows.append([Note(cell, "" if k else "good") for cell in cells])
+    remarks: list[Note | str] = []
     if advice.proposed:
-        print_line(console, f"Not given, so chosen here: {_chosen_words(advice)}.", WARNING)
+        known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.work})", "q0": "the start posture"}
+        chosen = ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
+        remarks.append(Note(f"Not given, so chosen here: {chosen}.", "warning"))
     if advice.offers:
         task = "position" if advice.task.orientation is None else "axis"
-        print_line(console, f"The task is '{task}': {advice.offers}.", WARNING)
+        remarks.append(Note(f"The task is '{task}': {advice.offers}.", "warning"))
     for law in advice.strategies:
         if law.same:
-            cells_of_law = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
-            print_line(console, f"{cells_of_law}.")
-    for sentence in advice.reasons:
-        print_line(console, sentence)
+            remarks.append(f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose.")
+    head += [*clear, *right("joint speed^2\n/ least")]
+    Section(brief(advice.subject, 600), head=head, rows=rows, remarks=[*remarks, *advice.reasons]).rich(console)
 
 
-def cells(law: RatedStrategy) -> list[str]:
-    """What the table says of a law."""
+def _cells(law: RatedStrategy) -> list[str]:
+    """The row of a strategy."""
+    served = np.isfinite(law.margin) and law.served.any()
     return [
-        brief(law.name),
+        law.name,
         f"{law.coverage:.1%}",
-        f"{law.margin:.1%}" if np.isfinite(law.margin) and law.served.any() else "-",
-        brief(law.joint) if np.isfinite(law.margin) and law.served.any() else "-",
+        f"{law.margin:.1%}" if served else "-",
+        law.joint if served else "-",
         f"{law.rcond:.2g}" if np.isfinite(law.rcond) and law.served.any() else "-",
         f"{law.speed:.3f}" if np.isfinite(law.speed) else "-",
     ]
-
-
-def _chosen_words(advice: Advice) -> str:
-    """What was not given, with what it is."""
-    known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.work})"}
-    known["q0"] = "the start posture"
-    return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
 
 
 def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
@@ -120,7 +103,8 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     """
     from matplotlib.figure import Figure
 
-    laws, every = advice.strategies[:MOST_LAWS], len(advice.strategies)
+    # Strategies in the figure: the best ones.
+    laws, every = advice.strategies[:12], len(advice.strategies)
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
     things = () if advice.scene is None else advice.scene.obstacles

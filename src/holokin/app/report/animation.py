@@ -1,4 +1,4 @@
-"""Films of a job: the two paths of two laws beside each other, their cycles with the drift, and their files."""
+"""Films of a job: the two paths of two strategies beside each other, their cycles with the drift, and their files."""
 
 from __future__ import annotations
 
@@ -43,12 +43,6 @@ RATE = 20
 HOLD = 20
 """Times that the last frame is shown."""
 
-QUALITY = (25, 30, 36, 42)
-"""Constant rate factors of H.264 to try, the best first, until a film is small enough."""
-
-SCALES = (1.0, 0.75, 0.5, 0.35)
-"""Sizes of a GIF to try, until it is small enough."""
-
 
 def ending() -> str:
     """ ".mp4" where it can be written, else ".gif"."""
@@ -75,12 +69,12 @@ def _write_mp4(frames: Sequence[Any], file: FilePath, rate: int) -> None:
     import imageio_ffmpeg
 
     rows, columns = (2 * (size // 2) for size in frames[0].shape[:2])  # H.264 wants even sizes
-    for quality in QUALITY:
+    # Constant rate factors of H.264 to try, the best first, until a film is small enough.
+    for quality in (25, 30, 36, 42):
         options = ["-crf", str(quality), "-preset", "veryfast", "-movflags", "+faststart"]
-        writer = imageio_ffmpeg.write_frames(
-            str(file), (columns, rows), fps=rate, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2,
-            output_params=options, ffmpeg_log_level="error",
-        )  # fmt: skip
+        form = {"fps": rate, "codec": "libx264", "pix_fmt_out": "yuv420p", "macro_block_size": 2}
+        form |= {"output_params": options, "ffmpeg_log_level": "error"}
+        writer = imageio_ffmpeg.write_frames(str(file), (columns, rows), **form)
         writer.send(None)
         try:
             for frame in frames:
@@ -94,7 +88,8 @@ def _write_mp4(frames: Sequence[Any], file: FilePath, rate: int) -> None:
 def _write_gif(frames: Sequence[Any], file: FilePath, rate: int) -> None:
     from PIL import Image
 
-    for scale in SCALES:
+    # Sizes of a GIF to try, until it is small enough.
+    for scale in (1.0, 0.75, 0.5, 0.35):
         size = (round(scale * frames[0].shape[1]), round(scale * frames[0].shape[0]))
         images = [Image.fromarray(frame) for frame in frames[: len(frames) - HOLD + 1]]
         images = [image if scale == 1.0 else image.resize(size) for image in images]
@@ -123,16 +118,13 @@ TOP, STRIP, SIDE = 52, 120, 60
 CONTROLS = 44
 """Room below the drift [pixels]: browsers lay the buttons of a film over its lower edge."""
 
-MOST_LAWS = 3
-"""Panels of a film: all laws of a job that has no more, else the two that differ."""
-
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """What a panel of a film shows: a law's motions, each in a colour and solid or pale, and what is said at a time."""
+    """What a panel of a film shows: motions, each in a colour and solid or pale, and its title at a share of them."""
 
     walks: tuple[tuple[Trajectory, str, float], ...]
-    said: Callable[[float], str]
+    title: Callable[[float], str]
 
 
 def animate(
@@ -148,81 +140,75 @@ def animate(
     """
     if not result.robot.tips:
         return []
-    made = []
-    shown = shown_laws(result)
+    # The films that the job has.
+    films, written, shown = [], [], shown_strategies(result)
     apart = tuple(s for s in shown if s.two_paths is not None)
-    films = []
     if result.cycles > 1:
         caption = (
             "The cycles: the start is pale grey. At the end of each cycle the tool is back; below, how far the joints "
-            "are from their start then. The joints of a law that repeats here are back too."
+            "are from their start then. The joints of a strategy that repeats here are back too."
         )
         films.append(("cycles", caption, lambda: cycles_frames(result, shown)))
     if apart:
         caption = (
             "The two paths: clockwise (light blue) and counter-clockwise (orange), half a loop each, to one pose of "
-            "the tool. By a law that repeats here the two robots meet there; by any other they end apart."
+            "the tool. By a strategy that repeats here the two robots meet there; by any other they end apart."
         )
         films.append(("paths", caption, lambda: two_path_frames(result, apart)))
+    # Their files.
     for stem, caption, frames in films:
         name = f"{stem}{ending()}"
         say(f"drawing {name}")
         write_film(list(frames()), folder / name)
-        made.append((name, caption))
-    return made
+        written.append((name, caption))
+    return written
 
 
-def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
-    """All of up to MOST_LAWS laws; of more the first that is not holonomic, such as the pseudo-inverse, and the first
+def shown_strategies(result: JobResult) -> tuple[StrategyResult, ...]:
+    """All of up to three strategies; of more the first that is not holonomic, such as the pseudo-inverse, and the first
     holonomic one.
     """
-    if len(result.drawn) <= MOST_LAWS:
+    # Panels of a film: all strategies of a job that has no more, else the two that differ.
+    if len(result.drawn) <= 3:
         return result.drawn
     first = {s.verdict.holonomic: s for s in reversed(result.drawn)}
-    laws = tuple(first[kind] for kind in (False, True) if kind in first)
-    return laws if len(laws) == 2 else result.drawn[:2]
+    pair = tuple(first[kind] for kind in (False, True) if kind in first)
+    return pair if len(pair) == 2 else result.drawn[:2]
 
 
 def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
-    """The two paths at once, in one panel a law; a way that stops says when, and nothing is compared."""
+    """The two paths at once, in one panel a strategy; a way that stops says when, and nothing is compared."""
     panels = []
     for strategy in strategies:
         if strategy.two_paths is None:
             continue
         clockwise, counter = strategy.two_paths
+        ends = [
+            f"{name} {stopped(walk) or 'followed to the end'}"
+            for name, walk in zip(("clockwise", "counter-clockwise"), strategy.two_paths, strict=True)
+        ]
         complete = clockwise.status is counter.status is Status.COMPLETE
-        end = (
-            paths_end(strategy.two_paths)
-            if complete
-            else "; ".join(filter(None, map(_ending, strategy.two_paths, _DIRECTIONS)))
-        )
+        end = paths_end(strategy.two_paths) if complete else "; ".join(ends)
 
-        def said(share: float, name: str = on_figure(strategy.name, 44), end: str = end) -> str:
+        def title(share: float, name: str = on_figure(strategy.name, 44), end: str = end) -> str:
             return f"{name}\n{end if share == 1.0 else 'half a loop, both paths'}"
 
-        panels.append(Panel(((clockwise, CLOCKWISE, 1.0), (counter, COUNTER_CLOCKWISE, 0.62)), said))
+        panels.append(Panel(((clockwise, CLOCKWISE, 1.0), (counter, COUNTER_CLOCKWISE, 0.62)), title))
     yield from _frames(result, panels, FRAMES)
 
 
-_DIRECTIONS = ("clockwise", "counter-clockwise")
-
-
-def _ending(walk: Trajectory, name: str) -> str:
-    return f"{name} {stopped(walk) or 'followed to the end'}"
-
-
 def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
-    """The cycles, one panel a law, the start in grey, and below how far the joints are after each cycle."""
+    """The cycles, one panel a strategy, the start in grey, and below how far the joints are after each cycle."""
     panels = []
     for strategy in strategies:
         color = HOLONOMIC if strategy.verdict.holonomic else NONHOLONOMIC
 
-        def said(share: float, walk: Trajectory = strategy.cycles, name: str = on_figure(strategy.name, 44)) -> str:
+        def title(share: float, walk: Trajectory = strategy.cycles, name: str = on_figure(strategy.name, 44)) -> str:
             done = _done(walk, share)
             ended = stopped(walk) if share == 1.0 else ""
             return f"{name}\n{ended or (away(walk, done) if done else 'the start in grey')}"
 
-        panels.append(Panel(((strategy.cycles, color, 1.0),), said))
+        panels.append(Panel(((strategy.cycles, color, 1.0),), title))
     frames = int(np.clip(28 * result.cycles, FRAMES, MOST_FRAMES))
     yield from _frames(result, panels, frames, drift=any(s.cycles.cycles for s in strategies))
 
@@ -281,6 +267,7 @@ class _Sheet:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
+        # The size of the film, and where each panel is.
         side = SIDE if self.robot.planar or self.drift else 12
         below = (STRIP + 46 + CONTROLS if self.drift else 8) + (40 if self.robot.planar else 0)
         width = len(self.panels) * (WIDTH + side) + 16
@@ -302,6 +289,7 @@ class _Sheet:
             if self.drift:
                 strip = figure.add_axes((left / width, (42 + CONTROLS) / height, WIDTH / width, (STRIP - 26) / height))
                 self.dots.append(self._strip(strip, i))
+        # All but titles and dots, drawn once.
         for artist in (*self.titles, *self.dots):
             artist.set_animated(True)
         self.canvas.draw()
@@ -329,7 +317,7 @@ class _Sheet:
             panel_pixels = buffer[row : row + self.window.rows, column : column + self.window.columns]
             panel_pixels[..., :3] = self._picture(ground.copy(), panel, loop, share)
         for panel, title in zip(self.panels, self.titles, strict=True):
-            title.set_text(panel.said(share))
+            title.set_text(panel.title(share))
             title.axes = None
             self.canvas.figure.draw_artist(title)
         for panel, dots in zip(self.panels, self.dots, strict=False):

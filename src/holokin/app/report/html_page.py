@@ -1,15 +1,12 @@
-"""A self-contained HTML page: its style, tables, and figures inside it."""
+"""A self-contained HTML page of sections: its style, and what it leaves out of texts."""
 
 from __future__ import annotations
 
-import base64
-import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
-from typing import Any
 
-from .plots import legible, style
+from .section import Section
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -20,11 +17,12 @@ h1 {{ font-size: 1.7rem; overflow-wrap: anywhere; margin-bottom: .2rem; }}
 h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
 table {{ border-collapse: collapse; width: 100%; font-size: .92rem; font-variant-numeric: tabular-nums; }}
 th, td {{ text-align: left; padding: .4rem .6rem; border-bottom: 1px solid #e5e7eb; vertical-align: top; }}
-th {{ color: #4b5563; font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
+th {{ color: #4b5563; font-weight: 600; }} td.n, th.n {{ text-align: right; }} td.n {{ white-space: nowrap; }}
 .yes {{ color: #00664a; font-weight: 600; }} .no {{ color: #a84a00; font-weight: 600; }}
 figure {{ margin: 1.6rem 0; }} img, video {{ max-width: 100%; height: auto; }} li, p, dd {{ overflow-wrap: anywhere; }}
 figcaption, .small {{ color: #4b5563; font-size: .9rem; }} .wide {{ overflow-x: auto; }}
 dt {{ font-weight: 600; float: left; clear: left; margin-right: .4rem; }} dd {{ margin: 0 0 .3rem 0; }}
+.fold {{ list-style: none; margin-left: -1.1rem; }} details > p {{ margin: .2rem 0 .4rem 1.1rem; }}
 @media (max-width: 40rem) {{ body {{ margin: 1rem auto; padding: 0 .8rem; }} table {{ font-size: .8rem; }}
 figure.many {{ overflow-x: auto; }} figure.many img {{ max-width: none; width: 46rem; }} }}
 pre {{ background: #f6f7f9; padding: .8rem; overflow-x: auto; font-size: .85rem; }}
@@ -38,35 +36,7 @@ CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u
 after them."""
 
 
-def page(title: str, parts: Sequence[str], head: str = "") -> str:
-    """A page of parts in HTML; what else its head is to have comes after the style."""
-    return CONTROL.sub("\ufffd", _PAGE.format(title=escape(title), body="\n".join(parts), head=head))
-
-
-def html_table(head: Sequence[str], rows: Sequence[Sequence[Any]], numbers: bool = False) -> str:
-    """A table of cells in HTML; with numbers, all but its first column stand at the right."""
-
-    def cell(tag: str, text: Any, place: int) -> str:
-        return f"<{tag} class='n'>{text}</{tag}>" if numbers and place else f"<{tag}>{text}</{tag}>"
-
-    top = "".join(cell("th", text, k) for k, text in enumerate(head))
-    body = "".join("<tr>" + "".join(cell("td", text, k) for k, text in enumerate(r)) + "</tr>" for r in rows)
-    return f"<div class='wide'><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
-
-
-def drawn(draw: Callable[[], Any], caption: str) -> str:
-    """A figure inside the page, as SVG, with what to see in it."""
-    from matplotlib import rc_context
-
-    stream = io.BytesIO()
-    with rc_context(style()):
-        legible(draw()).savefig(stream, format="svg", facecolor="white")
-    return svg_figure(stream.getvalue(), caption)
-
-
-def svg_figure(svg: bytes, caption: str, wide: bool = False) -> str:
-    """An SVG inside the page, with what to see in it; a wide one can be pushed to and fro on a telephone."""
-    data = base64.b64encode(svg).decode("ascii")
-    image = f"<img alt='{escape(caption, quote=True)}' src='data:image/svg+xml;base64,{data}'>"
-    kind = " class='many'" if wide else ""
-    return f"<figure{kind}>{image}<figcaption>{escape(caption)}</figcaption></figure>"
+def page(title: str, parts: Sequence[Section | str], head: str = "") -> str:
+    """A page of sections, and of parts that are HTML already; what else its head is to have comes after the style."""
+    body = "\n".join(part if isinstance(part, str) else part.html() for part in parts)
+    return CONTROL.sub("\ufffd", _PAGE.format(title=escape(title), body=body, head=head))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 
-from ...base.types import Vector
 from ...motion.trajectory import Status, Trajectory
 from .job_result import JobResult, StrategyResult
 from .plots import (
@@ -33,7 +32,7 @@ from .plots import (
     style,
     thin,
 )
-from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
+from .robot_panels import Actor, Curve, draw_panel, stage_of
 from .sheets_plots import JUMPS, MAPPED, coverage_figure, sheet_motion_figure, sheets_figure
 
 MAPS = (
@@ -53,67 +52,60 @@ COLUMNS = 2
 
 
 MOST_PANELS = 12
-"""Laws in the picture of the robot: of more, those whose ends are farthest apart."""
-
-MOST_BARS = 6
-"""Laws in the picture of ranges."""
+"""Strategies in the picture of the robot: of more, those whose ends are farthest apart."""
 
 
 def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     """(file stem, caption, Figure) of every figure of a job, made one at a time."""
-    for stem, caption, figure in _figures(result):
-        yield stem, caption, legible(figure)
-
-
-def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     from matplotlib import rc_context
 
-    seen = result.printed
-    with rc_context(style()):
-        if result.robot.tips:
-            yield "robot", _robot_caption(result), robot_figure(result)
-        if result.cycles > 1 and any(s.cycles.cycles for s in result.drawn):
-            caption = (
-                "The largest joint error after each cycle, on a logarithmic scale. A law that repeats here stays in "
-                "the grey band, which is round-off; the other lines are what the robot has drifted."
-            )
-            yield "drift", caption, drift_figure(seen)
-        if result.cycles > 1:
-            caption = (
-                f"How far each joint is from its start, over {result.cycles} cycles; pale upright lines end the "
-                "cycles. Of a law that repeats here every line is back at zero at each of them."
-            )
-            yield "cycles", caption, cycles_figure(seen)
-    for strategy in seen.drawn:
-        if strategy.two_paths is not None:
-            with rc_context(style()):
-                yield (
-                    f"paths-{result.stems[strategy.name]}",
-                    _two_paths_caption(result, strategy),
-                    two_paths_figure(strategy, seen),
-                )
-    if _has_ranges(result):
+    for stem, caption, draw in _figures(result):
         with rc_context(style()):
-            caption = (
-                "What the motion uses of each joint's range, from the lower to the upper limit. Bars near a dotted "
-                "line have little left."
-            )
-            yield "ranges", caption, _ranges_figure(result)
-    for strategy in result.drawn:
-        if strategy.coverage is not None:
-            with rc_context(style()):
-                coverage = strategy.coverage
-                sentences = [f"{coverage.sentence}.", coverage.remark, MAPS if strategy.slices else ""]
-                sentences.append(CUTS if any(len(part.cuts) for part in strategy.slices) else "")
-                caption = " ".join(filter(None, sentences))
-                yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(coverage, strategy.slices)
+            figure = legible(draw())
+        yield stem, caption, figure
 
-    if result.sheets is not None:
-        with rc_context(style()):
-            yield "sheets", MAPPED, sheets_figure(result.sheets.found)
-        if result.sheets.along is not None and result.sheets.along.pieces:
-            with rc_context(style()):
-                yield "sheets-joints", JUMPS, sheet_motion_figure(result.sheets.along, result.robot)
+
+def _figures(result: JobResult) -> Iterator[tuple[str, str, Callable[[], Any]]]:
+    """(file stem, caption, what draws it) of each figure."""
+    seen = result.printed
+    # The robot, and its drift from cycle to cycle.
+    if result.robot.tips:
+        yield "robot", _robot_caption(result), lambda: robot_figure(result)
+    if result.cycles > 1 and any(s.cycles.cycles for s in result.drawn):
+        caption = (
+            "The largest joint error after each cycle, on a logarithmic scale. A strategy that repeats here stays in "
+            "the grey band, which is round-off; the other lines are what the robot has drifted."
+        )
+        yield "drift", caption, lambda: drift_figure(seen)
+    if result.cycles > 1:
+        caption = (
+            f"How far each joint is from its start, over {result.cycles} cycles; pale upright lines end the cycles. "
+            "Of a strategy that repeats here every line is back at zero at each of them."
+        )
+        yield "cycles", caption, lambda: cycles_figure(seen)
+    # The two paths of each strategy, and the ranges of the joints.
+    for s in seen.drawn:
+        if s.two_paths is not None:
+            caption = _two_paths_caption(result, s)
+            yield f"paths-{result.stems[s.name]}", caption, lambda s=s: two_paths_figure(s, seen)
+    if np.isfinite(result.robot.upper - result.robot.lower).any():
+        caption = (
+            "What the motion uses of each joint's range, from the lower to the upper limit. Bars near a dotted "
+            "line have little left."
+        )
+        yield "ranges", caption, lambda: _ranges_figure(result)
+    # The workspace, by strategies and by sheets.
+    for s in result.drawn:
+        if (coverage := s.coverage) is not None:
+            sentences = [f"{coverage.sentence}.", coverage.remark, MAPS if s.slices else ""]
+            sentences.append(CUTS if any(len(part.cuts) for part in s.slices) else "")
+            caption = " ".join(filter(None, sentences))
+            yield f"coverage-{result.stems[s.name]}", caption, lambda s=s, c=coverage: coverage_figure(c, s.slices)
+    sheets = result.sheets
+    if sheets is not None:
+        yield "sheets", MAPPED, lambda: sheets_figure(sheets.found)
+        if (along := sheets.along) is not None and along.pieces:
+            yield "sheets-joints", JUMPS, lambda: sheet_motion_figure(along, result.robot)
 
 
 def _robot_caption(result: JobResult) -> str:
@@ -125,10 +117,10 @@ def _robot_caption(result: JobResult) -> str:
             "outline. The tool is at one pose in both: where the two robots differ, the joints depend on the path."
         )
     else:
-        caption += "In colour it is at the end of its path: blue by a holonomic law, red by any other."
+        caption += "In colour it is at the end of its path: blue by a holonomic strategy, red by any other."
         caption += " Its joints are compared with none of another path there." if result.one_way else ""
     if len(result.drawn) > MOST_PANELS:
-        caption += f" The {MOST_PANELS} of {len(result.drawn)} laws whose ends are farthest apart are shown."
+        caption += f" The {MOST_PANELS} of {len(result.drawn)} strategies whose ends are farthest apart are shown."
     return caption
 
 
@@ -220,7 +212,10 @@ def cycles_figure(result: JobResult) -> Any:
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True, sharex=True)
     for k, (axes, strategy) in enumerate(zip(grid.flat, result.drawn, strict=False)):
         joint_cycles(axes, strategy.cycles, named)
-        axes.set_title(f"{on_figure(strategy.name)}\n{_drift(strategy.cycles)}", loc="left", fontsize=10)
+        walk = strategy.cycles
+        ends = [away(walk, walk.cycles)] if walk.cycles else []
+        words = "; ".join(filter(None, [*ends, stopped(walk)]))
+        axes.set_title(f"{on_figure(strategy.name)}\n{words}", loc="left", fontsize=10)
         below = k + columns < count
         axes.tick_params(labelbottom=not below)
         axes.set_xlabel("" if below else "time [s]")
@@ -244,16 +239,12 @@ def drift_figure(result: JobResult) -> Any:
     return figure
 
 
-def _has_ranges(result: JobResult) -> bool:
-    """Whether a joint has two limits."""
-    return bool(np.isfinite(result.robot.upper - result.robot.lower).any())
-
-
 def _ranges_figure(result: JobResult) -> Any:
-    """What each law uses of the joints' ranges."""
+    """What each strategy uses of the joints' ranges."""
     from matplotlib.figure import Figure
 
-    shown = result.drawn[:MOST_BARS]
+    # At most so many strategies have bars.
+    shown = result.drawn[:6]
     rows = int(np.isfinite(result.robot.upper - result.robot.lower).sum())
     figure = Figure(figsize=(7.6, 0.9 + rows * max(0.32, 0.13 * len(shown)) + 0.24 * -(-len(shown) // 3)))
     margins(figure, left=1.7, right=0.45, bottom=0.45 + 0.24 * -(-len(shown) // 3), top=0.15)
@@ -267,16 +258,26 @@ def robot_figure(result: JobResult) -> Any:
     """The robot, one panel a strategy: the start in grey, the two ends in the colours of their ways."""
     from matplotlib.figure import Figure
 
+    # The strategies whose ends are farthest apart, in the order of the job.
     order = sorted(range(len(result.drawn)), key=lambda i: -_apart(result.drawn[i]))[:MOST_PANELS]
     drawn = [result.drawn[i] for i in sorted(order)]
     columns = min(len(drawn), COLUMNS)
     rows = -(-len(drawn) // columns)
-    stage = _stage_for(result, drawn)
+    # One scene for all, of their postures, ends and paths.
+    casts = [cast(result, s) for s in drawn]
+    pairs = [(s.two_paths[0].q[-1], s.two_paths[1].q[-1]) for s in drawn if s.two_paths is not None]
+    pairs = pairs or [(s.cycles.q[0], s.cycles.q[-1]) for s in drawn]
+    postures = np.array([actor.q for actors, _ in casts for actor in actors])
+    curves = [curve for _, of_tools in casts for curve in of_tools]
+    stage = stage_of(result.robot, postures, curves, pairs=pairs, obstacles=result.obstacles)
+    # The size of the figure, from that of a panel and of the titles.
     wide, tall = stage.scene.shape
     width = {1: 5.4, 2: 4.6}.get(columns, 3.75 if result.robot.planar else 4.1)
     side = (0.8, 0.15, 0.55) if result.robot.planar else (0.12, 0.12, 0.12)  # left, right, bottom
     height = width * tall / wide
-    titles = [f"{on_figure(drawn[k].name)}\n{_ending(s)}" for k, s in enumerate(_printed(result, drawn))]
+    names = [s.name for s in drawn]
+    printed = [s for s in result.printed.strategies if s.name in names]
+    titles = [f"{on_figure(drawn[k].name)}\n{_ending(s)}" for k, s in enumerate(printed)]
     top = 0.26 + 0.17 * max(title.count("\n") + 1 for title in titles)
     gap = (side[0] if result.robot.planar else 0.2, top + (side[2] if result.robot.planar else 0.1))
     size = (
@@ -284,15 +285,12 @@ def robot_figure(result: JobResult) -> Any:
         rows * height + side[2] + KEY + top + (rows - 1) * gap[1],
     )
     figure = Figure(figsize=size)
-    margins(
-        figure, left=side[0], right=side[1], bottom=side[2] + KEY, top=top, width_gap=gap[0], height_gap=gap[1],
-        grid=(rows, columns),
-    )  # fmt: skip
+    around = {"left": side[0], "right": side[1], "bottom": side[2] + KEY, "top": top}
+    margins(figure, **around, width_gap=gap[0], height_gap=gap[1], grid=(rows, columns))
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes in grid.flat[len(drawn) :]:
         axes.set_visible(False)
-    for axes, strategy, title in zip(grid.flat, drawn, titles, strict=False):
-        actors, curves = cast(result, strategy)
+    for axes, (actors, curves), title in zip(grid.flat, casts, titles, strict=False):
         draw_panel(axes, stage, actors, curves, title)
         if result.robot.planar and axes not in grid[:, 0]:
             axes.set_ylabel("")
@@ -319,24 +317,6 @@ def _key(figure: Any, drawn: list[StrategyResult]) -> None:
     figure.legend(handles=handles, loc="lower center", fontsize=9, ncols=len(handles), frameon=False)
 
 
-def _printed(result: JobResult, drawn: list[StrategyResult]) -> list[StrategyResult]:
-    """The same strategies in the units in which they are printed."""
-    names = [s.name for s in drawn]
-    return [s for s in result.printed.strategies if s.name in names]
-
-
-def _stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyResult, ...]) -> Stage:
-    """The stage for the starts and ends of some strategies, and their paths."""
-    casts = [cast(result, s) for s in drawn]
-    postures = np.array([actor.q for actors, _ in casts for actor in actors])
-    pairs: list[tuple[Vector, Vector]] = [
-        (s.two_paths[0].q[-1], s.two_paths[1].q[-1]) for s in drawn if s.two_paths is not None
-    ]
-    pairs = pairs or [(s.cycles.q[0], s.cycles.q[-1]) for s in drawn]
-    curves = [curve for _, of_tools in casts for curve in of_tools]
-    return stage_of(result.robot, postures, curves, pairs=pairs, obstacles=result.obstacles)
-
-
 def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list[Curve]]:
     """The postures to show of a strategy, and its tool's paths; the start is pale, the second path an outline."""
     actors = [Actor(result.q0, GREY, "ghost")]
@@ -352,24 +332,29 @@ def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list
 
 def _apart(strategy: StrategyResult) -> float:
     """How far the two paths end apart, or the last posture from the first."""
-    one, other = strategy.two_paths or (strategy.cycles, strategy.cycles)
-    gap = one.q[-1] - (other.q[-1] if strategy.two_paths else strategy.cycles.q[0])
+    pair = strategy.two_paths
+    gap = pair[0].q[-1] - pair[1].q[-1] if pair else strategy.cycles.q[-1] - strategy.cycles.q[0]
     return float(np.abs(gap).max())
 
 
 def margins(
-    figure: Any, *, left: float, right: float, bottom: float, top: float, width_gap: float = 0.0,
-    height_gap: float = 0.0, grid: tuple[int, int] = (1, 1),
-) -> None:  # fmt: skip
+    figure: Any,
+    *,
+    left: float,
+    right: float,
+    bottom: float,
+    top: float,
+    width_gap: float = 0.0,
+    height_gap: float = 0.0,
+    grid: tuple[int, int] = (1, 1),
+) -> None:
     """Fix the margins and gaps of a grid (rows, columns) of axes [inches]; automatic layout is slow."""
     width, height = figure.get_size_inches()
     rows, columns = grid
     cell_width = (width - left - right - width_gap * (columns - 1)) / columns
     cell_height = (height - bottom - top - height_gap * (rows - 1)) / rows
-    figure.subplots_adjust(
-        left=left / width, right=1 - right / width, bottom=bottom / height, top=1 - top / height,
-        wspace=width_gap / cell_width, hspace=height_gap / cell_height,
-    )  # fmt: skip
+    figure.subplots_adjust(left / width, bottom / height, 1 - right / width, 1 - top / height)
+    figure.subplots_adjust(wspace=width_gap / cell_width, hspace=height_gap / cell_height)
 
 
 def tool_points(result: JobResult, walk: Trajectory) -> list[Any]:
@@ -382,8 +367,3 @@ def _ending(strategy: StrategyResult) -> str:
     if strategy.two_paths is not None:
         return paths_end(strategy.two_paths)
     return stopped(strategy.cycles) or "at the end of the path"
-
-
-def _drift(walk: Trajectory) -> str:
-    parts = [away(walk, walk.cycles)] if walk.cycles else []
-    return "; ".join([*parts, *filter(None, [stopped(walk)])])

@@ -1,9 +1,8 @@
-"""Writing a job's folder: report.html (self-contained), figures, trajectories, result.json; whole or not at all."""
+"""The report of a job: its sections for the page and the terminal, and the folder of its files, whole or not at all."""
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from html import escape
 from pathlib import Path as FilePath
 from typing import Any, Literal, NamedTuple
@@ -15,78 +14,13 @@ from ...base.errors import brief, posture_text
 from ...base.files import write_text, writing
 from ...base.units import PrintedUnits
 from ...motion import TimedTrajectory
-from ...motion.checks import CheckReport, Finding
 from ...motion.trajectory import Status
 from ...robot import without_speed_limit
-from .html_page import html_table, page, svg_figure
+from .html_page import page
 from .job_figures import figures
 from .job_result import JobResult, SheetsResult, StrategyResult, renewed, write_facts
-from .plots import ALIKE, BAD, GOOD, HOLONOMIC_TEXT, WARNING, check_words, paths_words, speed_warning, stopped
-
-# --- What the checks of a job found, as a section of its report.
-
-MOST_ROWS = 200
-"""Findings in a report; result.json has them all."""
-
-_HEAD = ["finding", "of", "from [s]", "to [s]", "worst at [s]", "value", "wanted"]
-
-
-def _check_section(result: JobResult, table: Callable[[list[str], list[list[str]]], str]) -> list[str]:
-    """Findings, distances and what was not looked at, by strategy; nothing in a job without [checks]."""
-    parts = []
-    for strategy in result.strategies:
-        if strategy.motion_check is not None:
-            parts += [f"<h3>{escape(strategy.name)}</h3>", *_told(result, strategy, strategy.motion_check, table)]
-    return ["<h2>Checks of the motion</h2>", *parts] if parts else []
-
-
-def _told(
-    result: JobResult, strategy: StrategyResult, report: CheckReport, table: Callable[[list[str], list[list[str]]], str]
-) -> list[str]:
-    """The findings as a table, and the other lines of the report as a list."""
-    lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes(result.units))
-    findings = table(_HEAD, [_row(finding.printed(result.units)) for finding in report.findings[:MOST_ROWS]])
-    mark = "yes" if strategy.followed == 1.0 else "no"
-    sentences = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
-    sentences += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
-    return [*([findings] if report.findings else []), *sentences, f"<ul class='small'>{lines}</ul>"]
-
-
-def _row(finding: Finding) -> list[str]:
-    unit = f" {finding.unit}" if finding.unit else ""
-    sign = "at least" if finding.is_least else "limit"
-    return [
-        f"<span class='no'>{escape(finding.kind.value)}</span>", escape(" and ".join(finding.what)),
-        f"{finding.start:.3f}", f"{finding.stop:.3f}", f"{finding.time:.3f}", f"{finding.value:.4g}{unit}",
-        f"{sign} {finding.limit:.4g}{unit}",
-    ]  # fmt: skip
-
-
-# --- What a job found of its [sheets], as a section of its report.
-
-
-def _sheets_section(result: SheetsResult | None) -> list[str]:
-    """What the sheets serve, and what became of the job's path; nothing in a job without [sheets]."""
-    if result is None:
-        return []
-    mark = "yes" if result.passed else "no"
-    first, *lines = [line for line in result.map_lines() if line != result.verdict]
-    parts = [
-        "<h2>Sheets</h2>",
-        f"<p>{escape(first)}.</p>",
-        _listed(lines),
-        f"<p class='{mark}'>{escape(result.verdict)}</p>",
-        f"<p class='small'>{escape(str(result.found.workspace))}; {len(result.found.poses)} poses sampled.</p>",
-    ]
-    path = result.path_lines()
-    return parts + ([f"<p>{escape(path[0])}.</p>", _listed(path[1:])] if path else [])
-
-
-def _listed(lines: list[str]) -> str:
-    """Lines as a list; nothing of none."""
-    items = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
-    return f"<ul class='small'>{items}</ul>" if items else ""
-
+from .plots import ALIKE, check_words, paths_words, speed_warning, stopped
+from .section import Column, Image, Note, Section, Tone, right
 
 # --- The table of a job, for the terminal and the report.
 
@@ -101,34 +35,6 @@ def number(value: float) -> str:
     if abs(value) < NOTHING:
         value = 0.0
     return f"{value:.3f}" if 1e-2 <= abs(value) < 100 else f"{value:.1e}"
-
-
-Column = tuple[str, Literal["left", "right"]]
-"""Heading and alignment."""
-
-
-WRAPPED = ("strategy", "law", "joint")
-"""Columns of names, which may have several lines."""
-
-
-def print_table(
-    console: Any, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]], style: Callable[[int, str], str]
-) -> None:
-    """Print rows of cells under a title; `style`: (number of the row, cell) -> its colour."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
-    for heading, justify in columns:
-        table.add_column(Text(heading), justify=justify, no_wrap=heading not in WRAPPED)
-    for k, cells in enumerate(rows):
-        table.add_row(*(Text(brief(cell), style=style(k, cell)) for cell in cells))
-    console.print(table)
-
-
-def print_line(console: Any, text: str, style: str | None = None) -> None:
-    """Print a line below a table, as it is."""
-    console.print(f"  {text}", style=style, markup=False, highlight=False)
 
 
 class _Column(NamedTuple):
@@ -180,60 +86,50 @@ def rows(result: JobResult) -> list[list[str]]:
     return [*([column.cell(s) for column in shown] for s in result.strategies), *failed]
 
 
-def remarks(result: JobResult) -> list[tuple[str, str]]:
-    """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
+_TONES: dict[str, Tone] = {
+    "holonomic": "holonomic",
+    "NOT holonomic": "bad",
+    "ok": "good",
+    "NOT run": "failed",
+    "FAILED": "failed",
+}
+
+
+def _cell(text: str) -> Note:
+    return Note(text, _TONES.get(text, ""))
+
+
+def remarks(result: JobResult) -> list[Note]:
+    """Sentences on all that the table does not tell: what was not run, what stopped, what is too fast."""
     sentences = [(strategy.name, f"not run: {strategy.reason}") for strategy in result.not_run]
     sentences += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
-    return [(name, text) for name, text in sentences if text]
+    return [Note(f"{brief(name)}: {text}", "warning") for name, text in sentences if text]
 
 
 def print_result(result: JobResult, console: Any) -> None:
     """Print a job's table, and below it what failed."""
-    colors = {"holonomic": HOLONOMIC_TEXT, "NOT holonomic": BAD, "ok": GOOD}
-    colors |= dict.fromkeys(("NOT run", "FAILED"), f"bold {BAD}")
-    print_table(console, brief(result.title), columns(result), rows(result), lambda _, cell: colors.get(cell, ""))
-    if paths_words(result):
-        print_line(console, paths_words(result))
-    for name, text in remarks(result):
-        print_line(console, f"{brief(name)}: {text}", WARNING)
+    parts = []
     if result.sheets is not None:
-        print_line(console, "sheets:")
-        for line in [*result.sheets.map_lines(), *result.sheets.path_lines()]:
-            wrong = line == result.sheets.verdict and not result.sheets.passed
-            print_line(console, f"  {brief(line, 300)}", BAD if wrong else None)
-    for strategy in result.strategies:
-        if strategy.timed is not None:
-            print_line(console, f"{brief(strategy.name)}, timed:")
-            for line in strategy.timed.table(result.units).splitlines():
-                print_line(console, f"  {brief(line)}")
-        if strategy.motion_check is not None:
-            print_line(console, f"{brief(strategy.name)}, checked:")
-            lines_of_check = strategy.motion_check.table(result.units).splitlines()
-            words = [text for text in [check_words(strategy)] if text]
-            for line in [*words, *lines_of_check[strategy.motion_check.passed :]]:
-                print_line(console, f"  {brief(line)}")
-        for check in strategy.checks:
-            if not check.passed:
-                print_line(console, f"{brief(strategy.name)}: {check.unmet}", BAD)
+        bad = "" if result.sheets.passed else result.sheets.verdict
+        lines = [*result.sheets.map_lines(), *result.sheets.path_lines()]
+        parts.append(Section("sheets:", [Note(brief(line, 300), "bad" if line == bad else "") for line in lines]))
+    for s in result.strategies:
+        name = brief(s.name)
+        if s.timed is not None:
+            parts.append(Section(f"{name}, timed:", [brief(line) for line in s.timed.table(result.units).splitlines()]))
+        if s.motion_check is not None:
+            lines = s.motion_check.table(result.units).splitlines()[s.motion_check.passed :]
+            parts.append(Section(f"{name}, checked:", [brief(line) for line in [check_words(s), *lines] if line]))
+        parts.append(Section(notes=[Note(f"{name}: {check.unmet}", "bad") for check in s.checks if not check.passed]))
+    notes = [text for text in [paths_words(result)] if text]
+    table = [[_cell(text) for text in row] for row in rows(result)]
+    Section(brief(result.title), notes, None, columns(result), table, remarks(result), parts=parts).rich(console)
 
 
 # --- The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not tested.
 
 MOST_FINDINGS = 3
 """Findings of a strategy that are told in the verdict; the section on checks has all."""
-
-
-def _verdict_section(result: JobResult) -> list[str]:
-    """The verdict as a section of the report."""
-    items = "".join(
-        f"<li><span class='{'yes' if well else 'no'}'>{escape(f'{name} {text}')}</span> {escape(more)}</li>"
-        for name, text, more, well in strategy_verdicts(result)
-    )
-    untested = "".join(f"<li>{escape(text)}</li>" for text in not_tested(result))
-    return [
-        "<h2>Verdict</h2>", f"<p>{escape(what_was_run(result))}</p>", f"<ul>{items}</ul>",
-        f"<p><b>{escape(whole_verdict(result))}</b></p>", "<p>Not tested:</p>", f"<ul>{untested}</ul>",
-    ]  # fmt: skip
 
 
 def what_was_run(result: JobResult) -> str:
@@ -384,9 +280,6 @@ def not_tested(result: JobResult) -> list[str]:
 RETURNS = ", returns"
 """Beside a drift that is none."""
 
-_DRIFTS = ("drift", "drift_mean", "drift_total", "drift_least", "drift_most")
-"""Metrics that say whether the joints return."""
-
 NOTHING_MOVES = 1e-9
 """Peak of a rate [joint units / s, s^2, s^3] that is shown as 0."""
 
@@ -454,170 +347,169 @@ def _fill(result: JobResult, folder: FilePath, version: str, films: list[tuple[s
 
 def _facts(result: JobResult, version: str) -> dict[str, Any]:
     """What result.json says."""
-    return {
-        "job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name,
-        "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
-        "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
-        "path_length_m": result.path.length,
-        "sheets": result.sheets.to_dict() if result.sheets is not None else None,
-        "two_paths": paths_words(result) or "compared",
-        "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
-        "holokin": version, "strategies": [s.to_dict() for s in result.strategies],
-        "not_run": [vars(strategy) for strategy in result.not_run],
-    }  # fmt: skip
+    robot, path = result.robot, result.path
+    facts: dict[str, Any] = {"job": result.name, "title": result.title, "passed": result.passed, "robot": robot.name}
+    facts |= {"robot_source": robot.source, "task": result.task, "start": result.q0.tolist()}
+    facts |= {"joint_names": list(robot.joint_names), "workspace": result.workspace or None}
+    facts |= {"path_length_m": path.length, "path_duration_s": path.duration, "cycles": result.cycles}
+    facts |= {"sheets": None if result.sheets is None else result.sheets.to_dict()}
+    facts |= {"two_paths": paths_words(result) or "compared", "seconds": result.seconds, "holokin": version}
+    facts |= {"strategies": [s.to_dict() for s in result.strategies]}
+    return facts | {"not_run": [vars(strategy) for strategy in result.not_run]}
 
 
 def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
 ) -> str:
-    robot = result.robot
-    units = [c.unit for c in robot.coordinates]
+    # What was run.
+    robot, units = result.robot, [c.unit for c in result.robot.coordinates]
     start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)
-    verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
+    facts = (
+        f"{robot.name}, {robot.n} joints ({robot.source}); task: {result.task}; path "
+        f"{result.units.said(result.path.length, 'm')} in {result.path.duration:.4g} s, {result.cycles} cycle(s); "
+        f"start: {start} [{' or '.join(map(result.units.name, dict.fromkeys(units)))}]. "
+        f"holokin {version}, {result.seconds:.1f} s."
+    )
+    # The figures, the films, the terms.
+    wide = ("paths", "cycles", "coverage", "sheets")
+    images = [
+        Image((folder / f"{stem}.svg").read_bytes(), caption, wide=stem.startswith(wide)) for stem, caption in shown
+    ]
+    mimes = {".mp4": "video/mp4", ".gif": "image/gif"}
+    moving = [Image((folder / name).read_bytes(), caption, mimes[FilePath(name).suffix]) for name, caption in films]
+    terms = "".join(f"<dt>{escape(term)}:</dt><dd>{escape(text)}</dd>" for term, text in _TERMS.items())
+    # The sections, the verdict first.
     parts = [
         f"<h1>{escape(result.title)}</h1>",
-        *_verdict_section(result),
-        f"<p>{escape(' '.join(result.about.split()))}</p>",
-        f"<p class='small'>{escape(robot.name)}, {robot.n} joints ({escape(robot.source)}); "
-        f"task: {escape(result.task)}; path {result.units.said(result.path.length, 'm')} in "
-        f"{result.path.duration:.4g} s, "
-        f"{result.cycles} cycle(s); start: {escape(start)} "
-        f"[{' or '.join(map(result.units.name, dict.fromkeys(units)))}]. "
-        f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
-        "<h2>Verdicts and numbers</h2>",
-        html_table(
-            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in _rows(result)]
-        ),
-        f"<p class='small'>{escape(_tolerance(result))}</p>",
-        "<ul>",
-        *(
-            f"<li>{sentence}.<details class='small'><summary>Details</summary>{shown}</details></li>"
-            for sentence, shown in verdicts
-        ),
-        *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
-        "</ul>",
-        *([f"<p>{escape(paths_words(result))}</p>"] if paths_words(result) else []),
-        *_terms(),
-        *_coverage(result),
-        *_timing(result),
-        *_check_section(result, html_table),
-        *_sheets_section(result.sheets),
-        "<h2>Figures</h2>",
-        *(_film(folder / name, caption) for name, caption in films),
-        *(_figure(folder, stem, caption) for stem, caption in shown),
-        "<h2>Everything measured</h2>",
-        _all_figures(result),
-        "<h2>Expectations</h2>",
-        _expectations(result),
+        _verdict_section(result),
+        Section(notes=[" ".join(result.about.split()), Note(facts, "small")]),
+        _table_section(result),
+        f"<details class='small' open><summary>What the words mean</summary><dl>{terms}</dl></details>",
+        *_workspace_sections(result),
+        *_timing_sections(result),
+        *_check_sections(result),
+        *([] if result.sheets is None else [_sheets_section(result.sheets)]),
+        Section("Figures", parts=[Section(figure=image) for image in [*moving, *images]]),
+        _measured_section(result),
+        _expectations_section(result),
     ]
     return page(result.title, parts)
 
 
-def _rows(result: JobResult) -> list[list[str]]:
-    """The cells of the table; where the joints come back it says so."""
+def _verdict_section(result: JobResult) -> Section:
+    """What was run, the verdict on all of it and on each strategy, and what was not tested."""
+    points = [
+        Note(f"{name} {text}", "good" if well else "bad", f" {more}")
+        for name, text, more, well in strategy_verdicts(result)
+    ]
+    notes = [what_was_run(result), Note(whole_verdict(result), "strong")]
+    return Section("Verdict", notes, points=points, parts=[Section(notes=["Not tested:"], points=not_tested(result))])
+
+
+def _table_section(result: JobResult) -> Section:
+    """The table; where the joints come back it says so, and below it what is meant by that."""
     place = next(k for k, (title, _) in enumerate(columns(result)) if title.startswith("drift"))
-    cells_of = rows(result)
-    for cells, strategy in zip(cells_of, result.strategies, strict=False):
+    table = [[_cell(text) for text in row] for row in rows(result)]
+    for row, strategy in zip(table, result.strategies, strict=False):
         if strategy.metrics["drift_most"] <= ALIKE:
-            cells[place] += RETURNS
-    return cells_of
-
-
-def _tolerance(result: JobResult) -> str:
-    """What is meant by "returns"."""
+            row[place] = Note(row[place].text + RETURNS)
     unit, factor = result.joint_unit
-    return f"returns: every joint is back at its start within {factor * ALIKE:.1g} {unit}, too little to measure."
+    back = f"returns: every joint is back at its start within {factor * ALIKE:.1g} {unit}, too little to measure."
+    verdicts = [
+        Note(f"{s.verdict.sentence}.", detail=s.verdict.told(result.robot.joint_names)) for s in result.strategies
+    ]
+    below = [Note(back, "small"), *(text for text in [paths_words(result)] if text)]
+    points = [*verdicts, *remarks(result)]
+    return Section("Verdicts and numbers", head=columns(result), rows=table, remarks=below, points=points)
 
 
-def _terms() -> list[str]:
-    """The glossary."""
-    entries = "".join(f"<dt>{escape(term)}:</dt><dd>{escape(text)}</dd>" for term, text in _TERMS.items())
-    return [f"<details class='small' open><summary>What the words mean</summary><dl>{entries}</dl></details>"]
-
-
-def _coverage(result: JobResult) -> list[str]:
+def _workspace_sections(result: JobResult) -> list[Section]:
     """What becomes of the poses of the workspace, by strategy; nothing in a job without one."""
-    coverages = [(s.name, s.coverage) for s in result.strategies if s.coverage is not None]
+    coverages = {s.name: s.coverage for s in result.strategies if s.coverage is not None}
     if not coverages:
         return []
-    causes = list(dict.fromkeys(cause for _, c in coverages for cause, _ in c.causes()))
-    shares = [{cause: k / len(c) for cause, k in c.causes()} for _, c in coverages]
+    shares = [{cause: count / len(c) for cause, count in c.causes()} for c in coverages.values()]
     table = [
-        [escape(cause), *(f"{share[cause]:.1%}" if cause in share else "" for share in shares)] for cause in causes
+        [cause, *(f"{share[cause]:.1%}" if cause in share else "" for share in shares)]
+        for cause in dict.fromkeys(cause for share in shares for cause in share)
     ]
-    return [
-        "<h2>Workspace</h2>",
-        f"<p class='small'>{escape(result.workspace)}; {len(coverages[0][1])} poses, each gone to straight from the "
-        "start.</p>",
-        html_table(["", *(escape(name) for name, _ in coverages)], table),
-    ]
+    poses = len(next(iter(coverages.values())))
+    about = f"{result.workspace}; {poses} poses, each gone to straight from the start."
+    return [Section("Workspace", [Note(about, "small")], head=["", *coverages], rows=table)]
 
 
-def _timing(result: JobResult) -> list[str]:
+def _timing_sections(result: JobResult) -> list[Section]:
     """What each joint does of its limits, by strategy; nothing in a job that is not timed."""
-    parts: list[str] = []
+    head = right("speed", "of limit", "acceleration", "of limit", "jerk", "of limit", "nearest limit at", "time")
+    parts = []
     for s in result.strategies:
         if s.timed is not None:
-            slow = "".join(f"<li>{escape(str(slowdown))}</li>" for slowdown in s.timed.slowdowns)
-            parts += [
-                f"<h3>{escape(s.name)}</h3><p class='small'>{escape(s.timed.sentence)}</p>",
-                _loads(s.timed, result.units),
-            ]
-            parts += [f"<ul class='small'>{slow}</ul>"] if slow else []
+            slow = [Note(str(slowdown), "small") for slowdown in s.timed.slowdowns]
+            notes = [Note(s.timed.sentence, "small")]
+            parts.append(Section(s.name, notes, None, ["joint", *head], _loads(s.timed, result.units), points=slow))
     caption = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
-    return ["<h2>Timing</h2>", f"<p class='small'>{caption}</p>", *parts] if parts else []
+    return [Section("Timing", [Note(caption, "small")], parts=parts)] if parts else []
 
 
-def _loads(timed: TimedTrajectory, units: PrintedUnits) -> str:
-    """The peaks of each joint as a table, numbers under their headings."""
-    head = ["joint", "speed", "of limit", "acceleration", "of limit", "jerk", "of limit", "nearest limit at", "time"]
+def _loads(timed: TimedTrajectory, units: PrintedUnits) -> list[list[str]]:
+    """The peaks of each joint."""
     table = []
     for load in (load_of_joint.printed(units) for load_of_joint in timed.loads):
-        cells = [escape(load.joint)]
-        for order, (peak, share) in enumerate(zip(load.peaks, load.shares, strict=True), 1):
-            unit = f"{load.unit}/s" + (f"<sup>{order}</sup>" if order > 1 else "")
-            cells += [
-                f"{peak if peak > NOTHING_MOVES else 0.0:.4g} {unit}",
-                f"{share:.0%}" if np.isfinite(share) else "-",
-            ]
+        row = [load.joint]
+        for power, peak, share in zip(("", "\u00b2", "\u00b3"), load.peaks, load.shares, strict=True):
+            row.append(f"{peak if peak > NOTHING_MOVES else 0.0:.4g} {load.unit}/s{power}")
+            row.append(f"{share:.0%}" if np.isfinite(share) else "-")
         far = f"{load.distance:.4g} {load.unit}" if np.isfinite(load.distance) else "-"
-        table.append([*cells, far, f"{load.distance_at:.3f} s"])
-    return html_table(head, table, numbers=True)
+        table.append([*row, far, f"{load.distance_at:.3f} s"])
+    return table
 
 
-def _cell(text: str) -> str:
-    mark = {"holonomic": "yes", "ok": "yes", "NOT holonomic": "no", "NOT run": "no", "FAILED": "no"}.get(text)
-    return f"<span class='{mark}'>{escape(text)}</span>" if mark else escape(text)
+def _check_sections(result: JobResult) -> list[Section]:
+    """Findings, distances and what was not looked at, by strategy; nothing in a job without [checks]."""
+    head = ["finding", "of", *right("from [s]", "to [s]", "worst at [s]", "value"), "wanted"]
+    parts = []
+    for s in result.strategies:
+        report = s.motion_check
+        if report is None:
+            continue
+        table = []
+        # Findings in a report; result.json has them all.
+        for finding in (finding.printed(result.units) for finding in report.findings[:200]):
+            unit, sign = f" {finding.unit}" if finding.unit else "", "at least" if finding.is_least else "limit"
+            times = [f"{time:.3f}" for time in (finding.start, finding.stop, finding.time)]
+            values = [f"{finding.value:.4g}{unit}", f"{sign} {finding.limit:.4g}{unit}"]
+            table.append([Note(finding.kind.value, "bad"), " and ".join(finding.what), *times, *values])
+        sentences = [Note(check_words(s), "good" if s.followed == 1.0 else "bad"), Note(report.unread, "bad")]
+        lines = [Note(line, "small") for line in report.notes(result.units)]
+        remarks = [note for note in sentences if note.text]
+        parts.append(Section(s.name, head=head if table else (), rows=table, remarks=remarks, points=lines))
+    return [Section("Checks of the motion", parts=parts)] if parts else []
 
 
-def _figure(folder: FilePath, stem: str, caption: str) -> str:
-    wide = stem.startswith(("paths", "cycles", "coverage", "sheets"))  # for a telephone
-    return svg_figure((folder / f"{stem}.svg").read_bytes(), caption, wide)
+def _sheets_section(result: SheetsResult) -> Section:
+    """What the sheets serve, and what became of the job's path."""
+    first, *lines = [line for line in result.map_lines() if line != result.verdict]
+    about = f"{result.found.workspace}; {len(result.found.poses)} poses sampled."
+    notes = [f"{first}.", Note(result.verdict, "good" if result.passed else "bad"), Note(about, "small")]
+    path = result.path_lines()
+    parts = [Section(notes=[f"{path[0]}."], points=[Note(line.strip(), "small") for line in path[1:]])] if path else []
+    return Section("Sheets", notes, points=[Note(line.strip(), "small") for line in lines], parts=parts)
 
 
-def _film(file: FilePath, caption: str) -> str:
-    data, text = base64.b64encode(file.read_bytes()).decode("ascii"), escape(caption, quote=True)
-    if file.suffix == ".mp4":
-        how = "autoplay loop muted playsinline controls"
-        shown = f"<video {how} aria-label='{text}' src='data:video/mp4;base64,{data}'></video>"
-    else:
-        shown = f"<img alt='{text}' src='data:image/gif;base64,{data}'>"
-    return f"<figure>{shown}<figcaption>{escape(caption)}</figcaption></figure>"
-
-
-def _all_figures(result: JobResult) -> str:
-    rows: list[list[str]] = []
+def _measured_section(result: JobResult) -> Section:
+    """Every metric that a strategy has, six digits of each: two of what is near round-off."""
+    table: list[list[str]] = []
     for key in result.meanings:
         values = [s.metrics.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
-            by, words = result.factor(key), RETURNS if key in _DRIFTS else ""
-            cells = [_measured(by * value) + (words if abs(value) <= ALIKE else "") for value in values]
-            rows.append([escape(result.meaning(key)), *cells])
-    return html_table(["", *(escape(s.name) for s in result.strategies)], rows)
+            drift = key in ("drift", "drift_mean", "drift_total", "drift_least", "drift_most")
+            factor, words = result.factor(key), RETURNS if drift else ""
+            cells = [_measured(factor * value) + (words if abs(value) <= ALIKE else "") for value in values]
+            table.append([result.meaning(key), *cells])
+    return Section("Everything measured", head=["", *(s.name for s in result.strategies)], rows=table)
 
 
 def _measured(value: float) -> str:
-    """Six digits; two of what is near round-off, and 0 for what is below all of it."""
     if not np.isfinite(value):
         return ""
     if abs(value) < NOTHING:
@@ -625,13 +517,14 @@ def _measured(value: float) -> str:
     return f"{value:.6g}" if abs(value) >= 1e-9 else f"{value:.1e}"
 
 
-def _expectations(result: JobResult) -> str:
-    rows = [
-        [escape(s.name), escape(c.metric), escape(c.wanted), escape(c.found), _cell("ok" if c.passed else "FAILED")]
+def _expectations_section(result: JobResult) -> Section:
+    """What the job expected of each strategy."""
+    table = [
+        [s.name, check.metric, check.wanted, check.found, _cell("ok" if check.passed else "FAILED")]
         for s in result.strategies
-        for c in s.checks
+        for check in s.checks
     ]
-    if not rows:
-        return "<p>The job file holds no [expect] table.</p>"
-    note = "" if result.units.plain else "<p class='small'>In rad and m, the units of the job file.</p>"
-    return note + html_table(["strategy", "figure", "wanted", "found", ""], rows)
+    if not table:
+        return Section("Expectations", ["The job file holds no [expect] table."])
+    notes = [] if result.units.plain else [Note("In rad and m, the units of the job file.", "small")]
+    return Section("Expectations", notes, head=["strategy", "figure", "wanted", "found", ""], rows=table)

@@ -86,21 +86,24 @@ class SheetsResult(NoTruthValue, Value, ask="`.passed`"):
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         s, m = self.found, self.along
-        return {
-            "sheets": [str(part) for part in s.sheets], "share": s.share, "wanted": self.wanted, "passed": self.passed,
-            "poses": len(s.poses), "reachable": int(s.reachable.sum()), "served": int(s.served.sum()),
-            "least": s.least, "candidates": s.candidates, "stopped": s.stopped, "file": self.file or None,
-            "remark": self.remark, "unfollowed": self.unfollowed,
-            "path": None if m is None else {
-                "complete": m.complete, "changes": m.changes, "seconds_of_changes": self.seconds,
-                "pieces": [{"sheet": part.sheet, "start": part.start, "stop": part.stop} for part in m.pieces],
-                "divisions": [
-                    {"at": part.at, "first": part.first, "second": part.second, "reason": part.reason}
-                    for part in m.divisions
-                ],
-                "left_out": [{"start": part.start, "stop": part.stop, "reason": part.reason} for part in m.left_out],
-            },
-        }  # fmt: skip
+        facts: dict[str, Any] = {"sheets": list(map(str, s.sheets)), "share": s.share, "wanted": self.wanted}
+        facts |= {"passed": self.passed, "poses": len(s.poses), "reachable": int(s.reachable.sum())}
+        facts |= {"served": int(s.served.sum()), "least": s.least, "candidates": s.candidates, "stopped": s.stopped}
+        facts |= {"file": self.file or None, "remark": self.remark, "unfollowed": self.unfollowed, "path": None}
+        if m is not None:
+            path: dict[str, Any] = {"complete": m.complete, "changes": m.changes, "seconds_of_changes": self.seconds}
+            for kind, keys in _PARTS.items():
+                path[kind] = [{key: getattr(part, key) for key in keys} for part in getattr(m, kind)]
+            facts["path"] = path
+        return facts
+
+
+_PARTS = {
+    "pieces": ("sheet", "start", "stop"),
+    "divisions": ("at", "first", "second", "reason"),
+    "left_out": ("start", "stop", "reason"),
+}
+"""What is told of the parts of a motion over sheets."""
 
 
 @dataclass(frozen=True)
@@ -378,9 +381,6 @@ def _repair(place: FilePath) -> None:
         restore(place, lambda held: written(held) or set())
 
 
-ENDING = ".cells"
-
-
 class CellsFiles:
     """The files `<stem>-<strategy>.cells`, beside the folder of the certificates."""
 
@@ -390,7 +390,7 @@ class CellsFiles:
     def of(self, title: str) -> FilePath:
         """That of a strategy. Raises: ArgumentError: it is there, and the run is not to go on with it."""
         used = {file.name for file in self._files.values()}
-        file = self._stem.with_name(free_name(title, ENDING, used, prefix=f"{self._stem.name}-"))
+        file = self._stem.with_name(free_name(title, ".cells", used, prefix=f"{self._stem.name}-"))
         if file.exists() and not self._resume:
             cure = "a run that was stopped left it: say --resume to go on with its cells, or delete it"
             raise ArgumentError("the file of cells", str(file), cure)

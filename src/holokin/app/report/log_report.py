@@ -11,29 +11,16 @@ import numpy as np
 from ...analysis.audit import DatasetAudit, LogAudit, LogVerdict
 from ...base.files import write_json
 from .job_figures import margins
-from .plots import BAD, GOOD, GREY, INK, PALE, WARNING, color_of, joint_unit, on_figure, thin
+from .plots import BAD, GOOD, GREY, INK, PALE, color_of, joint_unit, on_figure, thin
 from .robot_panels import Actor, Curve, draw_panel, stage_of
-
-MOST_JOINTS = 4
-"""Joints in the figure: those that move most."""
-
-MOST_ARMS = 4
-"""Postures in the figure: at the start pose, after so many cycles at most."""
+from .section import Note, Section, Tone
 
 
 def print_audit(audit: LogAudit | DatasetAudit, console: Any) -> None:
     """Print the findings as a table, and the sentence of the verdict below in its colour."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column()
-    for what, finding in audit.rows():
-        table.add_row(what, Text(finding))
-    console.print(table)
-    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(audit.verdict, BAD)
-    console.print(Text(audit.sentence(), style=color), highlight=False)
+    tones: dict[LogVerdict, Tone] = {LogVerdict.REPEATS: "good", LogVerdict.UNDECIDED: "warning"}
+    verdict = Note(audit.sentence(), tones.get(audit.verdict, "bad"))
+    Section(rows=audit.rows(), remarks=[verdict]).rich(console)
 
 
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
@@ -64,7 +51,8 @@ def _two_panels(title: str) -> tuple[Any, Any, Any]:
 def _joints_at_start(axes: Any, audit: LogAudit) -> Any:
     """Joints at the start pose after each cycle, less their start, for the joints that move most; tolerance in grey."""
     shift = np.vstack([np.zeros(audit.robot.n), audit.since_start])
-    order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:MOST_JOINTS]
+    # Joints in the figure: those that move most.
+    order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:4]
     numbers = np.arange(len(shift))
     allowed = audit.tolerance + audit.noise_floor
     axes.axhspan(-allowed, allowed, color=PALE, zorder=0, label=f"tolerance {allowed:.2g}")
@@ -101,7 +89,8 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     first = np.vstack(
         [audit.visits[0, 0 if cycles.direction[0] > 0 else -1] + shift for shift in (0.0, *audit.since_start)]
     )
-    shown = [int(i) for i in thin(count + 1, MOST_ARMS)]
+    # Postures in the figure: at the start pose, after so many cycles at most.
+    shown = [int(i) for i in thin(count + 1, 4)]
     stage = stage_of(robot, first[shown], [Curve(points, PALE)], pairs=[(first[0], first[-1])])
     outlines = [Actor(first[i], color(i), "outline") for i in shown[1:]]
     draw_panel(

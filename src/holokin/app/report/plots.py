@@ -310,10 +310,9 @@ def _limit_lines(axes: Any, lower: float, upper: float) -> Any:
         axes.set_ylim(min([low, *(x - pad for x in near)]), max([high, *(x + pad for x in near)]))
     for limit, arrow, y in ((lower, "\u2193", 0.0), (upper, "\u2191", 1.0)):
         if np.isfinite(limit) and limit not in near:
-            axes.text(
-                1.01, y, f"{arrow} {limit:.3g}", transform=axes.transAxes, ha="left", va="bottom" if y == 0 else "top",
-                fontsize=7.5, color=_LIMIT_TEXT,
-            )  # fmt: skip
+            # The colour of limits, dark enough for small letters.
+            look = {"transform": axes.transAxes, "fontsize": 7.5, "color": "#8f3f6b"}
+            axes.text(1.01, y, f"{arrow} {limit:.3g}", ha="left", va="bottom" if y == 0 else "top", **look)
     return axes
 
 
@@ -332,10 +331,8 @@ def joint_cycles(axes: Any, walk: Trajectory, named: Sequence[int] | None = None
         axes.plot(walk.t[keep], shift[keep, joint], color="#c3c8d0", linewidth=1.0, label=label or "_grey", zorder=1.8)
     for place, joint in enumerate(named):
         name = on_figure(walk.joint_names[joint], 30)
-        axes.plot(
-            walk.t[keep], shift[keep, joint], color=color_of(place), linewidth=1.7, label=name,
-            linestyle="-" if place < len(COLORS) else (0, (4, 1.5)),
-        )  # fmt: skip
+        look = {"color": color_of(place), "linestyle": "-" if place < len(COLORS) else (0, (4, 1.5))}
+        axes.plot(walk.t[keep], shift[keep, joint], linewidth=1.7, label=name, **look)
     axes.grid(axis="x", visible=False)  # the ends of the cycles are lines enough
     for mark in walk.marks[1:]:
         axes.axvline(walk.t[mark], color=PALE, linewidth=0.8, zorder=0)
@@ -434,10 +431,6 @@ def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: 
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1], ["lower limit", "25 %", "50 %", "75 %", "upper limit"])
     axes.grid(axis="y", visible=False)
     return axes
-
-
-_LIMIT_TEXT = "#8f3f6b"
-"""Of the colour of limits, dark enough for small letters."""
 
 
 def _readable(color: str) -> str:

@@ -21,23 +21,14 @@ from .plots import GREY, HOLONOMIC, INK, LOOP, PROOF_COLORS, VERMILLION, region_
 from .proof_words import obstacles_of, proven_time, refuted_by
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 
-SAMPLES = 120
-"""Points of a path in the picture."""
-
 DASH = 2
 """Points of a dash, and of a gap, of what is not proven."""
-
-SIZE = (7.6, 4.6)
-"""Of the picture [inch]."""
 
 AXES_WORDS = (
     "Rods at the base and the tool: x red, y green, z blue. Beside it along axes of the base, the tool at the start as "
     "a dot."
 )
 """What else is to be seen."""
-
-MARGIN = 0.12
-"""Room round a path or a box in its views from above and from the side, over its size."""
 
 
 def start_of(certificate: Certificate) -> Vector:
@@ -60,7 +51,8 @@ def proof_figure(certificate: Certificate) -> Any:
 
     robot, q = certificate.equation.strategy.task.robot, start_of(certificate)
     curves = _curves(certificate)
-    figure = Figure(figsize=SIZE)
+    # Of the picture [inch].
+    figure = Figure(figsize=(7.6, 4.6))
     stage = stage_of(robot, q[None], curves)
     place = (0.08, 0.09, 0.53, 0.87) if robot.planar else (0.01, 0.01, 0.6, 0.98)
     draw_panel(figure.add_axes(place), stage, [Actor(q, HOLONOMIC)], curves)
@@ -82,7 +74,8 @@ def _view(axes: Any, certificate: Certificate, curves: list[Curve], plane: tuple
         axes.plot(p[i], p[j], "o", color=HOLONOMIC, markersize=4)
     shown = np.vstack([curve.points for curve in curves])[:, [i, j]]
     middle, half = (shown.min(axis=0) + shown.max(axis=0)) / 2, max(np.ptp(shown, axis=0).max() / 2, 1e-3)
-    reach = (1 + 2 * MARGIN) * half
+    # Room round a path or a box in its views from above and from the side, over its size.
+    reach = (1 + 2 * 0.12) * half
     axes.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
     axes.set_aspect("equal")
     axes.set_xlabel(f"{'xyz'[i]} [m]", fontsize=8)
@@ -131,7 +124,8 @@ def _path_parts(certificate: Certificate, path: Path, color: str) -> list[Curve]
 def _points(path: Path, start: float, stop: float) -> Matrix:
     """Points (k, 3), with all ends of segments among them."""
     inside = path.starts[(path.starts > start) & (path.starts < stop)]
-    return path.at(np.unique(np.concatenate([np.linspace(start, stop, SAMPLES), inside]))).position
+    # Points of a path in the picture.
+    return path.at(np.unique(np.concatenate([np.linspace(start, stop, 120), inside]))).position
 
 
 def _edges_of(box: Box) -> list[Matrix]:
@@ -144,12 +138,6 @@ def _edges_of(box: Box) -> list[Matrix]:
 
 
 # --- The picture of a box of tool poses: what is proven of it, what is refuted, what is undecided, and the robot there.
-
-CLEAR_SIZE = (7.6, 6.5)
-"""Of the picture [inch]."""
-
-PIXELS = 60
-"""Of a slice, along the longest side."""
 
 INSIDE = 0.999
 """Of a half side of the box, where a slice may be: its faces are not in it, for their rounding."""
@@ -173,7 +161,8 @@ def box_figure(certificate: Certificate) -> Any:
     q = start_of(certificate)
     actors = [Actor(q, HOLONOMIC)] if worst is None else [Actor(q, HOLONOMIC, "ghost"), Actor(worst.q, VERMILLION)]
     edges = [Curve(edge, LOOP if certificate.whole else INK) for edge in _edges_of(_box(space))]
-    figure = Figure(figsize=CLEAR_SIZE)
+    # Of the picture [inch].
+    figure = Figure(figsize=(7.6, 6.5))
     things: list[LinkShape] = [] if clear is None else obstacles_of(clear)
     stage = stage_of(shaped, np.array([actor.q for actor in actors]), edges, obstacles=things)
     draw_panel(figure.add_axes((0.01, 0.43, 0.98, 0.56)), stage, actors, edges)
@@ -204,7 +193,8 @@ def _slice(axes: Any, region: UniqueRegion, pair: tuple[int, int], place: Matrix
     """A plane of the box along two axes of the base; returns which of `NAMES` are seen in it."""
     (i, j), center, half = pair, region.workspace.solid.center, region.workspace.solid.half
     inside = center + np.clip(place - center, -INSIDE * half, INSIDE * half)
-    plane = plane_through(region.workspace, pair, PIXELS, inside)
+    # Of a slice, along the longest side.
+    plane = plane_through(region.workspace, pair, 60, inside)
     seen = region_map(axes, region, plane, region.parts_at(region.workspace.at(plane.points)))
     if marked:
         axes.plot(place[i], place[j], "x", color=INK, markersize=7, markeredgewidth=1.8, clip_on=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path as FilePath
@@ -17,6 +17,7 @@ from ...base.errors import ArgumentError, brief
 from ...base.files import write_text
 from ...base.types import Array, Matrix, Vector
 from ...base.units import at_least, at_most
+from ...path import Path
 from ...path.editing import AnyPath, paths_of
 from ...path.path import Segment
 from ...path.workspaces import PoseRange, Workspace
@@ -26,10 +27,8 @@ from ...proof.proven_region import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN, 
 from ...proof.recheck import CheckerWord, Outcome, ask_checker, unasked
 from ...robot import LinkShape, Robot
 from ...version import build
-from .html_page import drawn, html_table, page
-from .job_report import Column, print_line, print_table
+from .html_page import page
 from .job_result import free_name, renewed, write_facts
-from .plots import BAD, GOOD, WARNING
 from .proof_picture import box_figure, box_picture_words, drawable, picture_words, proof_figure, start_of
 from .proof_words import (
     PROVEN,
@@ -41,6 +40,7 @@ from .proof_words import (
     least_of_pairs,
     nearest_of,
     not_proven,
+    pair_words,
     place_words,
     refuted_by,
     shapes_of,
@@ -49,149 +49,12 @@ from .proof_words import (
     stand_in_words,
     verdict,
 )
-
-# --- The parts of a certificate's page that are about distances: shapes, pairs, speeds, and where a box is not proven.
-
-MOST_ROWS = 150
-"""Rows of a table; the file has all."""
-
-MEANT = {
-    NEAR: "refuted: in each of these parts a posture was found that is nearer than was asked",
-    UNPROVEN: "undecided: the leaf goes on, and no posture was found that is too near, but nothing is proven",
-    ANOTHER: "the leaf comes there with other joints than those that continue what is proven",
-    LIMIT: "a joint is beyond its limit",
-    END: "the leaf does not reach the tool pose",
-}
-"""What is said of the parts of a box, by cause."""
-
-
-def _open_section(certificate: Certificate) -> list[str]:
-    """Where a box is not proven: shares by cause, and the posture that is too near by most."""
-    if certificate.whole or not isinstance(certificate.asked, PoseRange):
-        return [f"<p class='no'>REFUTED: {escape(str(worst))}.</p>"] if (worst := refuted_by(certificate)) else []
-    parts = region_of(certificate).parts
-    rows = [[escape(MEANT[cause]), _percent(parts.shares[CAUSES[cause]])] for cause in MEANT if cause in parts.cause]
-    worst = refuted_by(certificate)
-    sentences = (
-        [f"<p>The worst that was found: {escape(str(worst))}. {escape(_posture(certificate, worst.q))}</p>"]
-        if worst
-        else []
-    )
-    about = (
-        f"The rest of the box was cut into {len(parts):,} parts, and postures of the leaf were sampled in each: what "
-        "they show is measured, and not proven. A part is named after the pose in its middle, or after a posture in it "
-        "that is too near."
-    )
-    table = html_table(["Parts of the box that are not proven", "Share of the box"], rows)
-    return ["<h2>Where it is not proven</h2>", table, *sentences, f"<p class='small'>{about}</p>"]
-
-
-def _clear_sections(certificate: Certificate) -> list[str]:
-    """Speeds; and, where distances are proven, the nearest place, the shapes and the pairs."""
-    return [*_distances(certificate), *_speeds(certificate)]
-
-
-def _distances(certificate: Certificate) -> list[str]:
-    clear, near = certificate.demands.clear, nearest_of(certificate)
-    if clear is None:
-        return []
-    parts = ["<h2>Shapes and distances</h2>"]
-    if near is not None:
-        parts.append(
-            f"<p>The least distance that is proven over {place_words(certificate)} is {at_least(near.bound)} m, of "
-            f"{_pair(near.names)}: in the cell about the tool position {_place(near.pose)} m, at which the "
-            f"distance is {near.distance:.4g} m. {escape(_posture(certificate, near.q))}</p>"
-        )
-    assumed = assumed_words(certificate)
-    parts += [f"<p class='no'>{escape(assumed)}.</p>"] if assumed else []
-    shapes = shapes_of(clear)
-    rows = [_shape_row(certificate, shape) for shape in shapes[:MOST_ROWS]]
-    rows += [[escape(floor_words(clear)), "", "", "as it is"]] if floor_words(clear) else []
-    parts.append(html_table(["Shape of", "Kind and size", "Place of its frame", "In the proof"], rows))
-    parts += [f"<p class='small'>And {len(shapes) - MOST_ROWS} more.</p>"] if len(shapes) > MOST_ROWS else []
-    pairs = [
-        [_pair(names), f"{asked:g}" if asked else "no contact", at_least(bound)]
-        for names, asked, bound in least_of_pairs(certificate)[:MOST_ROWS]
-    ]
-    head = ["Pair that is looked at", "Asked [m]", "Proven, at least [m]"]
-    parts += ["<h3>Pairs</h3>", html_table(head, pairs, numbers=True)] if pairs else []
-    left = {one.pair: one.reason for one in clear.looked_at.left_out}
-    out = [[_pair(pair), escape(reason)] for pair, reason in list(left.items())[:MOST_ROWS]]
-    out += [[escape(brief(one.link)), f"no shape: {escape(brief(one.reason))}"] for one in clear.looked_at.unseen]
-    parts += ["<h3>Left out</h3>", html_table(["Not looked at", "Why"], out)] if out else []
-    return parts
-
-
-def _speeds(certificate: Certificate) -> list[str]:
-    """Upper bounds of joint speeds over the tool's, of a box or where distances are proven, too."""
-    if not len(certificate) or not (isinstance(certificate.asked, PoseRange) or certificate.demands.clear is not None):
-        return []
-    rates, robot = joint_rates(certificate), certificate.equation.strategy.task.robot
-    if not np.isfinite(rates.per_speed).all():
-        return []
-    turning = bool(rates.per_turn.any())
-    head = ["Joint", "while the tool moves at 1 m/s, at most", *["while it turns at 1 rad/s, at most"] * turning]
-    rows = []
-    for i, joint in enumerate(robot.coordinates):
-        limit = f"{rates.limits[i]:.4g} {joint.unit}/s" if np.isfinite(rates.limits[i]) else "none"
-        each = [_bound(rates.per_speed[i]), *[_bound(rates.per_turn[i])] * turning]
-        rows.append([escape(brief(joint.name)), *(f"{x} {joint.unit}/s" for x in each), limit])
-    v = rates.tool_speed
-    within = (
-        f"So no joint is faster than its limit while the tool moves at {at_least(v)} m/s or slower"
-        f"{' and does not turn' if turning else ''}."
-        if np.isfinite(v) and v > 0
-        else "The model does not have the speed limits of all joints that would bound the speed of the tool."
-    )
-    table = html_table([*head, "Speed limit in the model"], rows, numbers=True)
-    bounds = f"Upper bounds over {place_words(certificate)}, on any path of the tool."
-    about = f"{bounds} {within} The checker does not look at this."
-    return ["<h2>Speeds of the joints</h2>", table, f"<p class='small'>{about}</p>"]
-
-
-def _bound(value: float) -> str:
-    return at_most(float(value)) if value > 1e-12 else "0"
-
-
-def _shape_row(certificate: Certificate, shape: LinkShape) -> list[str]:
-    robot, T = certificate.equation.strategy.task.robot, shape.placement
-    frame = "the base" if shape.joint < 0 else f"joint {robot.joints[shape.joint].name}"
-    turned = "" if np.allclose(T[:3, :3], np.eye(3), atol=1e-9) else f", z axis along {_row(T[:3, 2])}"
-    kind = "obstacle" if shape.obstacle else "carried" if shape.carried else "link"
-    place = f"{_row(T[:3, 3])} m{turned}, in the frame of {frame}"
-    return [
-        f"{escape(brief(shape.link))} ({kind})",
-        escape(size_words(shape.shape)),
-        escape(place),
-        escape(stand_in_words(shape.shape)),
-    ]
-
-
-def _posture(certificate: Certificate, q: Vector) -> str:
-    joints = zip(certificate.equation.strategy.task.robot.coordinates, q, strict=True)
-    return f"Posture: {', '.join(f'{brief(c.name)} {x:.5g} {c.unit}' for c, x in joints)}."
-
-
-def _pair(names: tuple[str, str]) -> str:
-    return escape(f"{brief(names[0])} and {brief(names[1])}")
-
-
-def _place(pose: Matrix) -> str:
-    return _row(pose[:3, 3])
-
-
-def _row(values: Sequence[float] | Vector) -> str:
-    return f"[{', '.join(f'{x:.5g}' for x in np.round(values, 9) + 0.0)}]"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2f} %" if share >= 5e-5 else "below 0.01 %"
-
+from .section import Note, Section, Tone, drawn, right
 
 # --- The page of a certificate: HTML to print, beside the file of the certificate, which it names by its SHA-256.
 
-MOST_PIECES = 12
-"""Rows in the table of a path; the file has all pieces."""
+MOST_ROWS = 150
+"""Rows of a table; the file has all."""
 
 PLACES = 8
 """Decimals of a joint in rad or m, so that a bound and the limit next to it are not confused."""
@@ -202,7 +65,7 @@ h1 {{ font-size: 1.35rem; margin: 0; }} h2 {{ margin-top: 1.5rem;
 border-bottom: 1px solid #c9d1da; }}
 .verdict {{ border: 3px solid #a84a00; padding: .7rem 1rem; margin-bottom: 1rem; }} .verdict p {{ margin: .4rem 0 0; }}
 .verdict.good {{ border-color: #00664a; }} code {{ overflow-wrap: anywhere; font-size: .88em; }}
-.claims th:nth-child(2) {{ width: 8rem; }} .claims th:nth-child(3) {{ width: 11rem; }}
+h2:first-of-type + .wide th:nth-child(2) {{ width: 8rem; }} h2:first-of-type + .wide th:nth-child(3) {{ width: 11rem; }}
 td {{ overflow-wrap: anywhere; }} td.n {{ overflow-wrap: normal; }}
 th[scope=row] {{ width: 11rem; overflow-wrap: anywhere; }}
 figure {{ margin: .8rem auto; max-width: 44rem; }} figure img {{ width: 100%; }}
@@ -249,90 +112,62 @@ def write_page(certificate: Certificate, file: FilePath, word: CheckerWord) -> F
 def _page(certificate: Certificate, file: FilePath, word: CheckerWord, now: datetime) -> str:
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
     robot, first = certificate.equation.strategy.task.robot, verdict(certificate, word)
-    parts = [
+    # The box with the verdict; what the checker says is green only where all is proven, too.
+    verified = word.outcome is Outcome.VERIFIED
+    kind = "" if verified and not certificate.whole else f" class='{'yes' if verified else 'no'}'"
+    box = (
         f"<div class='verdict{' good' if first.good else ''}'><h1>{escape(first.line)}</h1>"
-        f"<p>{escape(first.sentence)}</p>"
-        f"<p class='{_tone(certificate, word)}'>{escape(checker_words(certificate, word))}</p></div>",
-        f"<p>{_told(certificate.title)}. Certificate of holokin about the model of the robot {_told(robot.name)}, "
-        f"{now:%Y-%m-%d}.</p>",
-        "<h2>What is proven</h2>",
-        "<div class='claims'>"
-        + html_table(
-            ["Statement", "Proof", "Checker"],
-            [[escape(c.text), _mark(c.proven), _mark(c.checked)] for c in claims(certificate, word)],
-        )
-        + "</div>",
-        f"<p class='small'>The theorem in the program's words: {escape(certificate.theorem)}</p>",
-        "<h2>What is NOT proven</h2>",
-        f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in not_proven(certificate, word))}</ul>",
-        "<h2>File and versions</h2>",
-        _facts(_file_facts(file, sha256, now)),
-        *_where(certificate),
-        *_open_section(certificate),
-        *_clear_sections(certificate),
-        "<h2>Robot</h2>",
-        _facts(_robot_facts(robot)),
-        _joints(certificate),
-        "<h2>Strategy and start</h2>",
-        _facts(_strategy_facts(certificate)),
-        "<h2>Checker</h2>",
-        *_checker(word),
-        "<h2>Numbers of the proof</h2>",
-        _facts(_numbers(certificate)),
+        f"<p>{escape(first.sentence)}</p><p{kind}>{escape(checker_words(certificate, word))}</p></div>"
+    )
+    # The sections: the statements and their limits first, then what they are about, then how they were found.
+    about = f"Certificate of holokin about the model of the robot {brief(robot.name)}, {now:%Y-%m-%d}."
+    statements = [[claim.text, _mark(claim.proven), _mark(claim.checked)] for claim in claims(certificate, word)]
+    theorem = Note(f"The theorem in the program's words: {certificate.theorem}", "small")
+    parts = [
+        box,
+        Section(notes=[f"{brief(certificate.title)}. {about}"]),
+        Section("What is proven", head=["Statement", "Proof", "Checker"], rows=statements, remarks=[theorem]),
+        Section("What is NOT proven", points=not_proven(certificate, word)),
+        Section("File and versions", rows=_file_facts(file, sha256, now)),
+        _asked_section(certificate),
+        _open_section(certificate),
+        _distance_section(certificate),
+        _speed_section(certificate),
+        Section("Robot", rows=_robot_facts(robot), parts=[_joint_section(certificate)]),
+        Section("Strategy and start", rows=_strategy_facts(certificate)),
+        _checker_section(word),
+        Section("Numbers of the proof", rows=_numbers(certificate)),
     ]
     return page(f"{first.line} - {brief(certificate.title)}", parts, _HEAD.format(sha256=sha256))
 
 
-def _told(name: str) -> str:
-    """A name of somebody else in HTML: short, on one line, and without what HTML or a printer would obey."""
-    return escape(brief(name))
+def _mark(text: str) -> Note:
+    """What is proven or verified in green, what is not in red."""
+    if text.startswith((PROVEN, Outcome.VERIFIED.value)):
+        return Note(text, "good")
+    return Note(text, "bad" if text.startswith(("NO", "REJECTED", "not", "claimed")) else "")
 
 
-def _facts(rows: Sequence[tuple[str, str]]) -> str:
-    """A table of two columns: what, in HTML, and its value, in HTML."""
-    body = "".join(f"<tr><th scope='row'>{what}</th><td>{value}</td></tr>" for what, value in rows)
-    return f"<table><tbody>{body}</tbody></table>"
-
-
-def _mark(text: str) -> str:
-    kind = "yes" if text.startswith((PROVEN, Outcome.VERIFIED.value)) else ""
-    kind = "no" if text.startswith(("NO", "REJECTED", "not", "claimed")) else kind
-    return f"<span class='{kind}'>{escape(text)}</span>" if kind else escape(text)
-
-
-def _tone(certificate: Certificate, word: CheckerWord) -> str:
-    """The class of what the checker says: green only where all is proven, too."""
-    if word.outcome is not Outcome.VERIFIED:
-        return "no"
-    return "yes" if certificate.whole else ""
-
-
-def _checker(word: CheckerWord) -> list[str]:
-    """What it said, word by word."""
-    head, *lines = word.text.splitlines()
-    items = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
-    facts = [
-        ("Outcome", _mark(word.outcome.value)),
-        ("Version", escape(word.version)),
-        ("Time", f"{word.seconds:.3g} s"),
-    ]
-    about = (
-        "A small program that shares no code with the search for the proof. It reads the file, chooses its own bounds, "
-        "and computes them in ball arithmetic."
-    )
+def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, Note | str]]:
+    sample = ", with --sample 0.01 1 % of its cells"
     return [
-        f"<p class='small'>{about}</p>",
-        _facts([*facts, ("Its words", escape(head))]),
-        f"<ul class='small'>{items}</ul>" if items else "",
+        ("Certificate", Note(file.name, "code", f", {file.stat().st_size:,} bytes, format {FORMAT}")),
+        ("SHA-256 of the file", Note(sha256, "code")),
+        ("Compare it by", Note(f"sha256sum {file.name}", "code")),
+        ("Verify it by", Note(f"holokin check-certificate {file.name}", "code", sample)),
+        ("Page made", f"{now:%Y-%m-%d %H:%M} UTC"),
+        ("Made by", f"holokin {build()}, Python {platform.python_version()}, NumPy {np.__version__}"),
     ]
 
 
-def _where(certificate: Certificate) -> list[str]:
+def _asked_section(certificate: Certificate) -> Section:
     """The path or the box, with the picture."""
-    figure = [drawn(*_picture(certificate))] if drawable(certificate) else []
+    figure = drawn(*_picture(certificate)) if drawable(certificate) else None
     if isinstance(certificate.asked, Workspace):
-        return ["<h2>Box of tool poses</h2>", *figure, _facts(_box_facts(certificate, certificate.asked))]
-    return ["<h2>Path</h2>", *figure, _facts(_path_facts(certificate, certificate.asked)), *_pieces(certificate.asked)]
+        return Section("Box of tool poses", figure=figure, rows=_box_facts(certificate, certificate.asked))
+    facts, paths = _path_facts(certificate, certificate.asked), paths_of(certificate.asked)
+    tools = [f"Tool {k + 1}" if len(paths) > 1 else "" for k in range(len(paths))]
+    return Section("Path", figure=figure, rows=facts, parts=list(map(_piece_section, tools, paths)))
 
 
 def _picture(certificate: Certificate) -> tuple[Callable[[], Any], str]:
@@ -342,9 +177,19 @@ def _picture(certificate: Certificate) -> tuple[Callable[[], Any], str]:
     return lambda: proof_figure(certificate), picture_words(certificate)
 
 
+MEANT = {
+    NEAR: "refuted: in each of these parts a posture was found that is nearer than was asked",
+    UNPROVEN: "undecided: the leaf goes on, and no posture was found that is too near, but nothing is proven",
+    ANOTHER: "the leaf comes there with other joints than those that continue what is proven",
+    LIMIT: "a joint is beyond its limit",
+    END: "the leaf does not reach the tool pose",
+}
+"""What is said of the parts of a box, by cause."""
+
+
 def _box_facts(certificate: Certificate, space: Workspace) -> list[tuple[str, str]]:
     if not isinstance(space, PoseRange):
-        return [("Poses", escape(str(space)))]
+        return [("Poses", str(space))]
     task, (p, h) = certificate.equation.strategy.task, (space.solid.center, space.solid.half)
     spans = [f"{axis}: {a - b:.6g} to {a + b:.6g} m" for axis, a, b in zip("xyz", p, h, strict=True)]
     rows = [
@@ -361,7 +206,7 @@ def _box_facts(certificate: Certificate, space: Workspace) -> list[tuple[str, st
     return [
         *rows,
         ("Proven", share_words(certificate)),
-        *([("Stopped at", escape(certificate.where))] if certificate.where else []),
+        *([("Stopped at", certificate.where)] if certificate.where else []),
     ]
 
 
@@ -384,28 +229,23 @@ def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]
     return [
         *rows,
         ("Covered by cells", share_words(certificate)),
-        *([("Stopped at", escape(certificate.where))] if certificate.where else []),
+        *([("Stopped at", certificate.where)] if certificate.where else []),
     ]
 
 
-def _pieces(path: AnyPath) -> list[str]:
+def _piece_section(title: str, path: Path) -> Section:
     """The ends of the pieces of a path."""
-    parts: list[str] = []
-    several = len(paths_of(path)) > 1
-    for k, part in enumerate(paths_of(path)):
-        shown = part.segments[:MOST_PIECES]
-        begun = part.on(np.arange(len(shown)), np.zeros(len(shown))).position
-        ended = part.on(np.arange(len(shown)), np.ones(len(shown))).position
-        rows = [
-            [str(i + 1), _point_text(a), _point_text(b), f"{s.length:.6g}", _shape(s)]
-            for i, (s, a, b) in enumerate(zip(shown, begun, ended, strict=True))
-        ]
-        more = len(part.segments) - len(shown)
-        head = ["Piece", "From [m]", "To [m]", "Length [m]", "Shape"]
-        parts += [f"<h3>Tool {k + 1}</h3>"] if several else []
-        parts += [html_table(head, rows)]
-        parts += [f"<p class='small'>The file has {more} more pieces.</p>"] if more else []
-    return parts
+    # Rows in the table of a path; the file has all pieces.
+    shown = path.segments[:12]
+    begun = path.on(np.arange(len(shown)), np.zeros(len(shown))).position
+    ended = path.on(np.arange(len(shown)), np.ones(len(shown))).position
+    rows = [
+        [str(i + 1), _point_text(a), _point_text(b), f"{s.length:.6g}", _shape(s)]
+        for i, (s, a, b) in enumerate(zip(shown, begun, ended, strict=True))
+    ]
+    more = len(path.segments) - len(shown)
+    remarks = [Note(f"The file has {more} more pieces.", "small")] if more else []
+    return Section(title, head=["Piece", "From [m]", "To [m]", "Length [m]", "Shape"], rows=rows, remarks=remarks)
 
 
 def _shape(segment: Segment) -> str:
@@ -422,21 +262,118 @@ def _shape(segment: Segment) -> str:
     )
 
 
+def _open_section(certificate: Certificate) -> Section:
+    """Where a box is not proven: shares by cause, and the posture that is too near by most."""
+    worst = refuted_by(certificate)
+    if certificate.whole or not isinstance(certificate.asked, PoseRange):
+        return Section(notes=[Note(f"REFUTED: {worst}.", "bad")] if worst else [])
+    parts = region_of(certificate).parts
+    rows = [[MEANT[cause], _percent(parts.shares[CAUSES[cause]])] for cause in MEANT if cause in parts.cause]
+    about = (
+        f"The rest of the box was cut into {len(parts):,} parts, and postures of the leaf were sampled in each: what "
+        "they show is measured, and not proven. A part is named after the pose in its middle, or after a posture in it "
+        "that is too near."
+    )
+    remarks = [f"The worst that was found: {worst}. {_posture(certificate, worst.q)}"] if worst else []
+    head = ["Parts of the box that are not proven", "Share of the box"]
+    return Section("Where it is not proven", head=head, rows=rows, remarks=[*remarks, Note(about, "small")])
+
+
+def _distance_section(certificate: Certificate) -> Section:
+    """Where distances are proven: the nearest place, the shapes and the pairs."""
+    clear, near = certificate.demands.clear, nearest_of(certificate)
+    if clear is None:
+        return Section()
+    # The nearest place, and what is assumed of the shapes.
+    notes: list[Note | str] = []
+    if near is not None:
+        notes.append(
+            f"The least distance that is proven over {place_words(certificate)} is {at_least(near.bound)} m, of "
+            f"{pair_words(near.names)}: in the cell about the tool position {_row(near.pose[:3, 3])} m, at which the "
+            f"distance is {near.distance:.4g} m. {_posture(certificate, near.q)}"
+        )
+    if assumed := assumed_words(certificate):
+        notes.append(Note(f"{assumed}.", "bad"))
+    # The shapes.
+    shapes, floor = shapes_of(clear), floor_words(clear)
+    rows = [_shape_row(certificate, shape) for shape in shapes[:MOST_ROWS]]
+    rows += [[floor, "", "", "as it is"]] if floor else []
+    more = [Note(f"And {len(shapes) - MOST_ROWS} more.", "small")] if len(shapes) > MOST_ROWS else []
+    # The pairs that are looked at, and those that are not.
+    pairs = [
+        [pair_words(names), f"{asked:g}" if asked else "no contact", at_least(bound)]
+        for names, asked, bound in least_of_pairs(certificate)[:MOST_ROWS]
+    ]
+    reasons = {entry.pair: entry.reason for entry in clear.looked_at.left_out}
+    out = [[pair_words(pair), reason] for pair, reason in list(reasons.items())[:MOST_ROWS]]
+    out += [[brief(entry.link), f"no shape: {brief(entry.reason)}"] for entry in clear.looked_at.unseen]
+    head = ["Pair that is looked at", *right("Asked [m]", "Proven, at least [m]")]
+    parts = [Section("Pairs", head=head, rows=pairs)] if pairs else []
+    parts += [Section("Left out", head=["Not looked at", "Why"], rows=out)] if out else []
+    head = ["Shape of", "Kind and size", "Place of its frame", "In the proof"]
+    return Section("Shapes and distances", notes, head=head, rows=rows, remarks=more, parts=parts)
+
+
+def _speed_section(certificate: Certificate) -> Section:
+    """Upper bounds of joint speeds over the tool's, of a box or where distances are proven, too."""
+    asked = isinstance(certificate.asked, PoseRange) or certificate.demands.clear is not None
+    if not len(certificate) or not asked:
+        return Section()
+    rates, robot = joint_rates(certificate), certificate.equation.strategy.task.robot
+    if not np.isfinite(rates.per_speed).all():
+        return Section()
+    # The bounds of each joint.
+    turning = bool(rates.per_turn.any())
+    rows = []
+    for i, joint in enumerate(robot.coordinates):
+        limit = f"{rates.limits[i]:.4g} {joint.unit}/s" if np.isfinite(rates.limits[i]) else "none"
+        bounds = [rates.per_speed[i], *[rates.per_turn[i]] * turning]
+        bounds = [at_most(float(bound)) if bound > 1e-12 else "0" for bound in bounds]
+        rows.append([brief(joint.name), *(f"{bound} {joint.unit}/s" for bound in bounds), limit])
+    # The speed of the tool that follows.
+    v = rates.tool_speed
+    within = (
+        f"So no joint is faster than its limit while the tool moves at {at_least(v)} m/s or slower"
+        f"{' and does not turn' if turning else ''}."
+        if np.isfinite(v) and v > 0
+        else "The model does not have the speed limits of all joints that would bound the speed of the tool."
+    )
+    bounds = f"Upper bounds over {place_words(certificate)}, on any path of the tool."
+    about = Note(f"{bounds} {within} The checker does not look at this.", "small")
+    moves = ["while the tool moves at 1 m/s, at most", *["while it turns at 1 rad/s, at most"] * turning]
+    head = ["Joint", *right(*moves, "Speed limit in the model")]
+    return Section("Speeds of the joints", head=head, rows=rows, remarks=[about])
+
+
+def _shape_row(certificate: Certificate, shape: LinkShape) -> list[str]:
+    robot, T = certificate.equation.strategy.task.robot, shape.placement
+    frame = "the base" if shape.joint < 0 else f"joint {robot.joints[shape.joint].name}"
+    turned = "" if np.allclose(T[:3, :3], np.eye(3), atol=1e-9) else f", z axis along {_row(T[:3, 2])}"
+    kind = "obstacle" if shape.obstacle else "carried" if shape.carried else "link"
+    place = f"{_row(T[:3, 3])} m{turned}, in the frame of {frame}"
+    return [f"{brief(shape.link)} ({kind})", size_words(shape.shape), place, stand_in_words(shape.shape)]
+
+
+def _posture(certificate: Certificate, q: Vector) -> str:
+    joints = zip(certificate.equation.strategy.task.robot.coordinates, q, strict=True)
+    return f"Posture: {', '.join(f'{brief(c.name)} {x:.5g} {c.unit}' for c, x in joints)}."
+
+
 def _robot_facts(robot: Robot) -> list[tuple[str, str]]:
-    rows = [("Model", _told(robot.name)), ("Source", _told(robot.source or "not named"))]
+    rows = [("Model", brief(robot.name)), ("Source", brief(robot.source or "not named"))]
     roots = [joint for joint in robot.joints if joint.parent < 0]
     for joint in roots:
-        rows.append(("Mounting", f"joint {_told(joint.name)} in the frame of the base: {_pose_text(joint.placement)}"))
+        rows.append(("Mounting", f"joint {brief(joint.name)} in the frame of the base: {_pose_text(joint.placement)}"))
     for tip in robot.tips:
-        on = f"joint {_told(robot.joints[tip.joint].name)}" if tip.joint >= 0 else "the base"
-        rows.append(("Tool", f"{_told(tip.name)}, in the frame of {on}: {_pose_text(tip.placement)}"))
+        on = f"joint {brief(robot.joints[tip.joint].name)}" if tip.joint >= 0 else "the base"
+        rows.append(("Tool", f"{brief(tip.name)}, in the frame of {on}: {_pose_text(tip.placement)}"))
     return rows
 
 
-def _joints(certificate: Certificate) -> str:
+def _joint_section(certificate: Certificate) -> Section:
     """Each joint with its limits in the model, and what is proven of it."""
     robot, some = certificate.equation.strategy.task.robot, len(certificate) > 0
-    head = ["Joint", "Unit", "Lower limit", "Proven from", "Proven to", "Upper limit", "To a limit"]
+    columns = ("Unit", "Lower limit", "Proven from", "Proven to", "Upper limit", "To a limit")
     rows = []
     for i, joint in enumerate(robot.coordinates):
         scale = 10.0**PLACES
@@ -446,26 +383,26 @@ def _joints(certificate: Certificate) -> str:
         ]
         left = at_least(float(certificate.to_limit[i])) if np.isfinite(certificate.to_limit[i]) else "no limit"
         values = [*hull, left] if some else ["-", "-", "-"]
-        rows.append([_told(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]])
+        rows.append([brief(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]])
     asked = (
         ""
         if certificate.limits is not None
         else " The proof was made without limits: that the joints keep them is not claimed."
     )
     about = f"The joints over {place_words(certificate)}; bounds are rounded outwards.{asked}"
-    return f"<p class='small'>{about}</p>{html_table(head, rows, numbers=True)}"
+    return Section(notes=[Note(about, "small")], head=["Joint", *right(*columns)], rows=rows)
 
 
 def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
     strategy, robot, q = certificate.equation.strategy, certificate.equation.strategy.task.robot, start_of(certificate)
     posture = ", ".join(
-        f"{_told(c.name)} {_number(x)} {c.unit}" for c, x in zip(robot.coordinates, q.tolist(), strict=True)
+        f"{brief(c.name)} {_number(x)} {c.unit}" for c, x in zip(robot.coordinates, q.tolist(), strict=True)
     )
     rows = [
-        ("Task", _told(strategy.task.name)),
-        ("Rows of the task", _told(", ".join(strategy.task.row_names))),
-        ("Strategy", _told(strategy.name)),
-        ("Constraint", f"g(q) = c: {_told(strategy.constraint.name)}, {strategy.constraint.rows} row(s)"),
+        ("Task", brief(strategy.task.name)),
+        ("Rows of the task", brief(", ".join(strategy.task.row_names))),
+        ("Strategy", brief(strategy.name)),
+        ("Constraint", f"g(q) = c: {brief(strategy.constraint.name)}, {strategy.constraint.rows} row(s)"),
         ("Level c", _vector(certificate.c)),
         ("Posture", posture),
     ]
@@ -481,9 +418,21 @@ def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
     return rows
 
 
+def _checker_section(word: CheckerWord) -> Section:
+    """What the checker said, word by word."""
+    head, *lines = word.text.splitlines()
+    about = (
+        "A small program that shares no code with the search for the proof. It reads the file, chooses its own bounds, "
+        "and computes them in ball arithmetic."
+    )
+    facts = [("Outcome", _mark(word.outcome.value)), ("Version", word.version), ("Time", f"{word.seconds:.3g} s")]
+    points = [Note(line.strip(), "small") for line in lines]
+    return Section("Checker", [Note(about, "small")], rows=[*facts, ("Its words", head)], points=points)
+
+
 def _numbers(certificate: Certificate) -> list[tuple[str, str]]:
     rows = [
-        ("Extent", escape(certificate.extent.value)),
+        ("Extent", certificate.extent.value),
         ("Cells", f"{len(certificate):,}"),
         ("Time of the search", f"{certificate.seconds:.3g} s"),
     ]
@@ -491,7 +440,7 @@ def _numbers(certificate: Certificate) -> list[tuple[str, str]]:
         return rows
     f = certificate.findings
     rows += [
-        (f"|det {escape(certificate.equation.derivative)}|", f"at least {at_least(certificate.determinant)}"),
+        (f"|det {certificate.equation.derivative}|", f"at least {at_least(certificate.determinant)}"),
         ("omega of the theorem", f"at most {at_most(float(f.omega.max()))}"),
         ("Radius of a root's ball", f"at most {at_most(float(f.r.max()))}"),
         ("Alone within", f"at least {at_least(float(f.alone.min()))}"),
@@ -508,23 +457,8 @@ def _numbers(certificate: Certificate) -> list[tuple[str, str]]:
             certificate.revisit.high,
             strict=True,
         )
-        rows += [(f"{_told(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
+        rows += [(f"{brief(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
     return rows
-
-
-def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, str]]:
-    name = escape(file.name)
-    return [
-        ("Certificate", f"<code>{name}</code>, {file.stat().st_size:,} bytes, format {escape(FORMAT)}"),
-        ("SHA-256 of the file", f"<code>{sha256}</code>"),
-        ("Compare it by", f"<code>sha256sum {name}</code>"),
-        (
-            "Verify it by",
-            f"<code>holokin check-certificate {name}</code>, 1 % of its cells by <code>--sample 0.01</code>",
-        ),
-        ("Page made", f"{now:%Y-%m-%d %H:%M} UTC"),
-        ("Made by", f"holokin {escape(build())}, Python {platform.python_version()}, NumPy {np.__version__}"),
-    ]
 
 
 def _pose_text(T: Matrix) -> str:
@@ -551,59 +485,73 @@ def _number(value: Any) -> str:
     return f"{0.0 if abs(value) < 1e-12 else float(value):.9g}"
 
 
-COLUMNS: tuple[Column, ...] = (
-    ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("largest\nomega", "right"),
-    ("largest\nradius", "right"), ("nearest limit\n[rad or m]", "right"), ("least\n|det D_q E|", "right"),
-)  # fmt: skip
+def _row(values: Vector) -> str:
+    return f"[{', '.join(f'{x:.5g}' for x in np.round(values, 9) + 0.0)}]"
 
 
-CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.SAMPLED: WARNING, Outcome.NONE: WARNING}
-"""The colour of what the checker says."""
+def _percent(share: float) -> str:
+    return f"{100 * share:.2f} %" if share >= 5e-5 else "below 0.01 %"
 
 
-def cells(name: str, certificate: Certificate | str) -> list[str]:
+# --- The table of a job's certificates, and the folder of their files.
+
+_COLUMNS = [
+    "strategy",
+    "proven",
+    *right("cells", "seconds", "largest\nomega", "largest\nradius", "nearest limit\n[rad or m]", "least\n|det D_q E|"),
+]
+
+_PROVEN: dict[str, Tone] = {"all": "good", "part": "warning", "not done": "warning", "drifts": "bad", "NO": "bad"}
+
+_CHECKED: dict[Outcome, Tone] = {Outcome.VERIFIED: "good", Outcome.REJECTED: "bad"}
+
+
+def _table_row(name: str, certificate: Certificate | str) -> list[Note]:
     """The row of one strategy."""
-    if isinstance(certificate, str):
-        return [name, "not done", *["-"] * (len(COLUMNS) - 2)]
-    proven = "all" if certificate.whole else "drifts" if certificate.revisit else "part" if len(certificate) else "NO"
-    if not len(certificate):
-        return [name, proven, "0", f"{certificate.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]
-    return [
-        name, proven, str(len(certificate)), f"{certificate.seconds:.2g}", f"{certificate.findings.omega.max():.2g}",
-        f"{certificate.findings.r.max():.1e}", f"{certificate.to_limit.min():.3g}", f"{certificate.determinant:.1e}",
-    ]  # fmt: skip
+    proven, numbers = "not done", []
+    if not isinstance(certificate, str):
+        proven = "all" if certificate.whole else "drifts" if certificate.revisit else "part"
+        proven = proven if certificate.revisit or len(certificate) else "NO"
+        numbers = [str(len(certificate)), f"{certificate.seconds:.2g}"]
+    if not isinstance(certificate, str) and len(certificate):
+        findings = certificate.findings
+        numbers += [f"{findings.omega.max():.2g}", f"{findings.r.max():.1e}"]
+        numbers += [f"{certificate.to_limit.min():.3g}", f"{certificate.determinant:.1e}"]
+    cells = [name, proven, *numbers, *["-"] * (len(_COLUMNS) - 2 - len(numbers))]
+    return [Note(cell, _PROVEN.get(cell, "")) for cell in cells]
 
 
 def print_certificates(
     title: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
 ) -> None:
     """Print the table of a job's certificates, and below it each theorem, with what the checker says of it."""
-    colors = {"all": GOOD, "part": WARNING, "not done": WARNING, "drifts": BAD, "NO": BAD}
-    listed = [cells(name, certificate) for name, certificate in certificates.items()]
-    print_table(console, brief(title), COLUMNS, listed, lambda _, cell: colors.get(cell, ""))
-    left = [name for name, certificate in certificates.items() if isinstance(certificate, str)]
+    remarks: list[Note] = []
     for name, certificate in certificates.items():
-        text = f"not certified: {certificate}" if isinstance(certificate, str) else str(certificate)
-        style = GOOD if isinstance(certificate, Certificate) and certificate.whole else WARNING
-        print_line(console, f"{brief(name)}: {text}", style)
-        if isinstance(certificate, Certificate) and not certificate.whole:
-            print_line(console, f"  {certificate.extent.value}", WARNING)
-            worst = refuted_by(certificate)
-            if worst is not None:
-                print_line(console, f"  refuted: {worst}", BAD)
-        if isinstance(certificate, Certificate):
-            text, style = checker_words(certificate, words[name]), CHECKED[words[name].outcome]
-            print_line(console, f"  {text}", style)
-    if left:
+        if isinstance(certificate, str):
+            remarks.append(Note(f"{brief(name)}: not certified: {certificate}", "warning"))
+            continue
+        remarks.append(Note(f"{brief(name)}: {certificate}", "good" if certificate.whole else "warning"))
+        if not certificate.whole:
+            remarks.append(Note(f"  {certificate.extent.value}", "warning"))
+        if worst := refuted_by(certificate):
+            remarks.append(Note(f"  refuted: {worst}", "bad"))
+        tone = _CHECKED.get(words[name].outcome, "warning")
+        remarks.append(Note(f"  {checker_words(certificate, words[name])}", tone))
+    if left := [name for name, certificate in certificates.items() if isinstance(certificate, str)]:
         rest = "the verdict is on the others" if len(left) < len(certificates) else "nothing is certified"
-        text = f"left out: {brief(', '.join(left))}; {rest}"
-        print_line(console, text, WARNING)
+        remarks.append(Note(f"left out: {brief(', '.join(left))}; {rest}", "warning"))
+    rows = [_table_row(name, certificate) for name, certificate in certificates.items()]
+    Section(brief(title), head=_COLUMNS, rows=rows, remarks=remarks).rich(console)
 
 
 def write_certificates(
-    name: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str,
+    name: str,
+    certificates: dict[str, Certificate | str],
+    words: dict[str, CheckerWord],
+    out: FilePath,
+    version: str,
     stopped: bool,
-) -> list[FilePath]:  # fmt: skip
+) -> list[FilePath]:
     """Write NAME-certificate.json and its page for each into `out/<name>`, which is replaced whole, see `renewed`.
 
     Args:
@@ -614,29 +562,28 @@ def write_certificates(
         ArgumentError: the folder exists and was not written by holokin, or cannot be made. WriteError.
     """
     files: list[str] = []
-    facts: dict[str, Any] = {"holokin": version, "stopped": stopped, "strategies": {}}
+    strategies: dict[str, Any] = {}
     with renewed(out, name) as work:
         for label, certificate in certificates.items():
             if isinstance(certificate, str):
-                facts["strategies"][label] = {"proven": False, "theorem": certificate}
+                strategies[label] = {"proven": False, "theorem": certificate}
                 continue
-            file, word = (
-                certificate.save(work / free_name(label, "-certificate.json", files)),
-                words.get(label) or unasked(certificate),
-            )
+            # The files.
+            word = words.get(label) or unasked(certificate)
+            file = certificate.save(work / free_name(label, "-certificate.json", files))
             files += [file.name, write_page(certificate, file, word).name]
-            facts_of_one = {"proven": certificate.whole, "theorem": certificate.theorem, "checker": word.outcome.value}
-            facts["strategies"][label] = facts_of_one
+            # What result.json says of it.
+            facts: dict[str, Any] = {"proven": certificate.whole, "theorem": certificate.theorem}
+            facts["checker"] = word.outcome.value
             if (worst := refuted_by(certificate)) is not None:
-                facts_of_one["refuted"] = {
-                    "names": worst.names, "distance": worst.distance, "wanted": worst.wanted, "q": worst.q.tolist(),
-                    "pose": worst.pose.tolist(),
-                }  # fmt: skip
+                facts["refuted"] = {"names": worst.names, "distance": worst.distance, "wanted": worst.wanted}
+                facts["refuted"] |= {"q": worst.q.tolist(), "pose": worst.pose.tolist()}
             if isinstance(certificate.asked, PoseRange) and not certificate.whole:
                 region = region_of(certificate)
-                facts_of_one["shares"] = {"proven": region.share, **region.parts.shares}
+                facts["shares"] = {"proven": region.share, **region.parts.shares}
             if certificate.revisit is not None:
-                moved = [certificate.revisit.low.tolist(), certificate.revisit.high.tolist()]
-                facts_of_one["drift"] = dict(zip(("least", "most"), moved, strict=True))
-        write_facts(work, facts)
+                low, high = certificate.revisit.low, certificate.revisit.high
+                facts["drift"] = {"least": low.tolist(), "most": high.tolist()}
+            strategies[label] = facts
+        write_facts(work, {"holokin": version, "stopped": stopped, "strategies": strategies})
     return [out / name / file for file in files]

@@ -285,7 +285,7 @@ def _apart(certificate: Certificate) -> str:
         return " There the shapes that are listed below do not touch."
     asked = f"of those that are to keep {clear.looked_at.wanted:g} m apart, " if clear.looked_at.wanted else ""
     return (
-        f" There the shapes that are listed below keep apart: {asked}{_pair(near.names)} are the nearest, by "
+        f" There the shapes that are listed below keep apart: {asked}{pair_words(near.names)} are the nearest, by "
         f"{at_least(near.bound)} m or more."
     )
 
@@ -407,20 +407,21 @@ def _clear_claims(certificate: Certificate, proven: str, says: str) -> list[Clai
         these = [p for p, wanted in enumerate(clear.wanted) if wanted == asked]
         names = list(dict.fromkeys(clear.pairs[p].names for p in these))
         i = min(these, key=lambda p: bounds[p])
-        near = f"the nearest are {_pair(clear.pairs[i].names)}, {at_least(float(bounds[i]))} m apart or more"
+        near = f"the nearest are {pair_words(clear.pairs[i].names)}, {at_least(float(bounds[i]))} m apart or more"
         what = f"at least {asked:g} m apart" if asked else "apart: they do not touch"
         text = f"Over {place} the shapes of {_pairs(names)} are {what}; {near}."
         listed.append(Claim(text, proven, f"{says}: the distance asked for"))
     return listed
 
 
-def _pair(names: tuple[str, str]) -> str:
+def pair_words(names: tuple[str, str]) -> str:
+    """Two things that are looked at, by their short names."""
     return f"{brief(names[0])} and {brief(names[1])}"
 
 
 def _pairs(names: list[tuple[str, str]]) -> str:
     more = f" and {len(names) - MOST_NAMED} more pairs" if len(names) > MOST_NAMED else ""
-    return "; ".join(_pair(of) for of in names[:MOST_NAMED]) + more
+    return "; ".join(pair_words(of) for of in names[:MOST_NAMED]) + more
 
 
 def _rate_claims(certificate: Certificate, proven: str) -> list[Claim]:

@@ -48,9 +48,6 @@ MOST_POINTS = 120
 GHOST = 0.38
 """How much a ghost covers."""
 
-BEFORE = 0.45
-"""How much an obstacle covers of the robot behind it."""
-
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -105,9 +102,15 @@ class Stage:
 
 
 def stage_of(
-    robot: Robot, postures: Matrix, curves: Sequence[Curve] = (), *, pairs: Sequence[tuple[Vector, Vector]] = (),
-    obstacles: Sequence[LinkShape] = (), extra: Matrix | None = None, ratio: tuple[float, float] = (0.62, 1.35),
-) -> Stage:  # fmt: skip
+    robot: Robot,
+    postures: Matrix,
+    curves: Sequence[Curve] = (),
+    *,
+    pairs: Sequence[tuple[Vector, Vector]] = (),
+    obstacles: Sequence[LinkShape] = (),
+    extra: Matrix | None = None,
+    ratio: tuple[float, float] = (0.62, 1.35),
+) -> Stage:
     """The stage for postures (k, n), paths and obstacles; from above for a robot that moves in a plane.
 
     Args:
@@ -137,24 +140,28 @@ def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], wind
     base = [] if stage.robot.planar else triad(np.zeros(3), np.eye(3), 4.5 * stage.unit)
     things = layer_of(stage.scene, standing(stage.obstacles), window)
     layers = [
-        (one, stage.layer(one.q, one.color, window, axes=one.look != "ghost", still=one.look != "outline"))
-        for one in actors
+        (actor, stage.layer(actor.q, actor.color, window, axes=actor.look != "ghost", still=actor.look != "outline"))
+        for actor in actors
     ]
-    solid = [one for one in actors if one.look == "solid"] or list(actors)
-    shadow = [s for one in solid[:1] for s in solids_at(stage.pieces, stage.frames(one.q), 0, GREY)]
+    # The shadow of the first solid posture and of the obstacles, and the obstacles.
+    solid = [actor for actor in actors if actor.look == "solid"] or list(actors)
+    shadow = [s for actor in solid[:1] for s in solids_at(stage.pieces, stage.frames(actor.q), 0, GREY)]
     pixels = shadowed(empty(window), stage.scene, window, [*shadow, *standing(stage.obstacles)])
     pixels = over(pixels, things)
     beneath = Layer(things.color, np.zeros_like(things.cover), np.full_like(things.depth, -np.inf))
-    for one, layer in layers:
-        if one.look == "outline":
-            pixels = outlined(pixels, layer, one.color, beneath)
+    # The postures, one over the other; outlines are laid over the solids beneath them.
+    for actor, layer in layers:
+        if actor.look == "outline":
+            pixels = outlined(pixels, layer, actor.color, beneath)
             continue
-        pixels = over(pixels, layer, GHOST if one.look == "ghost" else 1.0)
-        if one.look == "solid":
+        pixels = over(pixels, layer, GHOST if actor.look == "ghost" else 1.0)
+        if actor.look == "solid":
             cover, depth = np.maximum(beneath.cover, layer.cover), np.maximum(beneath.depth, layer.depth)
             beneath = Layer(layer.color, cover, depth)
+    # Obstacles before the robot, the base frame, the paths.
     if stage.obstacles:
-        pixels = over(pixels, things, BEFORE, (things.depth > beneath.depth) & (beneath.cover > 0))
+        # How much an obstacle covers of the robot behind it.
+        pixels = over(pixels, things, 0.45, (things.depth > beneath.depth) & (beneath.cover > 0))
     depth = np.maximum(beneath.depth, things.depth)
     pixels = laid(pixels, layer_of(stage.scene, base, window), depth, 0.0)
     return laid(pixels, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)

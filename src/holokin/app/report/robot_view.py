@@ -164,23 +164,25 @@ class Window:
 class Layer:
     """Solids drawn: colours (rows, columns, 3), cover (rows, columns), both 0 to 1, and depth [m], -inf for none.
 
-    `here`: the rows and columns beyond which nothing is covered.
+    `extent`: the rows and columns beyond which nothing is covered.
     """
 
     color: Pixels
     cover: Pixels
     depth: Pixels
-    here: Any = np.s_[:, :]
+    extent: Any = np.s_[:, :]
 
 
 def drawn(solids: Sequence[Solid], window: Window) -> Layer:
     """Solids in the axes of the eye, right, up, towards it; row 0 of the layer is at the top."""
+    # Nothing, and the places of the pixels.
     shape, pixel = (window.rows, window.columns), window.pixel
     color = np.zeros((*shape, 3), np.float32)
     cover, depth = np.zeros(shape, np.float32), np.full(shape, -np.inf, np.float32)
     xs = (window.left + pixel * (np.arange(window.columns) + 0.5)).astype(np.float32)
     ys = (window.top - pixel * (np.arange(window.rows) + 0.5)).astype(np.float32)
-    for solid in sorted(solids, key=lambda one: one.box()[1, 2]):
+    # Each solid over those behind it, box by box of those that hold it.
+    for solid in sorted(solids, key=lambda solid: solid.box()[1, 2]):
         for low, high in _pieces(solid):
             i0 = max(int((window.top - high[1]) / pixel) - 1, 0)
             i1 = min(int((window.top - low[1]) / pixel) + 2, window.rows)
@@ -248,40 +250,31 @@ def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
 
 def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Pixels:
     """Pictures (rows, columns, 4), 0 to 1, with a layer laid over them; `where`: the pixels that take it, and how."""
-    found, window = below.copy(), layer.here
+    picture, window = below.copy(), layer.extent
     share = layer.cover[window] * np.float32(alpha)
     if where is not None:
         share = share * where[window]
-    part = found[window]
+    part = picture[window]
     total = share + part[..., 3] * (1 - share)
     weight = share / np.maximum(total, np.float32(1e-6))
     part[..., :3] += weight[..., None] * (layer.color[window] - part[..., :3])
     part[..., 3] = total
-    return found
+    return picture
 
 
 def onto(ground: Pixels, layer: Layer, alpha: float = 1.0, where: Any = None) -> None:
     """The same on a picture (rows, columns, 3) without holes, in its place."""
-    share = layer.cover[layer.here] * np.float32(alpha)
+    share = layer.cover[layer.extent] * np.float32(alpha)
     if where is not None:
-        share *= where[layer.here]
-    part = ground[layer.here]
-    part += share[..., None] * (layer.color[layer.here] - part)
+        share *= where[layer.extent]
+    part = ground[layer.extent]
+    part += share[..., None] * (layer.color[layer.extent] - part)
 
 
 # --- A robot as solids: links as rods with thickness or by the shapes of its model, hinges, rails, base and tool frame.
 
 TAPER = 0.6
 """Thickness of the last link over that of the first."""
-
-SLENDER = 26.0
-"""Length of a robot's chain over the radius of its first link, where its model has no shapes."""
-
-CORE = 0.4
-"""Thickness of the rod inside a link that has shapes, which holds together those that do not touch."""
-
-RAIL_BEYOND = 0.15
-"""How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot."""
 
 DIRECTIONS = 120
 """Directions in which a shape is touched by planes: its outline in a picture is that of the solid between them."""
@@ -321,7 +314,8 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
         index, step = line.joint, line.end - line.start
         if (index >= 0 or index not in shaped) and np.linalg.norm(step) > _SMALL:
             width = unit * (1 - (1 - TAPER) * (deep[index] if index >= 0 else 0.0))
-            width *= CORE if index in shaped else 1.0
+            # Thickness of the rod inside a link that has shapes, which holds together those that do not touch.
+            width *= 0.4 if index in shaped else 1.0
             plate = step * min(0.5, width / np.linalg.norm(step)) if index < 0 else 0.0  # it stands on it
             pieces.append(_piece(index, between(line.start + plate, line.end, width), "link"))
     for index, joint in enumerate(robot.joints):
@@ -354,7 +348,7 @@ def _lines(robot: Robot, shown: Sequence[LinkShape]) -> list[Line]:
             tools.setdefault(part.joint, []).append(part.placement[:3, 3])
     lines, count = link_lines(robot), len(robot.joints)
     rods = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
-    return rods + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
+    return rods + [Line("", joint, np.zeros(3), min(places, key=np.linalg.norm)) for joint, places in tools.items()]
 
 
 def thickness(robot: Robot, Q: Matrix) -> float:
@@ -363,16 +357,15 @@ def thickness(robot: Robot, Q: Matrix) -> float:
     if length < _SMALL:
         values = [np.ptp(Q[:, joint.coordinate]) for joint in robot.joints]
         length = max(float(max(values, default=0.0)), 1e-3)
-    return length / SLENDER
+    # Length of a robot's chain over the radius of its first link, where its model has no shapes.
+    return length / 26.0
 
 
 def solids_at(pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True) -> list[Solid]:
     """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
-    looks = {
-        "link": _tint(color, white=0.42), "other": _tint(color, white=0.22), "hinge": _tint(color, ink=0.06),
-        "base": _tint(GREY, white=0.45), "tool": _tint(INK, white=0.3),
-        "rail": _tint(GREY, white=0.35), "carriage": _tint(color, ink=0.06),
-    }  # fmt: skip
+    looks = {"link": _tint(color, white=0.42), "other": _tint(color, white=0.22), "hinge": _tint(color, ink=0.06)}
+    looks |= {"base": _tint(GREY, white=0.45), "tool": _tint(INK, white=0.3), "rail": _tint(GREY, white=0.35)}
+    looks["carriage"] = looks["hinge"]
     return [
         replace(piece.solid, color=looks[piece.role]).moved(*_frame(frames, piece.joint, k))
         for piece in pieces
@@ -480,7 +473,8 @@ def _rail(robot: Robot, index: int, Q: Matrix, width: float, shaped: bool) -> li
     ends = joint.multiplier * np.array([entry.lower, entry.upper]) + joint.offset
     low, high = float(ends.min()), float(ends.max())
     used = float(values.min()), float(values.max())
-    spare = max(RAIL_BEYOND * chain_length(robot), 4 * width)
+    # How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot.
+    spare = max(0.15 * chain_length(robot), 4 * width)
     low, high = max(low, used[0] - spare), min(high, used[1] + spare)
     T, _ = between(low * joint.axis, high * joint.axis, 1.0)
     beam = Box(np.array([1.1 * width, 1.1 * width, high - low + 2 * width]))
@@ -495,20 +489,8 @@ def _piece(joint: int, placed_shape: tuple[Matrix, Shape], role: str) -> Piece:
     return Piece(LinkShape(role, joint, *placed_shape), role)
 
 
-ELEVATIONS = (8.0, 16.0, 24.0, 34.0)
-"""Heights of the eye over the floor that are looked from [degrees]."""
-
 DETAIL = 150
 """Pixels for an inch of a picture."""
-
-AROUND = 0.25
-"""Room for obstacles beside a robot, over its size in the picture: what is farther out is cut off."""
-
-LABEL_BEYOND = 0.042
-"""Way from the end of a base's axis to its name, at least, over the width of the picture."""
-
-SHADOW = 0.16
-"""Darkness of the shadow on the floor."""
 
 _COARSE = 4
 """Pixels to a side for one of the shadow."""
@@ -557,12 +539,15 @@ def best_view(
         paths: points (k, 3) of the tool's path.
         pairs: postures, points (k, 3) each, whose difference is to be seen.
     """
+    # What is to be seen: the robot, the loop, the difference of postures.
     body = np.vstack([points - points.mean(axis=0) for points in bodies])
     middle = np.vstack(bodies).mean(axis=0)
     path = np.vstack(paths) if len(paths) else np.zeros((0, 3))
     loop = path - path.mean(axis=0) if len(path) else path
-    gaps = np.vstack([one - other for one, other in pairs]) if len(pairs) else np.zeros((0, 3))
-    views = [View(a, e) for e in ELEVATIONS for a in np.arange(-170.0, 190.0, 10.0)]
+    gaps = np.vstack([first - second for first, second in pairs]) if len(pairs) else np.zeros((0, 3))
+    # Heights of the eye over the floor that are looked from [degrees].
+    views = [View(a, e) for e in (8.0, 16.0, 24.0, 34.0) for a in np.arange(-170.0, 190.0, 10.0)]
+    # How large each is in a view, and how near the loop is to the eye.
     scores = np.zeros((4, len(views)))
     for i, view in enumerate(views):
         flat = view.seen(body)[:, :2]
@@ -573,6 +558,7 @@ def best_view(
             scores[3, i] = float(view.axes[2] @ (path.mean(axis=0) - middle))
         if len(gaps):
             scores[2, i] = np.hypot(*view.seen(gaps)[:, :2].T).max()
+    # The best by the sum of shares; an eye at 20 degrees is preferred.
     size = float(np.ptp(body, axis=0).max()) + 1e-12
     most = scores[:3].max(axis=1, keepdims=True)
     shares = scores[:3] / np.where(most > 1e-9 * size, most, np.inf)
@@ -605,9 +591,13 @@ class Scene:
 
 
 def scene_of(
-    view: View, solids: Sequence[Solid], *, flat: bool, ratio: tuple[float, float] = (0.6, 1.5),
+    view: View,
+    solids: Sequence[Solid],
+    *,
+    flat: bool,
+    ratio: tuple[float, float] = (0.6, 1.5),
     around: Sequence[Solid] = (),
-) -> Scene:  # fmt: skip
+) -> Scene:
     """The scene that holds solids, in the frame of the base, and little more.
 
     Args:
@@ -615,6 +605,7 @@ def scene_of(
         flat: seen from above, with the axes x and y.
         ratio: least and greatest height over width.
     """
+    # The solids, and where they stand on the floor.
     points = cloud(solids)
     seen = cloud(view.turned(solids))
     low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
@@ -623,12 +614,15 @@ def scene_of(
         stand = points.copy()
         stand[:, 2] = floor
         low[1] = min(low[1], view.seen(stand)[:, 1].min())
+    # What stands around, as far as there is room.
     if len(around):
-        room = AROUND * float((high - low).max())
+        # Room for obstacles beside a robot, over its size in the picture: what is farther out is cut off.
+        room = 0.25 * float((high - low).max())
         beside = cloud(view.turned(around))[:, :2]
         low = np.maximum(np.minimum(low, beside.min(axis=0)), low - room)
         high = np.minimum(np.maximum(high, beside.max(axis=0)), high + room)
         points = np.vstack([points, np.clip(cloud(around), points.min(axis=0) - room, points.max(axis=0) + room)])
+    # A margin, and a height over width that is allowed.
     pad = 0.03 * float((high - low).max())
     low, high = low - pad, high + pad
     width, height = high - low
@@ -673,7 +667,8 @@ def shadowed(picture: Pixels, scene: Scene, window: Window, solids: Sequence[Sol
     rows = np.linspace(0, coarse.rows - 1, window.rows)
     columns = np.linspace(0, coarse.columns - 1, window.columns)
     fine = map_coordinates(dark, np.meshgrid(rows, columns, indexing="ij"), order=1).astype(np.float32)
-    return over(picture, Layer(np.zeros((*fine.shape, 3), np.float32), SHADOW * fine, fine))
+    # Darkness of the shadow on the floor.
+    return over(picture, Layer(np.zeros((*fine.shape, 3), np.float32), 0.16 * fine, fine))
 
 
 def laid(picture: Pixels, layer: Layer, depth: Pixels, hidden: float = 0.25) -> Pixels:
@@ -734,7 +729,8 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
         short = float(np.hypot(*flat))
         if short <= 0.2:
             continue
-        x, y = (size + max(0.2 * size, LABEL_BEYOND * wide / short)) * flat
+        # Way from the end of a base's axis to its name, at least, over the width of the picture.
+        x, y = (size + max(0.2 * size, 0.042 * wide / short)) * flat
         row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
         if 0 <= row < window.rows and 0 <= column < window.columns and cover[row, column] < 0.5:
             axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)
@@ -744,10 +740,9 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
 
 def floor_scale(axes: Any, scene: Scene, *, left: bool = False) -> Any:
     """How large the squares on the floor are, in the corner at the right below, or at the left."""
-    axes.text(
-        0.005 if left else 0.995, 0.0, f"floor: {_squares(scene):g} m squares", transform=axes.transAxes,
-        ha="left" if left else "right", va="bottom", fontsize=7.5, color="#6b7280", zorder=6,
-    )  # fmt: skip
+    look = {"transform": axes.transAxes, "va": "bottom", "fontsize": 7.5, "color": "#6b7280", "zorder": 6}
+    words = f"floor: {_squares(scene):g} m squares"
+    axes.text(0.005 if left else 0.995, 0.0, words, ha="left" if left else "right", **look)
     return axes
 
 

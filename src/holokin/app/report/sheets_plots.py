@@ -38,20 +38,17 @@ from .plots import (
 CAUSES = {
     PoseStatus.LIMIT: (ORANGE, "joint limit"),
     PoseStatus.BLOCKED: (SKY, "too near to something"),
-    PoseStatus.ALGORITHMIC: (VERMILLION, "leaf ends: law singular"),
+    PoseStatus.ALGORITHMIC: (VERMILLION, "leaf ends: strategy singular"),
     PoseStatus.KINEMATIC: (PURPLE, "leaf ends: arm singular"),
     PoseStatus.REPRESENTATION: (YELLOW, "leaf ends: representation"),
     PoseStatus.STOPPED: (BLACK, "no path shown"),
     PoseStatus.BEYOND_LIMITS: ("#6b7480", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#b4bcc8", "out of reach"),
 }
-"""Colour and short name of each cause: what the law loses in strong colours, what no law reaches in greys."""
+"""Colour and short name of each cause: what the strategy loses in strong colours, what none reaches in greys."""
 
 CUT = "#d6006c"
 """Colour of the lines across which the joints jump."""
-
-SHADES = ("#b9e0d2", "#74bfa7", "#1f7a6b", "#0b3d3a")
-"""Reached poses from rcond 0, light, to the greatest of the picture, dark."""
 
 _AXES = "xyz"
 
@@ -96,8 +93,8 @@ def _plane_map(axes: Any, plane: Slice | Plane, image: Array, cuts: Array) -> tu
     (i, j), (du, dv) = plane.axes, (plane.u[1] - plane.u[0], plane.v[1] - plane.v[0])
     extent = (plane.u[0] - du / 2, plane.u[-1] + du / 2, plane.v[0] - dv / 2, plane.v[-1] + dv / 2)
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
-    for one, other in cuts:  # the side between the two cells
-        middle, along = (one + other) / 2, np.where(np.abs(other - one) > 1e-9, 0.0, [du / 2, dv / 2])
+    for first, second in cuts:  # the side between the two cells
+        middle, along = (first + second) / 2, np.where(np.abs(second - first) > 1e-9, 0.0, [du / 2, dv / 2])
         axes.plot(*np.transpose([middle - along, middle + along]), color=CUT, linewidth=1.8, solid_capstyle="butt")
     axes.grid(False)
     axes.locator_params(nbins=5)
@@ -121,7 +118,7 @@ def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None, see
     reached = status == PoseStatus.REACHED
     color = shades()(np.clip(coverage.rcond[reached] / most, 0, 1))
     style = {"linewidths": 0, "zorder": 4} if flat else {"linewidths": 0, "depthshade": False}
-    for cause in reversed(CAUSES):  # what the law loses last, over the rest
+    for cause in reversed(CAUSES):  # what the strategy loses last, over the rest
         of_cause = status == cause
         lost = cause < PoseStatus.BEYOND_LIMITS
         if of_cause.any():  # an empty cloud would move the limits of the axes
@@ -172,11 +169,9 @@ def views(points: Matrix, planes: Sequence[Slice | Plane]) -> tuple[Any, list[An
     left, right, bottom, top, gap = 0.9, 3.7, 0.6, 0.95, 0.8
     size = (wide + left + right + gap * (len(widths) - 1), tall + bottom + top + gap * (len(heights) - 1))
     figure = Figure(figsize=size)
-    grid = figure.add_gridspec(
-        len(heights), len(widths), width_ratios=widths, height_ratios=heights, left=left / size[0],
-        right=1 - right / size[0], bottom=bottom / size[1], top=1 - top / size[1],
-        wspace=gap * len(widths) / wide, hspace=gap * len(heights) / tall,
-    )  # fmt: skip
+    grid = figure.add_gridspec(len(heights), len(widths), width_ratios=widths, height_ratios=heights)
+    grid.update(left=left / size[0], right=1 - right / size[0], bottom=bottom / size[1], top=1 - top / size[1])
+    grid.update(wspace=gap * len(widths) / wide, hspace=gap * len(heights) / tall)
     maps = [figure.add_subplot(grid[place]) for place in places]
     cloud = figure.add_subplot(grid[0, len(widths) - 1], projection=None if flat else "3d")
     return figure, maps, cloud, right
@@ -221,7 +216,8 @@ def shades() -> Any:
     """The colour map of reached poses."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    return LinearSegmentedColormap.from_list("reached", SHADES)
+    # Reached poses from rcond 0, light, to the greatest of the picture, dark.
+    return LinearSegmentedColormap.from_list("reached", ("#b9e0d2", "#74bfa7", "#1f7a6b", "#0b3d3a"))
 
 
 def _greatest(every: Sequence[Coverage]) -> float:
@@ -404,6 +400,7 @@ def sheet_motion_figure(motion: SheetMotion, robot: Robot) -> Any:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
+    # The joints over the path, and the sheets below.
     figure = Figure(figsize=(7.2, 3.9))
     axes, bar = figure.subplots(2, 1, sharex=True, height_ratios=[14, 1])
     figure.subplots_adjust(left=0.09, right=0.74, top=0.96, bottom=0.13, hspace=0.08)
@@ -420,8 +417,9 @@ def sheet_motion_figure(motion: SheetMotion, robot: Robot) -> Any:
         bar.axvspan(100 * piece.start, 100 * piece.stop, color=sheet_color(piece.sheet), linewidth=0)
     for part in motion.left_out:
         bar.axvspan(100 * part.start, 100 * part.stop, color=NONE, linewidth=0)
-    for at in _places(motion):
-        axes.axvline(100 * at, color=INK, linewidth=1.2, zorder=1.5)
+    # Where the sheet changes, or the path is divided.
+    for place in _places(motion):
+        axes.axvline(100 * place, color=INK, linewidth=1.2, zorder=1.5)
     for division in motion.divisions:
         axes.axvline(100 * division.at, color=LIMIT, linewidth=1.6, linestyle=(0, (3, 2)), zorder=1.5)
     _frame(axes, bar, robot)
@@ -452,11 +450,10 @@ def _motion_legend(figure: Any, motion: SheetMotion, robot: Robot, named: list[i
     """The joints, the sheets, and what is not served."""
     from matplotlib.lines import Line2D
 
-    lines = [
-        Line2D([], [], color=color_of(k), label=on_figure(robot.joint_names[j], 22),
-               linestyle="-" if k < len(COLORS) else (0, (4, 1.5)))
-        for k, j in enumerate(named)
-    ]  # fmt: skip
+    lines = []
+    for k, j in enumerate(named):
+        style = "-" if k < len(COLORS) else (0, (4, 1.5))
+        lines.append(Line2D([], [], color=color_of(k), label=on_figure(robot.joint_names[j], 22), linestyle=style))
     if len(named) < robot.n:
         lines.append(Line2D([], [], color="#c3c8d0", label="other joints"))
     used = np.unique([piece.sheet for piece in motion.pieces]).tolist() if motion.pieces else []

@@ -29,12 +29,6 @@ SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
 HASH = "sha256"
 """The key of a file's hash in the table of a robot or of a law."""
 
-LOOKED_AT = 16
-"""Starts of which the least used one is next: to look at all of a survey with many would take too long."""
-
-SEARCHED = 20_000
-"""Cases among which that of a row is looked for whose number is of another run: less than a second."""
-
 
 @dataclass(frozen=True)
 class Case:
@@ -88,7 +82,7 @@ class Cases(Value):
         tables: list[dict[str, Any]] = []
         for entry in self.table.robots:
             if isinstance(entry, RobotTable):
-                tables.append(_told(entry.model_dump(exclude_unset=True), self.folder))
+                tables.append(_with_hashes(entry.model_dump(exclude_unset=True), self.folder))
                 continue
             if entry.lower().endswith(SUFFIXES):
                 names = _files(entry, self.folder)
@@ -102,7 +96,7 @@ class Cases(Value):
                 raise ArgumentError("robots", entry, f"no file fits in {self.folder.absolute()}")
             if not names:
                 raise UnknownNameError("robot", entry, list(catalogue()))
-            tables += [_told({"name": name}, self.folder) for name in names]
+            tables += [_with_hashes({"name": name}, self.folder) for name in names]
         known = set(catalogue())
         for name in (str(robot.get("name", "")) for robot in tables):
             if name and name not in known and not FilePath(name).suffix and ":" not in name:  # as `load` reads it
@@ -202,18 +196,18 @@ class Cases(Value):
             start |= {"seed": t.seed, "margin": t.starts.margin}
         drawn = {"table": t.loops[stratum.loop].model_dump(exclude={"count"}), "seed": t.seed, "index": repetition}
         robot = self.robots[stratum.robot]
-        rest = {"law": self._laws_told[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits}
-        rest |= {"metrics": self._metrics_told} if t.metrics else {}
+        rest = {"law": self._law_contents[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits}
+        rest |= {"metrics": self._metric_contents} if t.metrics else {}
         names = {"robot": self.labels[stratum.robot], "task": stratum.task, "loop": stratum.loop, "law": name}
         task = t.tasks[stratum.task].model_dump(exclude_unset=True)
         return Case(number, robot, task, start, drawn, name, names, rest)
 
     @cached_property
-    def _laws_told(self) -> dict[str, list[dict[str, Any]]]:
+    def _law_contents(self) -> dict[str, list[dict[str, Any]]]:
         return {name: self._law(name) for name in self.table.laws}
 
     @cached_property
-    def _metrics_told(self) -> dict[str, Any]:
+    def _metric_contents(self) -> dict[str, Any]:
         """What metrics of the user's own are: as given, with hashes of the files that they are imported from."""
         metrics: dict[str, Any] = {}
         for name, metric in self.table.metrics.items():
@@ -242,7 +236,8 @@ class Cases(Value):
             and row["law"] in s.laws
         ]
         near = ((k, repetition) for repetition in count() for k in same) if same else iter(())
-        for k, repetition in islice(near, SEARCHED):
+        # Cases among which that of a row is looked for whose number is of another run: less than a second.
+        for k, repetition in islice(near, 20_000):
             case_of_row = self._of(k, repetition, str(row["law"]), number)
             if case_of_row.id == row["id"]:
                 return case_of_row
@@ -270,23 +265,27 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
     for i, s in enumerate(strata):
         groups.setdefault(s.robot, {}).setdefault((s.task, s.loop), {})[starts[s.start]] = i
     turns, many = [(0, robot) for robot in groups], len(starts)
-    own, of_all, round_ = Counter[Hashable](), Counter[str](), math.lcm(len(groups), many)
-    for round in range(len(strata)):
+    own, of_all, period = Counter[Hashable](), Counter[str](), math.lcm(len(groups), many)
+
+    def in_all(task: str, loop: str) -> tuple[int, int]:
+        return of_all[f"task {task}"], of_all[f"loop {loop}"]
+
+    for turn in range(len(strata)):
+        # The robot with the fewest cases, its rarest task and loop, and the next start of those that are left.
         cases, robot = heapq.heappop(turns)
         left = groups[robot]
         task, loop = min(
             left,
-            key=lambda of: (
-                own[robot, "task", of[0]], own[robot, "loop", of[1]], own[robot, *of],
-                of_all["task " + of[0]], of_all["loop " + of[1]],
-            ),
-        )  # fmt: skip
-        free, first = left[task, loop], round + round // round_
-        next_ones = islice((k % many for k in range(first, first + many) if k % many in free), LOOKED_AT)
+            key=lambda of: (*(own[robot, *what] for what in (("task", of[0]), ("loop", of[1]), of)), *in_all(*of)),
+        )
+        free, first = left[task, loop], turn + turn // period
+        # Starts of which the least used one is next: to look at all of a survey with many would take too long.
+        next_ones = islice((k % many for k in range(first, first + many) if k % many in free), 16)
         start = min(next_ones, key=lambda k: (of_all[f"start {k}"], own[robot, k]))
         place = free.pop(start)
         if not free:
             del left[task, loop]
+        # One more loop, with all strategies.
         size = len(strata[place].laws)
         for what in ((robot, "task", task), (robot, "loop", loop), (robot, task, loop), (robot, start)):
             own[what] += size
@@ -297,10 +296,10 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
         yield place
 
 
-def _told(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
+def _with_hashes(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
     """With a hash of its file, and of those of its parts: they may change between two runs."""
     if robot.get("parts"):
-        robot = robot | {"parts": [_told(part, folder) for part in robot["parts"]]}
+        robot = robot | {"parts": [_with_hashes(part, folder) for part in robot["parts"]]}
     name = str(robot.get("name", ""))
     file = folder / name
     if not name.lower().endswith(SUFFIXES) or not file.is_file():

@@ -39,9 +39,6 @@ SECONDS = 1.0
 RATE = 100.0
 """Batches in a second, at most: for each the client and the scheduler of a cluster take seven milliseconds."""
 
-SHARE = 4
-"""Batches that are left for each worker, at least, so that all end together."""
-
 MOST = 4096
 """Cases of a batch."""
 
@@ -75,7 +72,8 @@ class Batches:
     def size(self, workers: int) -> int:
         """Cases of the next batch: of whole loops, if they are few enough."""
         wanted = lasting(workers) / self.seconds if self.seconds > 0 else self._laws
-        wanted = int(min(wanted, MOST, self.left / (SHARE * max(workers, 1))))
+        # Batches that are left for each worker, at least, so that all end together.
+        wanted = int(min(wanted, MOST, self.left / (4 * max(workers, 1))))
         return max(1, wanted - wanted % self._laws if wanted > self._laws else wanted)
 
     def came(self, batch: Batch, rows: Sequence[Row]) -> None:
@@ -98,14 +96,8 @@ class Batches:
 HARD, MORE = 2.0, 1.0
 """Time limits, and seconds more, after which a process that does not answer, in native code, is killed."""
 
-BUILDING = 60.0
-"""Seconds at least that robot, law and native code may take to build: no time of the case that is the first."""
-
 LOOK = 0.25
 """Seconds between two looks at whether a case takes too long."""
-
-CHUNK = 0.2
-"""Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
 
 ROWS = 50
 """Rows sent together at most, 10 kB: one write of a pipe, so that none is sent in part by a process that is killed."""
@@ -201,7 +193,8 @@ def _run_batch(table: str, folder: str, batch: Batch, seconds: float = SECONDS) 
         for k, number in enumerate(batch):
             if k and time.monotonic() - began > LATE * seconds:
                 return
-            case, allowed = cases.case(number), max(limit, BUILDING)
+            # Seconds at least that robot, law and native code may take to build: no time of the case that is the first.
+            case, allowed = cases.case(number), max(limit, 60.0)
             try:
                 with watch.limited(number, allowed):
                     ready = prepare(case, cases)
@@ -244,7 +237,8 @@ def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment
 def _rows_in_time(table: str, folder: str, batch: Batch) -> list[Row] | str:
     """The rows of the first cases of a batch, as many as take CHUNK seconds, and no more than ROWS; or why not."""
     try:
-        return list(islice(_run_batch(table, folder, batch, CHUNK / LATE), ROWS))
+        # Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours.
+        return list(islice(_run_batch(table, folder, batch, 0.2 / LATE), ROWS))
     except Exception as problem:  # noqa: BLE001  it is told where the rows are awaited
         return f"its processes fail beside its cases ({type(problem).__name__}: {problem})"
 
@@ -452,9 +446,6 @@ ADDRESS = re.compile(r"(\w+://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):\d{1,5}")
 LOST = 60.0
 """Seconds to wait for another worker after the last one was lost."""
 
-CLUSTER_PAUSE = 0.01
-"""Seconds between two looks at what came: workers have more than one batch, so that none waits for it."""
-
 _guarded: dict[int, Guarded] = {}
 
 
@@ -511,7 +502,11 @@ class Cluster:
                 elif future.cancelled():
                     raise SchedulerError(self.scheduler, "was lost")
                 elif not isinstance(problem := future.exception(), distributed.KilledWorker):
-                    raise SchedulerError(self.scheduler, f"did not do a batch ({problem!r})", WORKERS)
+                    raise SchedulerError(
+                        self.scheduler,
+                        f"did not do a batch ({problem!r})",
+                        "install the same holokin[cluster] on its workers",
+                    )
                 elif len(batch) == 1:
                     rows_now += [fault(self.cases.case(number), "its workers died") for number in batch]
                 else:
@@ -523,7 +518,8 @@ class Cluster:
         """What is done, after a wait."""
         began = time.monotonic()
         while not flow.has_ready():
-            time.sleep(CLUSTER_PAUSE)
+            # Seconds between two looks at what came: workers have more than one batch, so that none waits for it.
+            time.sleep(0.01)
             if time.monotonic() - began > PATIENCE:
                 _wait_for_workers(client, self.scheduler, LOST)
                 began = time.monotonic()
@@ -535,9 +531,6 @@ class Cluster:
             fact = f"has workers that read other robots for {rows[0].names['robot']!r}"
             raise SchedulerError(self.scheduler, fact, "put the same robot files at the same places on all machines")
         return rows
-
-
-WORKERS = "install the same holokin[cluster] on its workers"
 
 
 def _wait_for_workers(client: Any, scheduler: str, seconds: float) -> None:

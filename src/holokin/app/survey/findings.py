@@ -1,4 +1,4 @@
-"""What a survey found: its rows as columns, shares and quantiles by law and by robot, the worst cases."""
+"""The findings of a survey: its rows as columns, shares and quantiles by strategy and robot, the worst cases."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from html import escape
 from pathlib import Path
@@ -21,8 +21,9 @@ from ...base.files import write_text
 from ...base.types import Array, Flags, Indices, Value, Vector, one_line
 from ...version import build
 from ..job.templates import table, toml
-from ..report.html_page import drawn, html_table, page
+from ..report.html_page import page
 from ..report.plots import (
+    BLACK,
     BLUE,
     GREEN,
     GREY,
@@ -40,6 +41,7 @@ from ..report.plots import (
     on_figure,
     style,
 )
+from ..report.section import Note, Section, drawn, right
 from .cases import Case, Cases
 from .one_case import METRICS, CaseStatus, repeating_job
 from .survey_file import SurveyTable
@@ -48,9 +50,6 @@ STATUS_ORDER = tuple(CaseStatus)
 FAULT = CaseStatus.FAULT
 RETURNS = 1e-6
 """Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
-
-FOR_A_QUANTILE = 20
-"""Cases of which a quantile of 95 % is more than the largest."""
 
 ON_PATH = 5e-3
 """Error of the tool [m] up to which a loop counts as covered: of a welding seam or a bead of glue it is the width."""
@@ -79,20 +78,20 @@ class Findings(Value):
     def __len__(self) -> int:
         return len(self.columns["status"])
 
+    def section(self) -> Section:
+        """The table by strategy, and below it how many cases are faults."""
+        (law, *numbers), rows = self.table()
+        return Section("By strategy", head=[law, *right(*numbers)], rows=rows, remarks=self._fault_sentences())
+
     def __str__(self) -> str:
-        head, rows = self.table()
-        widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-        lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]
-        return "\n".join([*lines, *self._fault_sentences()])
+        return str(replace(self.section(), title=""))
 
     def __repr__(self) -> str:
         return one_line(f"Findings({len(self):,} rows, laws {', '.join(map(str, self.laws))})")
 
     def _repr_html_(self) -> str:
         """The table by law, as notebooks show it."""
-        head, rows = self.table()
-        table = html_table([escape(title) for title in head], [[escape(cell) for cell in row] for row in rows], True)
-        return table + "".join(f"<p>{escape(line)}</p>" for line in self._fault_sentences())
+        return replace(self.section(), title="").html()
 
     def _fault_sentences(self) -> list[str]:
         """How many cases are faults, and the reason of the first."""
@@ -126,7 +125,7 @@ class Findings(Value):
         count = max(len(self), 1)
         return {s: float(np.sum(self.columns["status"] == s)) / count for s in STATUS_ORDER}
 
-    def survival(self) -> tuple[Vector, Vector, int]:
+    def survival(self) -> tuple[Indices, Vector, int]:
         """(k, share of cases that met no joint limit within k cycles, cases): the estimate of Kaplan and Meier.
 
         A case that ends complete, or for another reason, counts as one without a limit up to its last cycle, and as
@@ -135,16 +134,11 @@ class Findings(Value):
         cycles, status = self.columns["cycles"], self.columns["status"]
         known = np.isfinite(cycles)
         cycles, hit = cycles[known], status[known] == "limit"
-        most = int(cycles.max(initial=0.0))
-        k, share, alive = [0], [1.0], 1.0
-        for cycle in range(most + 1):
-            at_risk = int(np.sum(cycles >= cycle))
-            stopped = int(np.sum(hit & (cycles == cycle)))
-            if at_risk and stopped:
-                alive *= 1 - stopped / at_risk
-            k.append(cycle + 1)
-            share.append(alive)
-        return np.array(k[: most + 1]), np.array(share[: most + 1]), int(known.sum())
+        k = np.arange(int(cycles.max(initial=0.0)) + 1)
+        at_risk = (cycles >= k[:, None]).sum(axis=1)
+        stopped = (hit & (cycles == k[:, None])).sum(axis=1)
+        share = np.cumprod(1 - stopped / np.maximum(at_risk, 1))
+        return k, np.concatenate([[1.0], share[:-1]]), int(known.sum())
 
     def met_a_limit(self, cycles: int) -> float:
         """The share of the arms that have met a joint limit within so many cycles, by `survival`."""
@@ -221,15 +215,17 @@ class Findings(Value):
             cost, margin = findings.known("cost"), findings.known("margin")
             ended = [shares["complete"], float(np.mean(findings.covered)), shares["limit"]]
             ended.append(max(0.0, 1 - shares["complete"] - shares["limit"]))
-            rows.append([
-                law, f"{len(findings):,}", *(f"{share:.1%}" for share in ended),
-                f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
-                _digits(np.median(first)) if first.size else "",
-                _digits(np.median(drift)) if drift.size else "",
-                _digits(np.quantile(drift, 0.95)) if drift.size >= FOR_A_QUANTILE else "",
-                f"{np.median(cost):.2f}" if cost.size else "",
-                f"{np.median(margin):.1%}" if margin.size else "",
-            ])  # fmt: skip
+            # A quantile of 95 % of fewer cases is no more than the largest.
+            figures = [
+                (drift, lambda values: f"{np.mean(values < RETURNS):.1%}", 1),
+                (first, lambda values: _digits(np.median(values)), 1),
+                (drift, lambda values: _digits(np.median(values)), 1),
+                (drift, lambda values: _digits(np.quantile(values, 0.95)), 20),
+                (cost, lambda values: f"{np.median(values):.2f}", 1),
+                (margin, lambda values: f"{np.median(values):.1%}", 1),
+            ]
+            known = [form(values) if values.size >= fewest else "" for values, form, fewest in figures]
+            rows.append([law, f"{len(findings):,}", *(f"{share:.1%}" for share in ended), *known])
         return head, rows
 
 
@@ -260,15 +256,12 @@ def _digits(value: Any) -> str:
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
 
-STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, SKY, GREY)
+STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, BLACK, SKY, GREY)
 
 DASHES = ("-", "--", ":", "-.")
 
 NAME = 30
 """Letters of a robot's name in a line: the map of the laws needs the room beside it."""
-
-DEAR = 3.0
-"""Cost beyond which the boxes end at the edge of the figure: it is rare, and would make all others look alike."""
 
 
 def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
@@ -297,19 +290,14 @@ def _empty(height: float) -> Any:
     return Shown(figsize=(PAGE, height), layout="constrained")
 
 
-def _figure(height: float) -> tuple[Any, Any]:
-    figure = _empty(height)
-    return figure, figure.add_subplot()
-
-
 def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
     """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
     drift = [findings.of_law(law).known("drift_last") for law in findings.laws]
-    return_ = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
-    colors = [GREY if color == YELLOW else color for color in law_colors(return_)]  # no line is yellow on white
+    returns = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
+    colors = [GREY if color == YELLOW else color for color in law_colors(returns)]  # no line is yellow on white
     looks = {}
     for i, law in enumerate(findings.laws):
-        before = return_[:i].count(return_[i])
+        before = returns[:i].count(returns[i])
         looks[law] = {"color": colors[i], "linestyle": DASHES[before // 4 % len(DASHES)], "linewidth": 2.0}
     return looks
 
@@ -327,16 +315,15 @@ def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
 @_styled
 def drift_figure(findings: Findings) -> Any:
     """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
-    figure, axes = _figure(4.4)
+    figure = _empty(4.4)
+    axes = figure.add_subplot()
     looks, handles = _line_styles(findings), []
     for law in findings.laws:
         drift = np.sort(np.maximum(findings.of_law(law).known("drift_last"), LEAST))
         if drift.size:
             share = np.arange(1, drift.size + 1) / drift.size
-            (line,) = axes.step(
-                np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0), where="post", label=on_figure(law),
-                **looks[law],
-            )  # fmt: skip
+            ends = np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0)
+            (line,) = axes.step(*ends, where="post", label=on_figure(law), **looks[law])
             handles.append((-float(np.median(drift)), line))
     axes.axvline(RETURNS, color=GREY, linewidth=1.0, linestyle=(0, (1, 3)), zorder=0)
     axes.set_xscale("log")
@@ -352,7 +339,8 @@ def drift_figure(findings: Findings) -> Any:
 @_styled
 def survival_figure(findings: Findings) -> Any:
     """Share of the arms that have met no limit after k cycles."""
-    figure, axes = _figure(4.0)
+    figure = _empty(4.0)
+    axes = figure.add_subplot()
     looks, handles, lowest = _line_styles(findings), [], 1.0
     for law in findings.laws:
         cycles, share, count = findings.of_law(law).survival()
@@ -386,12 +374,15 @@ def coverage_figure(findings: Findings) -> Any:
     """
     from matplotlib.colors import LinearSegmentedColormap
 
+    # The best robots first.
     robots, laws, share = findings.coverage()
     names = robot_labels(robots)
     known = np.isfinite(share)
     order = np.argsort(-np.nansum(share, axis=1) / np.maximum(known.sum(axis=1), 1), kind="stable")
     faults = findings.faults()
-    figure, axes = _figure(2.2 + 0.29 * len(robots))
+    # The map.
+    figure = _empty(2.2 + 0.29 * len(robots))
+    axes = figure.add_subplot()
     scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
     colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
     image = axes.imshow(np.ma.masked_invalid(share[order]), aspect="auto", vmin=0.0, vmax=1.0, cmap=colors)
@@ -403,6 +394,7 @@ def coverage_figure(findings: Findings) -> Any:
             if np.isfinite(value):
                 ink = "white" if value > 0.9 or value < 0.1 else INK
                 axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=TYPE, color=ink)
+    # The names, and the scale.
     axes.set_xticks(range(len(laws)), [on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
     axes.xaxis.tick_top()
     shown = [fill(on_figure(names[i]), NAME) for i in order]
@@ -422,7 +414,8 @@ def coverage_figure(findings: Findings) -> Any:
 def status_figure(findings: Findings) -> Any:
     """How the cases of each law ended, as bars."""
     laws = findings.laws
-    figure, axes = _figure(1.2 + 0.34 * len(laws))
+    figure = _empty(1.2 + 0.34 * len(laws))
+    axes = figure.add_subplot()
     left = np.zeros(len(laws))
     for status, color in zip(STATUS_ORDER, STATUS_COLORS, strict=True):
         share = np.array([findings.of_law(law).shares()[status] for law in laws])
@@ -452,16 +445,16 @@ def boxes_figure(findings: Findings) -> Any:
     )
     for ax, (metric, words) in zip(axes, panels, strict=True):
         values = [findings.of_law(law).known(metric) for law in laws]
-        boxes = ax.boxplot(
-            [v if v.size else [np.nan] for v in values], orientation="horizontal", whis=(5, 95), showfliers=False,
-            patch_artist=True, widths=0.6, medianprops={"color": INK, "linewidth": 1.8},
-        )  # fmt: skip
+        look = {"patch_artist": True, "widths": 0.6, "medianprops": {"color": INK, "linewidth": 1.8}}
+        shown = [v if v.size else [np.nan] for v in values]
+        boxes = ax.boxplot(shown, orientation="horizontal", whis=(5, 95), showfliers=False, **look)
         for law, box in zip(laws, boxes["boxes"], strict=True):
             box.set_facecolor(looks[law]["color"])
             box.set_alpha(0.6)
         ax.set_xlabel(words)
     right = axes[0].get_xlim()[1]
-    axes[0].set_xlim(0.95, min(max(right, 1.1), DEAR))
+    # Cost beyond which the boxes end at the edge of the figure: it is rare, and would make all others look alike.
+    axes[0].set_xlim(0.95, min(max(right, 1.1), 3.0))
     axes[1].set_xlim(left=min(0.0, axes[1].get_xlim()[0]))
     axes[1].xaxis.set_major_formatter(_percent)
     axes[0].set_yticks(np.arange(1, len(laws) + 1), [on_figure(law) for law in laws])
@@ -472,14 +465,8 @@ def boxes_figure(findings: Findings) -> Any:
 
 # --- `holokin survey report`: one self-contained page of a results file.
 
-WORST = 10
-"""Cases with the largest drift that are shown, each with a job that repeats it."""
-
 KINDS = 40
 """Laws with a reason to stop, of each of which a case is shown."""
-
-LONGEST_REASON = 240
-"""Characters of a reason in the line of a case; the whole one is below it."""
 
 
 _TERMS = (
@@ -497,53 +484,45 @@ def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, f
     if not len(findings):
         cure = "run it with `holokin survey FILE.toml`, or go on with --resume, and report then"
         raise SurveyError(survey.title, f"none of its {len(cases):,} cases has a row yet", cure)
-    stopped = findings.stopped(len(findings))
+    stopped, within = findings.stopped(len(findings)), f"{1e3 * ON_PATH:g} mm"
+    # What was asked, and whether all rows are of it.
+    counts = {"robots": cases.robots, "tasks": survey.tasks, "kinds of loop": survey.loops, "strategies": survey.laws}
+    facts = ", ".join(f"{name}: {len(listed)}" for name, listed in counts.items())
+    about = f"{len(findings):,} of {len(cases):,} cases; {facts}; {survey.cycles} cycles each. holokin {build()}."
+    intro: list[Note | str] = [" ".join(survey.about.split()), Note(about, "small")]
+    if stale := len(set(findings.columns["id"].tolist()).difference(cases.ids)):
+        why = "there were more cases, or the file of a robot or a strategy was another one, or is not to be found here"
+        text = f"{stale:,} of the rows are of cases that the survey no longer has"
+        intro.append(Note(text, "strong", f": {why}. They count, too."))
+    # The figures, with what to see in them.
+    figures = {
+        "Of each strategy the share of cases whose last cycle ends with a joint error below a value.": drift_figure,
+        "Of each strategy the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
+        "Meier). A case that completes all cycles, or stops for another reason, counts as one without a limit in "
+        "the cycles that it did, and is left out of the later ones.": survival_figure,
+        "Coverage, in percent: of the loops that a robot was asked to go round with a strategy those that it went "
+        f"round to the end, with the tool within {within} of the path. Grey and empty: not asked. "
+        + _faults(findings): coverage_figure,
+        "How the cases of each strategy ended.": status_figure,
+        "Medians, quartiles, and 5 and 95 percent of the cases.": boxes_figure,
+    }
+    images = [Section(figure=drawn(lambda draw=draw: draw(findings), words)) for words, draw in figures.items()]
+    # The cases, each with a job that repeats it.
+    rarest = "The rarest first; reasons that differ in names and numbers alone are one."
+    more = len(stopped) - KINDS
+    rarest += f" {more:,} more frequent kinds are not shown." if more > 0 else ""
+    kinds = [_case_note(row, cases, many) for many, row in stopped[:KINDS]] or ["All were complete."]
+    table = findings.section()
+    # Cases with the largest drift that are shown, each with a job that repeats it.
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
-        f"<p>{escape(' '.join(survey.about.split()))}</p>",
-        f"<p class='small'>{len(findings):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
-        f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
-        f"{survey.cycles} cycles each. holokin {escape(build())}.</p>",
-        *_stale(cases, findings),
-        "<h2>By law</h2>",
-        findings._repr_html_(),
-        f"<p class='small'>{escape(_TERMS)}</p>",
-        "<h2>Figures</h2>",
-        drawn(
-            lambda: drift_figure(findings),
-            "Of each law the share of cases whose last cycle ends with a joint error below a value.",
-        ),
-        drawn(
-            lambda: survival_figure(findings),
-            "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
-            "Meier). A case that completes all cycles, or stops for another reason, counts as one without a limit in "
-            "the cycles that it did, and is left out of the later ones.",
-        ),
-        drawn(
-            lambda: coverage_figure(findings),
-            "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
-            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey and empty: not asked. "
-            + _faults(findings),
-        ),
-        drawn(lambda: status_figure(findings), "How the cases of each law ended."),
-        drawn(lambda: boxes_figure(findings), "Medians, quartiles, and 5 and 95 percent of the cases."),
-        "<h2>The cases that drift most</h2>",
-        *(_told(row, cases) for row in findings.drifting(WORST)),
-        "<h2>Cases that stopped: one of each law and reason</h2>",
-        "<p class='small'>The rarest first; reasons that differ in names and numbers alone are one."
-        + (f" {len(stopped) - KINDS:,} more frequent kinds are not shown.</p>" if len(stopped) > KINDS else "</p>"),
-        *([_told(row, cases, many) for many, row in stopped[:KINDS]] or ["<p>All were complete.</p>"]),
+        Section(notes=intro),
+        replace(table, remarks=[*table.remarks, Note(_TERMS, "small")]),
+        Section("Figures", parts=images),
+        Section("The cases that drift most", [_case_note(row, cases) for row in findings.drifting(10)]),
+        Section("Cases that stopped: one of each strategy and reason", [Note(rarest, "small"), *kinds]),
     ]
     write_text(file, page(survey.title, parts))
-
-
-def _stale(cases: Cases, findings: Findings) -> list[str]:
-    """A sentence about rows of cases that the survey no longer has, where there are."""
-    many = len(set(findings.columns["id"].tolist()).difference(cases.ids))
-    if not many:
-        return []
-    why = "there were more cases, or the file of a robot or a law was another one, or is not to be found here"
-    return [f"<p><b>{many:,} of the rows are of cases that the survey no longer has</b>: {why}. They count, too.</p>"]
 
 
 def _faults(findings: Findings) -> str:
@@ -551,26 +530,27 @@ def _faults(findings: Findings) -> str:
     many: Counter[str] = Counter()
     for (_, law), count in findings.faults().items():
         many[law] += count
-    if not many:
-        return "No case was a fault."
     counts = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
-    return f"Cases that are faults: {counts}; where all are, the map says so, elsewhere they count as not gone round."
+    sentence = (
+        f"Cases that are faults: {counts}; where all are, the map says so, elsewhere they count as not gone round."
+    )
+    return sentence if many else "No case was a fault."
 
 
-def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
+def _case_note(row: dict[str, Any], cases: Cases, many: int = 0) -> Note:
+    """A case in a line, which unfolds to its reason and a job that repeats it."""
     words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
     words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
     figures = [f"{word} {row[name]:.3g}" for name, word in words.items() if row[name] == row[name]]
     line = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     if many:
-        reason = brief(row["reason"], LONGEST_REASON)
+        # Characters of a reason in the line of a case; the whole one is below it.
+        reason = brief(row["reason"], 240)
         line = f"{many:,} {'case' if many == 1 else 'cases'}, as {line}" + (f" ({reason})" if reason else "")
     case = cases.of_row(row)
     job = repeated(cases, case)[0] if case else "# no job repeats it: its survey, or the file of its robot, has changed"
-    return (
-        f"<details><summary>{escape('; '.join([line, ', '.join(figures)] if figures else [line]))}</summary>"
-        f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
-    )
+    reason = "".join(f"# {text}\n" for text in row["reason"].splitlines())
+    return Note("; ".join([line, ", ".join(figures)] if figures else [line]), detail=f"{reason}\n{job}")
 
 
 def repeated(cases: Cases, case: Case) -> tuple[str, str]:

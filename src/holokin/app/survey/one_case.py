@@ -81,9 +81,8 @@ def drawn(table: LoopTable, length: float, planar: bool, rng: np.random.Generato
         v = -v
     path: dict[str, Any] = {"relative": True, "speed": _short(speed)}
     if table.kind == "circle":
-        return path | {
-            "kind": "circle", "center": _shorts(size / 2 * u), "normal": _shorts(normal), "clockwise": clockwise,
-        }  # fmt: skip
+        path |= {"kind": "circle", "center": _shorts(size / 2 * u), "normal": _shorts(normal)}
+        return path | {"clockwise": clockwise}
     if table.kind == "smooth":
         return path | {"kind": "spline", "points": _points(_smooth(size, rng), u, v), "closed": True}
     corners = {
@@ -154,9 +153,6 @@ def _shorts(values: Vector) -> list[float]:
 KEPT_LAWS = 64
 """Laws whose functions a process keeps: some tens of megabytes."""
 
-STEP = 0.02
-"""Longest step of a control law [s]: a large, slow loop gets more of them than samples."""
-
 LOST = 0.05
 """Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
 
@@ -169,15 +165,10 @@ class CaseStatus(StrEnum):
     OUT_OF_REACH = "out of reach"
     SINGULAR = "singular"
     BRANCH = "branch"
+    JUMP = "jump"
     LOST = "lost"
     FAULT = "fault"
 
-
-STATUSES = {
-    Status.COMPLETE: CaseStatus.COMPLETE, Status.LIMIT: CaseStatus.LIMIT, Status.OUT_OF_REACH: CaseStatus.OUT_OF_REACH,
-    Status.SINGULAR: CaseStatus.SINGULAR, Status.BRANCH: CaseStatus.BRANCH, Status.LOST: CaseStatus.LOST,
-    Status.FAULT: CaseStatus.FAULT,
-}  # fmt: skip
 
 METRICS = {
     "cycles": "complete cycles before it stopped",
@@ -257,14 +248,6 @@ def _path_table(case: Case, folder: FilePath) -> dict[str, Any]:
     return keys | {"samples": case.rest["samples"], "cycles": case.rest["cycles"]}
 
 
-def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, Any]:
-    return {
-        "title": f"case {case.id}: {case.law} on {case.names['robot']}",
-        "robot": robot_table(case.robot), "task": case.task, "start": {"q": start_of(case, folder).tolist()},
-        "path": _path_table(case, folder), "strategies": strategies,
-    }  # fmt: skip
-
-
 def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
     """(a job of a case, why it does not repeat the case); files of robots count from the root, not from the survey.
 
@@ -276,20 +259,22 @@ def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
     task = _task(json.dumps([case.robot, case.task], sort_keys=True), cases.folder)
     if case.loop["table"]["kind"] == "given":
         raise ArgumentError("the loop", case.names["loop"], "a survey in Python was given it: go round it there")
-    law = resolved(cases.table.laws, case.law, task, start_of(case, cases.folder))[case.law]
+    q0, robot = start_of(case, cases.folder), case.names["robot"]
+    law = resolved(cases.table.laws, case.law, task, q0)[case.law]
+    strategies, head = {"moore-penrose": {"kind": "moore-penrose"}}, {"title": f"case {case.id}: {case.law} on {robot}"}
     if isinstance(law, StrategyTable):
-        job, why = _job(case, {case.law: law.model_dump(exclude_unset=True)}, cases.folder), ""
+        strategies, why = {case.law: law.model_dump(exclude_unset=True)}, ""
     else:
-        job = _job(case, {"moore-penrose": {"kind": "moore-penrose"}}, cases.folder)
         why = (
             f"Jobs do not run control laws or functions of yours, as {case.law!r}: this job has the pseudo-inverse, "
             "round the same loop from the same start. "
         )
         by = f"In Python holokin.app.survey.repeat(RESULTS, {case.id!r}) runs the law itself."
         why += "A survey in Python was given the law: run it there." if isinstance(law, Given) else by
-        job |= {"title": f"not case {case.id}, but its loop with the pseudo-inverse, on {case.names['robot']}"}
-        job |= {"about": why}
-    return job | {"robot": _anywhere(job["robot"], cases.folder)}, why
+        head = {"title": f"not case {case.id}, but its loop with the pseudo-inverse, on {robot}", "about": why}
+    job = head | {"robot": _anywhere(robot_table(case.robot), cases.folder), "task": case.task}
+    job |= {"start": {"q": q0.tolist()}, "path": _path_table(case, cases.folder), "strategies": strategies}
+    return job, why
 
 
 def _anywhere(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
@@ -308,39 +293,32 @@ def repeat_case(case: Case, cases: Cases) -> tuple[Trajectory, str]:
     Raises:
         HolokinError: what its row gives as the reason.
     """
-    (walk, reason, _), _, _ = _walk(case, cases)
+    (walk, reason, _), _ = _walk(case, cases)
     return walk, reason
 
 
 def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
     """A case from its start to the end of its loop or to where it stops. What fails is said in the row."""
     began = time.perf_counter()
+    # The motion, or why there is none.
     try:
-        walk, law, task = _walk(case, cases, ready)
+        walk, task = _walk(case, cases, ready)
     except HolokinError as problem:
         cause = problem.__cause__ or problem
         status = CaseStatus.SINGULAR if isinstance(cause, SingularityError) else CaseStatus.FAULT
         status = CaseStatus.LIMIT if isinstance(cause, JointLimitError) else status
         return Row(case.id, case.number, case.names, status, str(problem), {}, time.perf_counter() - began)
     walk, reason, cause = walk
-    metrics = _metrics(walk, law, task)
-    status = STATUSES[walk.status if cause is None else cause]
-    own, problems = _own(walk, cases)
-    if problems:  # a fault, so that --again does it again once the function is right
-        status, reason = CaseStatus.FAULT, "; ".join([*filter(None, [reason]), *problems])
-    metrics |= own
-    return Row(case.id, case.number, case.names, status, reason, metrics, time.perf_counter() - began)
-
-
-def _own(walk: Trajectory, cases: Cases) -> tuple[dict[str, float], list[str]]:
-    """The metrics of the user's own, and what went wrong with them."""
-    if not cases.table.metrics:
-        return {}, []
+    # The metrics of the survey, and the user's own.
+    metrics = _metrics(walk, task)
+    status = CaseStatus[(walk.status if cause is None else cause).name]
     try:
         own, problems = own_metrics(cases.table.metrics, walk, cases.folder)
     except HolokinError as problem:
-        return {}, [str(problem)]
-    return own, [str(problem) for problem in problems]
+        own, problems = {}, [problem]
+    if problems:  # a fault, so that --again does it again once the function is right
+        status, reason = CaseStatus.FAULT, "; ".join([*filter(None, [reason]), *map(str, problems)])
+    return Row(case.id, case.number, case.names, status, reason, metrics | own, time.perf_counter() - began)
 
 
 def prepare(case: Case, cases: Cases) -> Ready | None:
@@ -354,25 +332,18 @@ def prepare(case: Case, cases: Cases) -> Ready | None:
     return None
 
 
-def _walk(
-    case: Case, cases: Cases, ready: Ready | None = None
-) -> tuple[tuple[Trajectory, str, Status | None], Strategy | ControlLaw, Task]:
+def _walk(case: Case, cases: Cases, ready: Ready | None = None) -> tuple[tuple[Trajectory, str, Status | None], Task]:
     task, q0, law = ready or _set_up(case, cases)
-    return _run(law, task, _path(case, task, q0, cases.folder), q0, case.rest), law, task
+    return _run(law, task, _path(case, task, q0, cases.folder), q0, case.rest), task
 
 
 def _set_up(case: Case, cases: Cases) -> Ready:
     """Task, start posture and law of a case; task and law, with its native code, are kept."""
     q0 = start_of(case, cases.folder)
-    key_text = json.dumps([case.robot, case.task], sort_keys=True)
-    task = _task(key_text, cases.folder)
+    of_task = json.dumps([case.robot, case.task], sort_keys=True)
+    task = _task(of_task, cases.folder)
     laws = resolved(cases.table.laws, case.law, task, q0)
-    key = [
-        key_text,
-        str(cases.folder),
-        *(f"{name}: {law!r}" for name, law in laws.items()),
-        *(q0.tolist() if of_the_start(laws) else []),
-    ]
+    key = [of_task, str(cases.folder), *map(repr, laws.items()), *(q0.tolist() if of_the_start(laws) else [])]
 
     def make() -> Strategy | ControlLaw:
         law = built(laws, case.law, task, q0, cases.folder)
@@ -384,17 +355,18 @@ def _set_up(case: Case, cases: Cases) -> Ready:
 
 
 @lru_cache(maxsize=16)
-def _task(key_text: str, folder: FilePath) -> Task:
-    robot, task = json.loads(key_text)
+def _task(of_task: str, folder: FilePath) -> Task:
+    robot, task = json.loads(of_task)
     arm = _robot(json.dumps(robot, sort_keys=True), folder)
     middle = np.clip(0.0, arm.lower, arm.upper)
-    task_of_case = TaskTable.model_validate(task).tasks(arm, middle)[0]
-    if task_of_case.n <= task_of_case.m:
-        fact = f"{task_of_case.n} joints for {task_of_case.m} rows"
-        raise ArgumentError(
-            f"the task {task_of_case.name!r}", fact, "no joint is redundant: choose a task of fewer rows"
+    redundant = TaskTable.model_validate(task).tasks(arm, middle)[0]
+    if redundant.n <= redundant.m:
+        fact, cure = (
+            f"{redundant.n} joints for {redundant.m} rows",
+            "no joint is redundant: choose a task of fewer rows",
         )
-    return task_of_case
+        raise ArgumentError(f"the task {redundant.name!r}", fact, cure)
+    return redundant
 
 
 _laws: dict[str, Strategy | ControlLaw] = {}
@@ -443,7 +415,8 @@ def _run(
                 law, path, q0, samples=rest["samples"], cycles=rest["cycles"], limits=rest["limits"], native=True
             )
             return walk, "", None
-        steps = rest["samples"] * math.ceil(path.duration / rest["samples"] / STEP)
+        # Longest step of a control law [s]: a large, slow loop gets more of them than samples.
+        steps = rest["samples"] * math.ceil(path.duration / rest["samples"] / 0.02)
         walk = simulate(law, task, path, q0, dt=path.duration / steps, cycles=rest["cycles"])
     except PathError as problem:
         if problem.trajectory is None:
@@ -467,7 +440,7 @@ def _while_it_holds(walk: Trajectory, robot: Robot, limits: bool) -> tuple[Traje
     return walk.until(k), f"the tool was more than {LOST:g} m away from the path", Status.LOST
 
 
-def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[str, float]:
+def _metrics(walk: Trajectory, task: Task) -> dict[str, float]:
     robot = task.robot
     metrics = dict.fromkeys(METRICS, float("nan")) | {"cycles": float(walk.cycles)}
     if walk.cycles:

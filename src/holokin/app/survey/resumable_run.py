@@ -23,7 +23,7 @@ from ...motion.trajectory import Trajectory
 from ...path import Path
 from ...robot import Robot
 from ...strategies import Strategy
-from .cases import Cases, Stratum
+from .cases import Cases
 from .engine import Batches, Cluster, Here, Pool, forget_cases, reached
 from .one_case import Row
 from .store import COLUMNS, Store
@@ -56,31 +56,16 @@ def check_laws(cases: Cases, *, here: bool = True) -> None:
             raise ArgumentError("the name of a metric", name, f"take another one than {', '.join(COLUMNS)}")
         if isinstance(metric, str):
             imported(metric, cases.folder)
-    for stratum in cases.strata:
-        _check_tasks(stratum, cases)
-
-
-def _check_tasks(stratum: Stratum, cases: Cases) -> None:
-    task = cases.table.tasks[stratum.task]
-    if task.kind == "pose" and task.orientation == "twist" and task.rows is None:
-        return
-    for name in stratum.laws:
-        if isinstance(cases.table.laws[name], Library):
-            cure = f"it follows whole poses alone: leave it out, [[without]] law = {name!r}, task = {stratum.task!r}"
-            raise ArgumentError(f"the task of the law {name!r}", stratum.task, cure)
+    for task, name in dict.fromkeys((stratum.task, law) for stratum in cases.strata for law in stratum.laws):
+        table = cases.table.tasks[task]
+        whole = table.kind == "pose" and table.orientation == "twist" and table.rows is None
+        if isinstance(cases.table.laws[name], Library) and not whole:
+            cure = f"it follows whole poses alone: leave it out, [[without]] law = {name!r}, task = {task!r}"
+            raise ArgumentError(f"the task of the strategy {name!r}", task, cure)
 
 
 MOST_WORKERS = 1024
 """Processes on one machine."""
-
-Say = Callable[["Progress"], None]
-
-
-WINDOW = 60.0
-"""Seconds over which the speed of a survey is told: robots and laws differ in what they cost."""
-
-AT_LEAST = 1.0
-"""Seconds of rows before a speed is told."""
 
 
 @dataclass(frozen=True)
@@ -139,18 +124,27 @@ class _Clock:
         self._faults += sum(row.status == "fault" for row in rows)
         if rows:
             self._recent.append((now, self._done))
-        while len(self._recent) > 2 and self._recent[1][0] < now - WINDOW:
+        # Seconds over which the speed of a survey is told: robots and laws differ in what they cost.
+        while len(self._recent) > 2 and self._recent[1][0] < now - 60.0:
             self._recent.popleft()
         then, before = self._recent[0] if rows else (now, self._done)
-        speed = (self._done - before) / (now - then) if now - then > AT_LEAST else float("nan")
+        # Seconds of rows before a speed is told.
+        speed = (self._done - before) / (now - then) if now - then > 1.0 else float("nan")
         return Progress(self._done, self._total, self._faults, now - self._began, self._resumed, speed, self._again)
 
 
 def run_survey(
-    table: SurveyTable, folder: FilePath, out: FilePath, *, workers: int | None = None, scheduler: str | None = None,
-    resume: bool = False, again: bool = False, objects: Mapping[str, Any] | None = None,
-    progress: Say = lambda _progress: None,
-) -> Progress:  # fmt: skip
+    table: SurveyTable,
+    folder: FilePath,
+    out: FilePath,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    again: bool = False,
+    objects: Mapping[str, Any] | None = None,
+    progress: Callable[[Progress], None] = lambda _progress: None,
+) -> Progress:
     """Do the cases of a survey that have no row yet; rows are kept as they come.
 
     Args:
@@ -164,6 +158,7 @@ def run_survey(
         SurveyError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
         of a law that no case could have.
     """
+    # The cases, and what would be a fault of each of them.
     forget_cases()
     cases = Cases(table, folder.absolute())
     total = len(cases)
@@ -173,11 +168,13 @@ def run_survey(
         _engine(table, cases.folder, workers, scheduler, objects or {}) as engine,
         Store.opened(out, table, cases.folder, resume=resume or again) as store,
     ):
+        # Those that have no row yet.
         before, known = store.done(), store.done(faults=not again)
         faults = store.faults() if again else {}
         asked = cases.ids if before else []
         left = [n for n, case in enumerate(asked) if case not in known] if known else range(total)
         done = total - len(left)
+        # Their rows, kept as they come.
         clock = _Clock(total, done, len(faults))
         state = clock.after(())
         progress(state)
@@ -256,23 +253,22 @@ def survey(
     from .store import Store
     from .survey_file import OBJECT, survey_of
 
+    # Objects by their keys.
     objects: dict[str, Any] = {}
     names: list[str] = []
     for k, robot in enumerate(robots):
         if isinstance(robot, Robot):
-            names.append(
-                f"{OBJECT}{robot.name}" if f"{OBJECT}{robot.name}" not in objects else f"{OBJECT}{robot.name}-{k}"
-            )
+            key = f"{OBJECT}{robot.name}"
+            names.append(key if key not in objects else f"{key}-{k}")
             objects[names[-1]] = robot
         else:
             names.append(robot)
-    content = {
-        "title": "survey", "seed": seed, "robots": names,
-        "tasks": {tasks: {"kind": tasks}} if isinstance(tasks, str) else {k: dict(v) for k, v in tasks.items()},
-        "loops": {name: _named(f"loop:{name}", loop, objects) for name, loop in loops.items()},
-        "laws": {name: _named(f"law:{name}", law, objects) for name, law in laws.items()},
-        "cycles": cycles, "samples": samples, "limits": limits, "time_limit": float(time_limit),
-    }  # fmt: skip
+    # The content of a survey file.
+    content: dict[str, Any] = {"title": "survey", "seed": seed, "robots": names}
+    content["tasks"] = {tasks: {"kind": tasks}} if isinstance(tasks, str) else {k: dict(v) for k, v in tasks.items()}
+    content["loops"] = {name: _named(f"loop:{name}", loop, objects) for name, loop in loops.items()}
+    content["laws"] = {name: _named(f"law:{name}", law, objects) for name, law in laws.items()}
+    content |= {"cycles": cycles, "samples": samples, "limits": limits, "time_limit": float(time_limit)}
     if metrics:
         content["metrics"] = {name: {"kind": "given", "key": f"metric:{name}"} for name in metrics}
         objects |= {f"metric:{name}": function for name, function in metrics.items()}
@@ -280,35 +276,32 @@ def survey(
         content["starts"] = dict(starts)
     if cases is not None:
         content["cases"] = cases
+    # The run.
     table = survey_of(content, "survey")
     with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1.0, words=True) as report:
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
-        done = run_survey(
-            table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
-            progress=lambda state: report(state.share, str(state)),
-        )  # fmt: skip
+        asked = {"workers": workers, "resume": resume, "again": again, "objects": objects}
+        done = run_survey(table, FilePath(), file, **asked, progress=lambda state: report(state.share, str(state)))
         if done.fewer:
             logging.getLogger("holokin").warning("%s", done.fewer)
         with Store.opened(file, None) as store:
             return Findings.of(store.rows())
 
 
-def _named(key: str, thing: Any, objects: dict[str, Any]) -> dict[str, Any]:
+def _named(key: str, given: Any, objects: dict[str, Any]) -> dict[str, Any]:
     """A table, as it is given; an object by its key."""
     what, law = key.replace(":", " ", 1), key.startswith("law:")
-    if isinstance(thing, Mapping):
-        if thing.get("kind") == "given":
-            raise ArgumentError(
-                f"the kind of {what}", "given", "give the object itself, or a table as of a survey file"
-            )
-        return dict(thing)
-    if isinstance(thing, Path) and not law:
-        if not thing.closed:
-            raise ArgumentError(
-                what, "an open path", "give one that ends where it begins, as polyline(..., closed=True)"
-            )
-    elif isinstance(thing, Strategy) or not isinstance(thing, Callable):
+    if isinstance(given, Mapping):
+        if given.get("kind") == "given":
+            cure = "give the object itself, or a table as of a survey file"
+            raise ArgumentError(f"the kind of {what}", "given", cure)
+        return dict(given)
+    if isinstance(given, Path) and not law:
+        if not given.closed:
+            cure = "give one that ends where it begins, as polyline(..., closed=True)"
+            raise ArgumentError(what, "an open path", cure)
+    elif isinstance(given, Strategy) or not isinstance(given, Callable):
         kinds = "a function of the task" if law else "a closed path, a function of the tool pose"
-        raise ArgumentError(what, thing, f"give {kinds}, or a table as of a survey file")
-    objects[key] = thing
+        raise ArgumentError(what, given, f"give {kinds}, or a table as of a survey file")
+    objects[key] = given
     return {"kind": "given", "key": key}

@@ -32,9 +32,6 @@ FORM = 2
 KINDS: dict[str, tuple[type, ...]] = {"number": (int,), **dict.fromkeys(("id", *NAMES, "status", "reason"), (str,))}
 """Of the values of columns; the others hold numbers, or nothing."""
 
-DIGITS = 19
-"""Of a number that SQLite does not hold."""
-
 
 def fingerprint(table: SurveyTable) -> str:
     """A hash of what a survey asks; not of its title, of how many cases, or of how long one may take."""
@@ -61,6 +58,7 @@ class Store:
             SurveyError: it is there already and resume is False; it is of another survey, or no results file.
             WriteError: the system refuses it.
         """
+        # Whether the file is what is asked for.
         new = not file.exists()
         if table is None and new:
             raise SurveyError(file, "there is no such file", "run the survey first")
@@ -100,13 +98,10 @@ class Store:
         columns = self._columns
         marks = ", ".join("?" * len(columns))
         new = ", ".join(f"{_quoted(name)} = excluded.{_quoted(name)}" for name in columns[1:])
-        values = [
-            [
-                row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds,
-                *(row.metrics.get(metric) for metric in (*METRICS, *self._own)),
-            ]
-            for row in rows
-        ]  # fmt: skip
+        values = []
+        for row in rows:
+            facts = [row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds]
+            values.append([*facts, *(row.metrics.get(metric) for metric in (*METRICS, *self._own))])
         gone = [(faults[row.number],) for row in rows if row.number in faults]
         with writing_rows(self.file), self._db:
             self._db.executemany("DELETE FROM cases WHERE id = ? AND status = 'fault'", gone)
@@ -153,7 +148,8 @@ class Store:
         """The row of a case by its id, or by its number. Raises: ArgumentError: there is none."""
         columns = ", ".join(map(_quoted, self._columns))
         values = self._db.execute(f"SELECT {columns} FROM cases WHERE id = ?", (case,)).fetchone()
-        if values is None and case.isdecimal() and len(case) < DIGITS:
+        # Of a number that SQLite does not hold.
+        if values is None and case.isdecimal() and len(case) < 19:
             values = self._db.execute(f"SELECT {columns} FROM cases WHERE number = ?", (int(case),)).fetchone()
         if values is None:
             cure = f"give the id of one of the {len(self):,} rows, or its number, from 0"

@@ -79,9 +79,9 @@ def imported(name: str, folder: FilePath) -> Callable[..., Any]:
                 _folders[module.partition(".")[0]] = folder
     except Exception as problem:  # noqa: BLE001  a module may raise anything
         fact = problem if isinstance(problem, ImportError | AttributeError) else repr(problem)
-        raise ArgumentError("the law", name, f"it cannot be imported ({fact}); see to it in {folder}") from None
+        raise ArgumentError("the function", name, f"it cannot be imported ({fact}); see to it in {folder}") from None
     if not callable(attribute):
-        raise ArgumentError("the law", name, "it is no function: name one of (task, start posture)")
+        raise ArgumentError("the function", name, "it is no function: name one of (task, start posture)")
     return attribute
 
 
@@ -101,6 +101,7 @@ def forget_imported() -> bool:
 
 
 def _drop(top: str) -> None:
+    """Forget a module and what is in it."""
     del _folders[top]
     for module in [known for known in sys.modules if known == top or known.startswith(f"{top}.")]:
         del sys.modules[module]
@@ -210,7 +211,7 @@ def own_metrics(
 Gain = Annotated[float, Field(ge=0, le=1e6)]
 
 
-class LawTable(Table):
+class ControlTable(Table):
     """A control law: it is run by `simulate`, with steps as long as those of the strategies."""
 
     def build(self, task: Task, q0: Vector, name: str) -> ControlLaw:
@@ -218,13 +219,13 @@ class LawTable(Table):
         raise NotImplementedError
 
 
-class BestLock(LawTable):
+class BestLock(ControlTable):
     """The joints that determine the self-motion best at the start posture stay where they are, as of `lock`."""
 
     kind: Literal["best-lock"]
 
 
-class ClosedLoop(LawTable):
+class ClosedLoop(ControlTable):
     """A strategy of the survey with feedback of the tool's error."""
 
     kind: Literal["closed-loop"]
@@ -232,7 +233,7 @@ class ClosedLoop(LawTable):
     gain: Gain = GAIN
 
 
-class Damped(LawTable):
+class Damped(ControlTable):
     """Damped least squares."""
 
     kind: Literal["damped"]
@@ -244,7 +245,7 @@ class Damped(LawTable):
         return damped(task, self.damping, self.gain, name=name)
 
 
-class GradientProjection(LawTable):
+class GradientProjection(ControlTable):
     """Gradient projection on the start posture, or on a cost."""
 
     kind: Literal["gradient-projection"]
@@ -266,7 +267,7 @@ else:
     LibraryName = Literal[tuple(LIBRARIES)]
 
 
-class Library(LawTable):
+class Library(ControlTable):
     """A library's inverse kinematics: a frame task on the robot's first tip, with a posture task if it costs.
 
     Without `preferred` that prefers the start.
@@ -287,7 +288,7 @@ class Library(LawTable):
         return LIBRARIES[self.kind].law(task.robot, posture, name=name)
 
 
-class Own(LawTable):
+class Own(ControlTable):
     """Your own: "module:function", which takes (task, start posture) and returns a strategy or a control law.
 
     The module is looked for beside the survey file first.
@@ -297,7 +298,7 @@ class Own(LawTable):
     function: Annotated[str, Field(pattern=r"^[\w.]+:\w+$")]
 
 
-class Given(LawTable):
+class Given(ControlTable):
     """One that `hk.survey` was given: a function of the task, or of the task and the start posture."""
 
     kind: Literal["given"]
@@ -325,12 +326,12 @@ OWN_KINDS = (BestLock, ClosedLoop, Damped, GradientProjection, Library, Own, Giv
 OF_A_JOB = tuple(model for kind, model in KINDS.items() if model is not Fitted)
 
 if TYPE_CHECKING:
-    AnyLaw = StrategyTable | LawTable
+    AnyStrategy = StrategyTable | ControlTable
 else:
-    AnyLaw = Annotated[Union[(*OF_A_JOB, *OWN_KINDS)], Field(discriminator="kind")]
+    AnyStrategy = Annotated[Union[(*OF_A_JOB, *OWN_KINDS)], Field(discriminator="kind")]
 
 
-def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector) -> dict[str, AnyLaw]:
+def resolved(laws: Mapping[str, AnyStrategy], name: str, task: Task, q0: Vector) -> dict[str, AnyStrategy]:
     """A law, and what it is of, with what a start posture chooses chosen: two starts may share what is built."""
     table = laws[name]
     chosen = resolved(laws, table.of, task, q0) if isinstance(table, ClosedLoop) else {}
@@ -340,7 +341,7 @@ def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector) -> d
     return chosen | {name: table}
 
 
-def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
+def of_the_start(laws: Mapping[str, AnyStrategy]) -> bool:
     """Whether what is built depends on the start posture, and not on the task alone."""
     return any(
         isinstance(law, (Radial, Own)) or (isinstance(law, Given) and _takes_start(given(law.key)))
@@ -348,7 +349,9 @@ def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
     )
 
 
-def built(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector, folder: FilePath) -> Strategy | ControlLaw:
+def built(
+    laws: Mapping[str, AnyStrategy], name: str, task: Task, q0: Vector, folder: FilePath
+) -> Strategy | ControlLaw:
     """The law of a name; modules are looked for in the survey file's folder first. Raises: HolokinError."""
     table = laws[name]
     if isinstance(table, Own):
@@ -472,7 +475,7 @@ class SurveyTable(Table):
     tasks: Annotated[dict[Name, TaskTable], Field(min_length=1)] = Field(default={"position": TaskTable()})
     starts: StartsTable = StartsTable()
     loops: Annotated[dict[Name, LoopTable], Field(min_length=1)]
-    laws: Annotated[dict[Name, AnyLaw], Field(min_length=1)]
+    laws: Annotated[dict[Name, AnyStrategy], Field(min_length=1)]
     metrics: Annotated[dict[ColumnName, OwnMetric], Field(max_length=100)] = Field(default={})
     without: Annotated[list[WithoutTable], Field(max_length=1000)] = Field(default=[])
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 10
@@ -489,7 +492,7 @@ class SurveyTable(Table):
         for name, table in self.tasks.items():
             if isinstance(table.orientation, list):
                 raise ValueError(f"tasks.{brief(name, 60)}.orientation: is a list; give each its own task")
-        check_of(self.laws, ClosedLoop, "laws", "law of this survey")
+        check_of(self.laws, ClosedLoop, "laws", "strategy of this survey")
         return self
 
 
@@ -506,8 +509,8 @@ def _no_objects(path: FilePath, table: dict[str, Any]) -> None:
     _no_job(path, table)
     for named, kinds in (("laws", tuple(SURVEY_KINDS)), ("loops", LOOPS)):
         tables = table.get(named)
-        for name, one in tables.items() if isinstance(tables, dict) else ():
-            if isinstance(one, dict) and one.get("kind") == "given":
+        for name, entry in tables.items() if isinstance(tables, dict) else ():
+            if isinstance(entry, dict) and entry.get("kind") == "given":
                 raise JobError(path, dotted((named, name, "kind")), "is 'given'", closest("given", kinds))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bz2
 import re
-import sqlite3
 import struct
 import sys
 from array import array

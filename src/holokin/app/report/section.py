@@ -1,0 +1,217 @@
+"""A part of a result as one value, with its three writers: a page in HTML, a terminal in colour, plain text."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Literal, final
+
+from ...base.errors import brief
+from .plots import BAD, GOOD, HOLONOMIC_TEXT, WARNING, legible, style
+
+Tone = Literal["", "good", "holonomic", "warning", "bad", "failed", "small", "strong", "code"]
+"""How a text is shown: by a colour of the terminal and a class or a tag of HTML."""
+
+_COLORS = {"good": GOOD, "holonomic": HOLONOMIC_TEXT, "warning": WARNING, "bad": BAD, "failed": f"bold {BAD}"}
+_CLASSES = {"good": "yes", "holonomic": "yes", "warning": "no", "bad": "no", "failed": "no", "small": "small"}
+_TAGS = {"strong": "b", "code": "code"}
+
+
+@final
+@dataclass(frozen=True)
+class Note:
+    """A sentence or a cell: `text` in its tone, `then` in the usual one, and `detail`, which a page folds away."""
+
+    text: str
+    tone: Tone = ""
+    then: str = ""
+    detail: str = ""
+
+
+Words = Note | str
+Column = tuple[str, Literal["left", "right"]]
+"""Heading and alignment."""
+
+WRAPPED = ("strategy", "joint")
+"""Columns of names, which may have several lines in a terminal."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Image:
+    """An image or a film for a page, of a MIME type as "image/svg+xml", with what to see in it.
+
+    wide: it is wider than the screen of a telephone, which may scroll it.
+    """
+
+    data: bytes
+    caption: str
+    mime: str = "image/svg+xml"
+    wide: bool = False
+
+    def html(self) -> str:
+        """The data inside the page, and the caption below it."""
+        text = escape(self.caption, quote=True)
+        source = f"src='data:{self.mime};base64,{base64.b64encode(self.data).decode('ascii')}'"
+        if self.mime.startswith("video"):
+            shown = f"<video autoplay loop muted playsinline controls aria-label='{text}' {source}></video>"
+        else:
+            shown = f"<img alt='{text}' {source}>"
+        kind = " class='many'" if self.wide else ""
+        return f"<figure{kind}>{shown}<figcaption>{escape(self.caption)}</figcaption></figure>"
+
+
+def drawn(draw: Callable[[], Any], caption: str) -> Image:
+    """The matplotlib figure that `draw` makes, as SVG."""
+    from matplotlib import rc_context
+
+    stream = io.BytesIO()
+    with rc_context(style()):
+        legible(draw()).savefig(stream, format="svg", facecolor="white")
+    return Image(stream.getvalue(), caption)
+
+
+def right(*headings: str) -> list[Column]:
+    """Columns of numbers."""
+    return [(heading, "right") for heading in headings]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A part of a result, in the order in which it is written.
+
+    title: its heading. notes: sentences above the figure and the table. head: the columns, those of text by their
+    headings alone; without it the rows are facts, each a name and a value. remarks, points: sentences below the table,
+    and a list of them. parts: sections of it.
+    """
+
+    title: str = ""
+    notes: Sequence[Words] = ()
+    figure: Image | None = None
+    head: Sequence[Column | str] = ()
+    rows: Sequence[Sequence[Words]] = ()
+    remarks: Sequence[Words] = ()
+    points: Sequence[Words] = ()
+    parts: Sequence[Section] = ()
+
+    @property
+    def columns(self) -> list[Column]:
+        """Heading and alignment of each column."""
+        return [(entry, "left") if isinstance(entry, str) else entry for entry in self.head]
+
+    def html(self, level: int = 2) -> str:
+        """The section in HTML, with a heading of this level; all text is escaped."""
+        lines = [f"<h{level}>{escape(self.title)}</h{level}>"] if self.title else []
+        lines += [_block("p", words) for words in self.notes]
+        lines += [self.figure.html()] if self.figure is not None else []
+        lines += [self._html_table()] if self.rows or self.head else []
+        lines += [_block("p", words) for words in self.remarks]
+        lines += [f"<ul>{''.join(_block('li', words) for words in self.points)}</ul>"] if self.points else []
+        lines += [part.html(level + bool(self.title)) for part in self.parts]
+        return "\n".join(lines)
+
+    def _html_table(self) -> str:
+        """The rows; of facts the names are headings of rows, of a table numbers stand at the right."""
+        if not self.head:
+            facts = [
+                f"<tr><th scope='row'>{_inline(name)}</th><td>{_inline(value)}</td></tr>" for name, value in self.rows
+            ]
+            return f"<table><tbody>{''.join(facts)}</tbody></table>"
+        classes = ["" if side == "left" else " class='n'" for _, side in self.columns]
+
+        def cells(tag: str, row: Sequence[Words]) -> str:
+            listed = [f"<{tag}{kind}>{_inline(cell)}</{tag}>" for kind, cell in zip(classes, row, strict=True)]
+            return f"<tr>{''.join(listed)}</tr>"
+
+        head, body = cells("th", [name for name, _ in self.columns]), "".join(cells("td", row) for row in self.rows)
+        return f"<div class='wide'><table><thead>{head}</thead><tbody>{body}</tbody></table></div>"
+
+    def rich(self, console: Any, indent: str = "") -> None:
+        """Print the section on a console of rich, without its figure."""
+        # The table under its title, names of facts pale.
+        if self.rows:
+            from rich.table import Table
+            from rich.text import Text
+
+            table = Table(
+                title=Text(self.title) if self.title else None,
+                title_justify="left",
+                title_style="bold",
+                header_style="dim",
+                show_header=bool(self.head),
+            )
+            for heading, side in self.columns:
+                table.add_column(Text(heading), justify=side, no_wrap=heading not in WRAPPED)
+            if not self.head:
+                table.add_column(style="dim", no_wrap=True)
+                table.add_column()
+            for row in self.rows:
+                table.add_row(*(Text(_shown(cell), style=_color(cell) or "") for cell in row))
+            console.print(table)
+        elif self.title:
+            console.print(f"{indent}{self.title}", markup=False, highlight=False)
+        # The sentences and the sections below it, indented.
+        indent += "  " if self.title else ""
+        for words in (*self.notes, *self.remarks, *self.points):
+            console.print(f"{indent}{_plain(words)}", style=_color(words), markup=False, highlight=False)
+        for part in self.parts:
+            part.rich(console, indent)
+
+    def __str__(self) -> str:
+        """The section in plain text, columns of one width."""
+        lines = [self.title] if self.title else []
+        lines += map(_plain, self.notes)
+        if self.rows:
+            rows = [[heading.replace("\n", " ") for heading, _ in self.columns]] if self.head else []
+            rows += [[_plain(cell) for cell in row] for row in self.rows]
+            widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+            lines += ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+        lines += map(_plain, (*self.remarks, *self.points))
+        lines += [f"  {line}" for part in self.parts for line in str(part).splitlines()]
+        return "\n".join(lines)
+
+
+def _note(words: Words) -> Note:
+    return Note(words) if isinstance(words, str) else words
+
+
+def _plain(words: Words) -> str:
+    """Without tone and detail."""
+    return _note(words).text + _note(words).then
+
+
+def _shown(cell: Words) -> str:
+    """A cell of the terminal: short, on one line."""
+    return brief(_plain(cell))
+
+
+def _color(words: Words) -> str | None:
+    return _COLORS.get(_note(words).tone)
+
+
+def _inline(words: Words) -> str:
+    """Words inside a line of HTML."""
+    note = _note(words)
+    text, tag, kind = escape(note.text), _TAGS.get(note.tone), _CLASSES.get(note.tone)
+    text = f"<{tag}>{text}</{tag}>" if tag else f"<span class='{kind}'>{text}</span>" if kind else text
+    return text + escape(note.then)
+
+
+def _block(tag: str, words: Words) -> str:
+    """Words as a paragraph or an entry of a list; with a detail they unfold it, text of several lines as it is."""
+    note = _note(words)
+    if note.detail:
+        detail = escape(note.detail)
+        detail = f"<pre>{detail}</pre>" if "\n" in detail else f"<p class='small'>{detail}</p>"
+        folded = f"<details><summary>{_inline(words)}</summary>{detail}</details>"
+        return f"<li class='fold'>{folded}</li>" if tag == "li" else folded
+    kind = _CLASSES.get(note.tone)
+    return (
+        f"<{tag} class='{kind}'>{escape(note.text)}</{tag}>"
+        if kind and not note.then
+        else f"<{tag}>{_inline(note)}</{tag}>"
+    )
