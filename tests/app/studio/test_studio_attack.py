@@ -79,7 +79,7 @@ def scene() -> Iterator[Any]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOLOKIN_NATIVE", "0")
-        studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+        studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
         others = ThreadingHTTPServer(("127.0.0.1", 0), Blank)
         threading.Thread(target=others.serve_forever, daemon=True).start()
         panels = studio.page.panels

@@ -32,7 +32,7 @@ HANDSHAKE = (
 def studio() -> Iterator[Any]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOLOKIN_NATIVE", "0")
-        made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+        made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
         yield made
         made.close()
 
@@ -147,7 +147,7 @@ def test_the_browser_is_started_by_a_file_that_only_its_user_reads(
     monkeypatch.setenv("HOME", str(tmp_path))
     before = os.umask(0)  # of a user whose new files all others may read and write
     try:
-        studio = hk.studio("ppr-cycle", port=0, browser=True, wait=False, tell=str)
+        studio = hk.studio("ppr-cycle", port=0, browser=True, wait=False, progress=str)
     finally:
         os.umask(before)
     try:
@@ -192,7 +192,7 @@ def test_a_host_is_known_by_its_own_names_alone(host: str, known: list[str], unk
 
 def test_a_host_that_others_reach_says_what_it_opens_and_prints_an_address_that_opens() -> None:
     said: list[str] = []
-    made = hk.studio("ppr-cycle", port=0, host="0.0.0.0", browser=False, wait=False, tell=said.append)
+    made = hk.studio("ppr-cycle", port=0, host="0.0.0.0", browser=False, wait=False, progress=said.append)
     try:
         port, path = place(made)
         assert "open to the network at 0.0.0.0" in said[0] and "nothing is encrypted" in said[0]
@@ -222,7 +222,7 @@ def test_a_recording_is_made_behind_a_door_whose_token_nobody_knows() -> None:
 def test_the_token_is_in_nothing_that_leaves_the_page(studio: Any) -> None:
     session, token = studio.session, studio.door.token
     motion = Motion(np.array([0.0, 0.1]), np.stack([session.home, session.home + 0.1]))
-    made = record(session.robot, {"law": motion}, seconds=0.1)
+    made = record(session.robot, {"strategy": motion}, seconds=0.1)
     assert token not in made.html() and token not in to_job(session)
     kept = studio.server._websock_server._broadcast_buffer.message_from_id
     assert len(kept) > 50 and not [message for message in kept.values() if token in repr(message)]
@@ -233,7 +233,7 @@ def test_a_viser_that_cannot_be_guarded_is_not_served(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(gate, "_Served", gate.library.serve)  # as if it did not call what is put in
     with pytest.raises(MissingExtraError, match="cannot be guarded"):
-        hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+        hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
 
 
 def test_other_websockets_servers_of_the_program_have_no_door(studio: Any) -> None:

@@ -21,9 +21,9 @@ def last():  # registered first, so called last
     print("left:", sorted(t.name for t in threading.enumerate() if t.name.startswith("holokin")), flush=True)
 
 import holokin as hk
-studio = hk.studio("planar-3r", browser=False, wait=False, port=0, tell=str)
+studio = hk.studio("planar-3r", browser=False, wait=False, port=0, progress=str)
 session = studio.session
-session.start_cusps(next(law.name for law in session.laws if law.holonomic))
+session.start_cusps(next(strategy.name for strategy in session.strategies if strategy.holonomic))
 print("at work:", session.snapshot().cusps.running, flush=True)
 """
 

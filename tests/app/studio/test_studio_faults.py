@@ -1,4 +1,4 @@
-"""The studio where something is unusual: two hands, a law that comes later, work in the background that fails."""
+"""The studio where something is unusual: two hands, a strategy that comes later, work in the background that fails."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.app.studio import CloudStatus, Law, Phase, Session, circle_loop, reversed_loop
+from holokin.app.studio import CloudStatus, NamedStrategy, Phase, Session, circle_loop, reversed_loop
 from sessions import TOOL, panda, run
 
 YUMI_START = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
@@ -31,10 +31,10 @@ def until(true: Callable[[], Any], seconds: float = 30.0) -> Any:
 def test_each_of_two_hands_is_dragged_alone_and_both_go_round_a_loop_drawn_once() -> None:
     robot = hk.load("yumi")
     task = hk.stacked(*(hk.pose(robot, tip=tip.name) for tip in robot.tips))
-    session = Session([Law("pseudo-inverse", 0, hk.moore_penrose(task), task)], YUMI_START)
+    session = Session([NamedStrategy("pseudo-inverse", 0, hk.moore_penrose(task), task)], YUMI_START)
     poses = np.array(session.snapshot().target)
     poses[1, :3, 3] += [0.02, -0.03, 0.01]
-    state = session.drag(poses).laws[0]
+    state = session.drag(poses).strategies[0]
     moved = np.abs(state.q - YUMI_START) > 1e-9
     assert state.following and [name for name, m in zip(robot.joint_names, moved, strict=True) if m] == list(
         robot.joint_names[7:]  # those of the right arm alone
@@ -50,7 +50,7 @@ def test_each_of_two_hands_is_dragged_alone_and_both_go_round_a_loop_drawn_once(
     )
     session.set_cycles(1)
     session.set_clockwise(True)
-    assert run(session, 1.0).laws[0].following
+    assert run(session, 1.0).strategies[0].following
     again = reversed_loop(reversed_loop(session.loop))  # type: ignore[arg-type]
     assert again.keys["others"][0]["center"] == session.loop.keys["others"][0]["center"]  # type: ignore[union-attr]
 
@@ -82,9 +82,9 @@ def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.Mon
     session.start_cloud("lock", samples=8)
     assert "could not be compiled" in until(lambda: session.snapshot().fault)
     assert "nobody expects this" in until(lambda: (c := session.snapshot().cloud) and c.sentence)
-    until(lambda: all(state.judgement for state in session.snapshot().laws))  # and the thread goes on
+    until(lambda: all(state.judgement for state in session.snapshot().strategies))  # and the thread goes on
     monkeypatch.setattr(working, "judged", broken)
-    session.add_law(replace(session.laws[0], name="late"))
+    session.add_strategy(replace(session.strategies[0], name="late"))
     until(lambda: "background work ended" in session.snapshot().fault)
     session.close()
 
@@ -115,15 +115,15 @@ def test_a_cancelled_cloud_holds_nobody_up_and_grows_no_more(monkeypatch: pytest
 @pytest.fixture(scope="module")
 def studio() -> Iterator[Any]:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
-    made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+    made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
     yield made
     made.close()
 
 
 @pytest.mark.campaign
-def test_a_law_that_comes_later_gets_a_robot_and_a_line(studio: Any) -> None:
+def test_a_strategy_that_comes_later_gets_a_robot_and_a_line(studio: Any) -> None:
     session, page = studio.session, studio.page
-    session.add_law(replace(session.laws[0], name="late"))
+    session.add_strategy(replace(session.strategies[0], name="late"))
     until(lambda: page.scene.names[-1] == "late" and "late" in page.panels.table.content)
     session.set_speed(1000.0)
     session.play()
@@ -176,7 +176,7 @@ def test_an_address_with_colons_stands_in_brackets(host: str, url: str) -> None:
 
 
 @pytest.mark.campaign
-def test_laws_of_a_robot_run_as_many_cycles_as_those_of_a_job() -> None:
+def test_strategies_of_a_robot_run_as_many_cycles_as_those_of_a_job() -> None:
     from holokin.app.studio import session_of_robot
 
     assert session_of_robot(hk.load("ppr")).snapshot().cycles == 3

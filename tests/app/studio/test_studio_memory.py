@@ -48,14 +48,14 @@ def mapped() -> int:
 
 
 def ready(session: Session) -> None:
-    """Until all its laws are compiled and judged."""
+    """Until all its strategies are compiled and judged."""
     session.start_work()
-    while not all(law.judgement for law in session.snapshot().laws):
+    while not all(strategy.judgement for strategy in session.snapshot().strategies):
         time.sleep(0.01)
 
 
 def made_anew() -> None:
-    """A job's own robot, task and laws."""
+    """A job's own robot, task and strategies."""
     session = open_session("ppr-cycle")
     ready(session)
     session.close()

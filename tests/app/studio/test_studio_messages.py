@@ -70,7 +70,7 @@ def shown() -> Iterator[Any]:
     """A studio, a client that attacks it and one that looks on."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOLOKIN_NATIVE", "0")
-        studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+        studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
         attacker, witness = joined(studio), joined(studio)
         until(lambda: len(studio.server.get_clients()) == 2)
         yield SimpleNamespace(studio=studio, attacker=attacker, witness=witness)
@@ -227,11 +227,11 @@ def test_a_handle_is_dragged_to_no_place_that_is_none(shown: Any) -> None:
     assert np.array_equal(session.snapshot().target, before)
     start = {"type": "TransformControlsDragStartMessage", "name": "/handles/tool", "owner": ""}
     say(shown.attacker, start)
-    say(shown.attacker, HANDLE | {"position": [1000, -1000, 0]})  # far, and told so: the laws stay in reach
+    say(shown.attacker, HANDLE | {"position": [1000, -1000, 0]})  # far, and told so: the strategies stay in reach
     until(lambda: not np.array_equal(session.snapshot().target, before))
     say(shown.attacker, start | {"type": "TransformControlsDragEndMessage"})
     heard(shown)
-    assert all(np.isfinite(law.q).all() for law in session.snapshot().laws)
+    assert all(np.isfinite(strategy.q).all() for strategy in session.snapshot().strategies)
     session.drag(before)
     session.reset()
     lives(shown)

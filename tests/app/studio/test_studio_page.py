@@ -32,7 +32,7 @@ def shown(uncompiled: None) -> Iterator[Any]:
     """The job panda-circle in the studio, and the page of one browser on it."""
     from PIL import Image
 
-    studio = hk.studio("panda-circle", browser=False, wait=False, port=0, tell=lambda _text: None)
+    studio = hk.studio("panda-circle", browser=False, wait=False, port=0, progress=lambda _text: None)
     problems: list[str] = []
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
@@ -72,13 +72,13 @@ def settled(session: Any) -> Any:
     while time.monotonic() < since + 1.0:
         time.sleep(0.1)
         found = session.snapshot()
-        if not all(np.array_equal(a.q, b.q) for a, b in zip(found.laws, known.laws, strict=True)):
+        if not all(np.array_equal(a.q, b.q) for a, b in zip(found.strategies, known.strategies, strict=True)):
             known, since = found, time.monotonic()
     return known
 
 
 def orange(picture: Any) -> float:
-    """The share of pixels that have the hue of the law that is not holonomic."""
+    """The share of pixels that have the hue of the strategy that is not holonomic."""
     r, g, b = np.moveaxis(picture, -1, 0)
     red, green, blue = rgb(NONHOLONOMIC)
     hue = (green - blue) / (red - blue)
@@ -110,7 +110,7 @@ def test_the_page_opens_without_an_error_and_its_canvas_shows_the_robot(shown: A
 
 
 @pytest.mark.campaign
-def test_a_drag_by_the_mouse_moves_the_joints_of_all_laws_and_their_tools_with_it(shown: Any) -> None:
+def test_a_drag_by_the_mouse_moves_the_joints_of_all_strategies_and_their_tools_with_it(shown: Any) -> None:
     session, handles = shown.session, shown.studio.page.handles
     until(lambda: shown.studio.server.get_clients())
     until(lambda: (shown.picture().max(axis=-1) < 130).mean() > 0.02)  # the robot is there
@@ -132,24 +132,24 @@ def test_a_drag_by_the_mouse_moves_the_joints_of_all_laws_and_their_tools_with_i
     moved = after.target[0][:3, 3] - pose[:3, 3]
     assert 0.03 < np.linalg.norm(moved) < 0.15
     assert abs(float(moved @ pose[:3, 0])) > 0.99 * np.linalg.norm(moved)  # along the arrow that was held
-    for law in after.laws:
-        assert np.abs(law.q - before.law(law.name).q).max() > 0.01
-        assert np.abs(session.task.pose(law.q) - after.target[0]).max() < 1e-7
+    for strategy in after.strategies:
+        assert np.abs(strategy.q - before.strategy(strategy.name).q).max() > 0.01
+        assert np.abs(session.task.pose(strategy.q) - after.target[0]).max() < 1e-7
 
 
 @pytest.mark.campaign
 def test_after_a_loop_the_pseudo_inverses_robot_stands_elsewhere_by_what_drift_says(shown: Any) -> None:
     session, page = shown.session, shown.page
     page.get_by_role("button", name="All back to the start posture").click()
-    until(lambda: np.allclose(session.snapshot().laws[0].q, session.home))
+    until(lambda: np.allclose(session.snapshot().strategies[0].q, session.home))
     until(lambda: orange(shown.picture()) < 0.002)
     session.set_speed(8.0)
     page.get_by_role("button", name="Start", exact=True).click()
     snap = until(lambda: snap if (snap := session.snapshot()).phase.value == "done" else None)
-    for law, known in zip(session.laws, snap.laws, strict=True):
-        said = hk.drift(law.rule, session.loop.path, session.home, cycles=3, samples=session.loop.samples)
+    for strategy, known in zip(session.strategies, snap.strategies, strict=True):
+        said = hk.drift(strategy.rule, session.loop.path, session.home, cycles=3, samples=session.loop.samples)
         assert known.drift == pytest.approx(said.largest, abs=1e-12)
-    pseudo, tied = snap.laws[0], snap.laws[1]
+    pseudo, tied = snap.strategies[0], snap.strategies[1]
     assert pseudo.drift[-1] > 0.4
     assert tied.drift.max() < 1e-12
     page.get_by_text(f"{pseudo.drift[-1]:.3g}", exact=True).wait_for()
@@ -166,23 +166,23 @@ def test_a_saved_job_runs_to_the_numbers_of_the_page(shown: Any, tmp_path: Any) 
     found.value.save_as(file)
     result = run_job(*open_job(str(file)))
     drifts = {one.name: np.abs(one.cycles.drift_since_start()).max(axis=1) for one in result.drawn}
-    assert set(drifts) == {law.name for law in snap.laws}
-    for law in snap.laws:
-        assert drifts[law.name] == pytest.approx(law.drift, abs=1e-12)
+    assert set(drifts) == {strategy.name for strategy in snap.strategies}
+    for strategy in snap.strategies:
+        assert drifts[strategy.name] == pytest.approx(strategy.drift, abs=1e-12)
 
 
 @pytest.mark.campaign
 def test_the_slider_of_the_self_motion_moves_the_joints_and_leaves_the_tool_where_it_is(shown: Any) -> None:
     page, session = shown.page, shown.session
     page.get_by_role("tab", name="Posture").click()
-    name = shown.studio.page.panels.posture.law.value
-    before = session.snapshot().law(name)
+    name = shown.studio.page.panels.posture.strategy.value
+    before = session.snapshot().strategy(name)
     thumb = page.locator('[role="slider"]:visible').first
     thumb.focus()
     for _ in range(40):
         page.keyboard.press("ArrowRight")
     settled(session)
-    after = session.snapshot().law(name)
+    after = session.snapshot().strategy(name)
     assert np.abs(after.q - before.q).max() > 0.02
     assert np.abs(session.task.pose(after.q) - session.task.pose(before.q)).max() < 1e-9
 
@@ -194,14 +194,14 @@ def test_a_target_out_of_reach_makes_the_handle_red_with_one_sentence_and_nothin
     pose[:3, 3] += [2.0, 0.0, 0.0]
     after = session.drag(pose)
     assert not after.following
-    page.get_by_text(after.laws[0].sentence).first.wait_for()
+    page.get_by_text(after.strategies[0].sentence).first.wait_for()
     ball = shown.studio.page.handles._balls[0]
     assert until(lambda: ball.color[0] > 2 * ball.color[1])
-    for law in after.laws:
-        assert np.isfinite(law.q).all()
+    for strategy in after.strategies:
+        assert np.isfinite(strategy.q).all()
     session.drag(before.target)
     until(lambda: ball.color[1] > 2 * ball.color[0])
-    assert np.abs(session.snapshot().laws[1].q - before.laws[1].q).max() < 1e-6
+    assert np.abs(session.snapshot().strategies[1].q - before.strategies[1].q).max() < 1e-6
 
 
 @pytest.mark.campaign
@@ -211,9 +211,9 @@ def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> Non
     session.play()
     done = until(lambda: snap if (snap := session.snapshot()).phase.value == "done" else None)
     page.reload()
-    page.get_by_text(f"{done.laws[0].drift[-1]:.3g}", exact=True).wait_for()
-    for law in session.snapshot().laws:
-        assert np.array_equal(law.q, done.law(law.name).q)
+    page.get_by_text(f"{done.strategies[0].drift[-1]:.3g}", exact=True).wait_for()
+    for strategy in session.snapshot().strategies:
+        assert np.array_equal(strategy.q, done.strategy(strategy.name).q)
     assert [text for text in shown.problems if "WebSocket" not in text] == []
 
 

@@ -252,7 +252,7 @@ def test_a_port_in_use_gives_way_to_the_next_one_and_both_hosts_and_ports_are_sa
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        kept.append(hk.studio("ppr-cycle", port=port, browser=False, wait=False, tell=said.append))
+        kept.append(hk.studio("ppr-cycle", port=port, browser=False, wait=False, progress=said.append))
     assert kept[0].server.get_port() != port
     assert said[0] == f"port {port} is in use: the page is at port {kept[0].server.get_port()}"
     assert said[1] == f"the studio is at http://localhost:{kept[0].server.get_port()}/{kept[0].door.token}/"
@@ -261,13 +261,13 @@ def test_a_port_in_use_gives_way_to_the_next_one_and_both_hosts_and_ports_are_sa
 
 @pytest.mark.campaign
 def test_a_page_shows_another_job_when_it_is_asked_to_and_stays_when_there_is_none(kept: list[Any]) -> None:
-    kept.append(hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str))
+    kept.append(hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str))
     with pytest.raises(UnknownNameError):
         kept[0].open("no-such-job")
     assert kept[0].session.robot.name == "ppr"
     kept[0].open("orientation")
     assert kept[0].session.source == "orientation"
-    assert len(kept[0].page.scene.names) == len(kept[0].session.laws)
+    assert len(kept[0].page.scene.names) == len(kept[0].session.strategies)
 
 
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -316,21 +316,21 @@ def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
 
 
 @pytest.mark.campaign
-def test_two_paths_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
+def test_two_paths_to_one_pose_end_with_one_posture_for_a_holonomic_strategy_alone(
     kept: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from holokin.app.studio import side_panels
 
     monkeypatch.setattr(side_panels, "SHOWN", 0.01)
-    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, tell=str))
+    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, progress=str))
     session, panel = kept[0].session, kept[0].page.panels.loop
     pose = np.array(session.snapshot().target[0])
     pose[:3, 3] += [-0.1, 0.15, 0.05]
-    for law, said in (("moore-penrose", "other joints"), ("lock-3", "the same joints")):
+    for strategy, said in (("moore-penrose", "other joints"), ("lock-3", "the same joints")):
         session.drag(pose)
-        panel.law.value = law
+        panel.strategy.value = strategy
         panel._two_paths()
-        assert said in panel.answer.content, law
+        assert said in panel.answer.content, strategy
         assert session.snapshot().target[0] == pytest.approx(pose)
     session.reset()
     panel._two_paths()
@@ -350,7 +350,7 @@ def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points
     """A cloud that grows still, the handle in the hand of a browser that went away, the drift of 5,000 cycles."""
     from holokin.app.studio.stage import KEPT
 
-    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, tell=str))
+    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, progress=str))
     page, session = kept[0].page, kept[0].session
     session.start_cloud("lock-3", samples=4000)
     panel = page.panels.posture
@@ -363,8 +363,8 @@ def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points
     def plot() -> None:
         snap = session.snapshot()
         drift = np.tile(np.arange(5000.0)[:, None], (1, 7))
-        laws = tuple(replace(law, drift=drift[:, 0], drift_joints=drift) for law in snap.laws)
-        page.charts.draw(replace(snap, number=-2, laws=laws))
+        strategies = tuple(replace(strategy, drift=drift[:, 0], drift_joints=drift) for strategy in snap.strategies)
+        page.charts.draw(replace(snap, number=-2, strategies=strategies))
         plotted.append(np.array(page.charts.drift.data))
 
     page.ask(panel.take_away)

@@ -49,7 +49,7 @@ def shown() -> Iterator[Any]:
     """A Panda in the studio, and one browser on it."""
     with pytest.MonkeyPatch.context() as patch, playwright.sync_playwright() as driver:
         patch.setenv("HOLOKIN_NATIVE", "0")
-        studio = hk.studio("panda-circle", browser=False, wait=False, port=0, tell=lambda _text: None)
+        studio = hk.studio("panda-circle", browser=False, wait=False, port=0, progress=lambda _text: None)
         browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         page.set_default_timeout(PATIENCE)

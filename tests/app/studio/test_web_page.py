@@ -16,7 +16,7 @@ import pytest
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 from holokin.app.studio import open_session, page_plan, web_page
-from holokin.app.studio.standalone_page import DrawnArm, digest, law_code, page_text
+from holokin.app.studio.standalone_page import DrawnArm, digest, page_text, strategy_code
 from holokin.base.errors import ArgumentError, ExportError, MissingExtraError, OpenPathError, PathError
 from web_pages import HOSTILE, PAGE, SCRIPT, data_of, joints
 
@@ -24,14 +24,14 @@ AGAIN = "python docs/play_page.py makes it again"
 
 
 def test_the_page_of_the_site_is_made_of_its_sources() -> None:
-    """Of the HTML, style and script of the package, and of the C of its laws; only the compiler is not asked."""
+    """Of the HTML, style and script of the package, and of the C of its strategies; only the compiler is not asked."""
     html = PAGE.read_text("utf-8")
     data = data_of(html)
     assert page_text(SCRIPT.TITLE, SCRIPT.TEXT, data) == html, AGAIN
-    arm = DrawnArm.of(next(iter(SCRIPT.laws().values())).task, np.array([SCRIPT.Q0]))
+    arm = DrawnArm.of(next(iter(SCRIPT.strategies().values())).task, np.array([SCRIPT.Q0]))
     segments = max(len(loop["counts"]) for loop in data["loops"])
-    for law, its in zip(SCRIPT.laws().values(), data["laws"], strict=True):
-        assert its["code"] == digest(law_code(law, arm, segments)), AGAIN
+    for strategy, its in zip(SCRIPT.strategies().values(), data["strategies"], strict=True):
+        assert its["code"] == digest(strategy_code(strategy, arm, segments)), AGAIN
     assert len(html.encode()) < 200_000
 
 
@@ -74,8 +74,8 @@ def paths() -> dict[str, tuple[str, hk.Path, int]]:
 def test_the_page_computes_the_joints_of_follow(shown: Any) -> None:
     for name, (told, path, rounds) in paths().items():
         shown.page.evaluate(told or "0")
-        for found, law in zip(joints(shown.page, rounds), SCRIPT.laws().values(), strict=True):
-            wanted = hk.follow(law, path, SCRIPT.Q0, samples=240, cycles=rounds).q
+        for found, strategy in zip(joints(shown.page, rounds), SCRIPT.strategies().values(), strict=True):
+            wanted = hk.follow(strategy, path, SCRIPT.Q0, samples=240, cycles=rounds).q
             assert np.abs(found[: len(wanted)] - wanted).max() < 1e-9, name
 
 
@@ -83,8 +83,8 @@ def test_the_page_says_the_drift_of_drift(shown: Any) -> None:
     shown.page.evaluate("holokin.kind = 'circle'; holokin.plane = 2; holokin.drag([-0.2, 0, 0])")
     shown.page.locator("#story span", has_text="8 rounds").first.wait_for()
     _, path, _ = paths()["the circle of the README"]
-    law = SCRIPT.laws()["pseudo-inverse"]
-    wanted = hk.drift(law, path, SCRIPT.Q0, cycles=8, samples=240).largest
+    strategy = SCRIPT.strategies()["pseudo-inverse"]
+    wanted = hk.drift(strategy, path, SCRIPT.Q0, cycles=8, samples=240).largest
     shown.page.locator("summary").click()
     cells = shown.page.locator("#table td").all_inner_texts()
     assert [float(cell.split()[0]) for cell in cells[::2]] == pytest.approx(wanted, abs=6e-4)
@@ -120,8 +120,8 @@ def test_every_control_has_a_name_for_who_does_not_see_it(shown: Any) -> None:
 
 
 def test_a_strangers_names_are_text_and_no_code() -> None:
-    """In the title, the text, names of joints, laws and loops; and none fills a hole of the page."""
-    data = {"joints": [{"name": HOSTILE, "unit": "rad"}], "laws": [{"name": HOSTILE}], "loops": [{"text": HOSTILE}]}
+    """In the title, the text, names of joints, strategies and loops; and none fills a hole of the page."""
+    data = {"joints": [{"name": HOSTILE, "unit": "rad"}], "strategies": [{"name": HOSTILE}], "loops": [{"text": HOSTILE}]}
     html = page_text(HOSTILE, HOSTILE, data)
     assert html.count("<script") == html.count("</script") == 2
     assert "<img" not in html
@@ -149,14 +149,14 @@ def test_without_zig_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) 
 def test_what_a_page_cannot_show_is_refused_by_name() -> None:
     robot, q0 = hk.load("planar-3r"), [0.3, 0.6, 0.6]
     task = hk.position(robot)
-    law = hk.moore_penrose(task)
+    strategy = hk.moore_penrose(task)
     start = robot.pose(q0)[:3, 3]
     with pytest.raises(OpenPathError):
-        web_page({"a": law}, q0, hk.line(start, start + [0.1, 0, 0]))
+        web_page({"a": strategy}, q0, hk.line(start, start + [0.1, 0, 0]))
     with pytest.raises(ArgumentError, match="one to 3"):
-        web_page(dict.fromkeys("abcd", law), q0)
+        web_page(dict.fromkeys("abcd", strategy), q0)
     with pytest.raises(ArgumentError, match="one robot"):
-        web_page({"a": law, "b": hk.moore_penrose(hk.position(hk.load("ppr")))}, q0)
+        web_page({"a": strategy, "b": hk.moore_penrose(hk.position(hk.load("ppr")))}, q0)
     with pytest.raises(ArgumentError, match="one tool"):
         hands = hk.load("yumi")
         web_page({"a": hk.moore_penrose(hk.stacked(*(hk.position(hands, tip=t.name) for t in hands.tips)))}, q0)
@@ -164,18 +164,18 @@ def test_what_a_page_cannot_show_is_refused_by_name() -> None:
 
     jumping = hk.holonomic(task, hk.custom(lambda q: q[0] + ca.floor(q[1])))
     with pytest.raises(ExportError, match="may jump"):
-        law_code(jumping, DrawnArm.of(task, np.array([q0])), 2)
+        strategy_code(jumping, DrawnArm.of(task, np.array([q0])), 2)
 
 
-def test_a_law_stops_where_it_stops_in_python_and_the_page_says_why(shown: Any) -> None:
+def test_a_strategy_stops_where_it_stops_in_python_and_the_page_says_why(shown: Any) -> None:
     start = hk.load("panda").pose(SCRIPT.Q0)[:3, 3]
     for size, why in (([-0.6, 0.0, 0.0], "a joint limit"), ([0.3, 0.0, 0.0], "edge of its reach")):
         shown.page.evaluate(f"holokin.kind = 'circle'; holokin.plane = 2; holokin.drag({size})")
         found = joints(shown.page, 1)
-        ends = shown.page.evaluate("holokin.laws.map(law => law.ended)")
-        for law, rows, end in zip(SCRIPT.laws().values(), found, ends, strict=True):
+        ends = shown.page.evaluate("holokin.strategies.map(strategy => strategy.ended)")
+        for strategy, rows, end in zip(SCRIPT.strategies().values(), found, ends, strict=True):
             with pytest.raises(PathError) as stopped:
-                hk.follow(law, hk.circle(start, start + np.array(size) / 2), SCRIPT.Q0, samples=240)
+                hk.follow(strategy, hk.circle(start, start + np.array(size) / 2), SCRIPT.Q0, samples=240)
             assert why in end
             assert np.abs(rows - stopped.value.trajectory.q).max() < 1e-9
         shown.page.locator("#story span", has_text="stops in round 1").first.wait_for()
@@ -196,10 +196,10 @@ def test_a_strategy_that_the_job_lacks_is_named_with_those_that_it_has(holokin, 
     assert "lock-3" in done.err
 
 
-def test_a_page_shows_a_law_without_leaves_beside_one_with_them() -> None:
+def test_a_page_shows_a_strategy_without_leaves_beside_one_with_them() -> None:
     session = open_session("panda-circle")
-    names = [law.name for law in session.laws]
+    names = [strategy.name for strategy in session.strategies]
     for name in (None, *names):
         plan = page_plan(session, name)
-        assert [law.holonomic for law in plan.laws] == [False, True], name
+        assert [strategy.holonomic for strategy in plan.strategies] == [False, True], name
         assert name is None or name in plan.strategies

@@ -58,7 +58,7 @@ def size(page: Any) -> list[float]:
     return page.evaluate("holokin.size")
 
 
-def test_the_mouse_drags_the_loop_in_its_plane_and_both_laws_begin_anew(browser: Any) -> None:
+def test_the_mouse_drags_the_loop_in_its_plane_and_both_strategies_begin_anew(browser: Any) -> None:
     page = opened(browser)
     before, (x, y) = size(page), ball(page)
     page.mouse.move(x, y)
@@ -119,7 +119,7 @@ def test_a_finger_drags_the_loop_on_a_phone_and_the_page_is_no_wider_than_the_ph
     page.close()
 
 
-def test_the_first_picture_comes_soon_and_eight_rounds_of_both_laws_take_few_frames(browser: Any) -> None:
+def test_the_first_picture_comes_soon_and_eight_rounds_of_both_strategies_take_few_frames(browser: Any) -> None:
     """On an idle core 0.5 s and 15 ms; this machine's cores are shared."""
     taken = []
     for _ in range(3):
@@ -127,8 +127,8 @@ def test_the_first_picture_comes_soon_and_eight_rounds_of_both_laws_take_few_fra
         page = opened(browser)
         taken.append(time.perf_counter() - begun)
         spent = page.evaluate(
-            "() => { const a = performance.now(); for (const law of holokin.laws) { law.begin(holokin.loop);"
-            " law.advance(8, 1e9); } return performance.now() - a; }"
+            "() => { const a = performance.now(); for (const strategy of holokin.strategies) { strategy.begin(holokin.loop);"
+            " strategy.advance(8, 1e9); } return performance.now() - a; }"
         )
         page.close()
     assert min(taken) < 5.0

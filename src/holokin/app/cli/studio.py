@@ -29,11 +29,11 @@ def studio(
 ) -> None:
     """Show a job or a robot as a page in the browser: drag the tool or a loop, and see which joints drift.
 
-    Every law has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input, as of
+    Every strategy has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input, as of
     `holokin run`. Needs the extra "studio".
     """
     from ..studio import DEFAULT, open_session
     from ..studio.server import studio as open_page
 
     session = open_session(what or DEFAULT, tip=tip, base=base, trust_units=trust_units)
-    open_page(session, port=port, host=host, browser=not no_browser, tell=show)
+    open_page(session, port=port, host=host, browser=not no_browser, progress=show)

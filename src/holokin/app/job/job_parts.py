@@ -80,6 +80,16 @@ def naming(file: FilePath, *key: str) -> Iterator[None]:
         raise JobError(file, dotted(key), fact or cure, cure if fact else "change it") from problem
 
 
+def title_of(label: str, task: Task, tasks: list[Task]) -> str:
+    """How a strategy of a job is called for one of its tasks: with the orientation, where there are several."""
+    return label if len(tasks) == 1 else f"{label} ({task.orientation})"
+
+
+def reason(problem: HolokinError) -> str:
+    """Why a strategy could not be run; of an error that names a key of the job the fact and the cure."""
+    return f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem)
+
+
 def _build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
     """The start posture (n,) in rad and m. Raises: JobError, JointLimitError."""
     q = np.array(job.start.q, dtype=float)
@@ -204,9 +214,17 @@ def _curve(table: PathTable, tool: Vector, file: FilePath) -> Path:
         sides = table.along or [], table.across or []
         return raster(at, *sides, table.spacing or 0.0, surface=surface, tool=table.tool, speed=speed)
     return spiral(
-        at, table.radius or 0.0, table.spacing or 0.0, table.normal, inward=table.inward, clockwise=table.clockwise,
-        along=table.along, surface=surface, tool=table.tool, speed=speed,
-    )  # fmt: skip
+        at,
+        table.radius or 0.0,
+        table.spacing or 0.0,
+        table.normal,
+        inward=table.inward,
+        clockwise=table.clockwise,
+        along=table.along,
+        surface=surface,
+        tool=table.tool,
+        speed=speed,
+    )
 
 
 def _arc(table: PathTable, center: Vector, q0: Vector, file: FilePath) -> Path:

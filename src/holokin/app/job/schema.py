@@ -7,16 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationError, create_model, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
 from ...base.errors import HolokinError, JobError, brief, closest, shown
 from ...base.units import SI, PrintedUnits, printed_units
 from ...motion.checks import Scene
 from ...robot import FARTHEST
 from ...robot.formats.urdf import read_toml
-from .metrics import METRICS
 from .strategy_tables import KINDS, AnyStrategy, Fitted
 from .tables import (
     ChecksTable,
@@ -38,26 +37,14 @@ from .tables import (
     of,
 )
 
-MOST_POSTURES = 65_536
-"""Postures of a verdict: those of `thorough=True`."""
-
+MOST_POSTURES = 65_536  # postures of a verdict: those of `thorough=True`
+# tool poses of a workspace: shares are right to a thousandth, and those that are missed take a few ms each
 MOST_POSES = 16_384
-"""Tool poses of a workspace: shares are right to a thousandth, and those that are missed take a few ms each."""
-
-MOST_CELLS = 200
-"""Cells along the longest side of a slice: a pixel each in a picture on a page."""
-
-MOST_STRATEGIES = 100
-"""Strategies of a job: a table and figures of more are not read."""
-
-LONGEST_NAME = 100
-"""Characters of a strategy's name, which heads columns, figures and files."""
-
-LONGEST_TITLE = 200
-"""Characters of a title: two lines of the table."""
-
-LONGEST_ABOUT = 10_000
-"""Characters of the paragraph in a report."""
+MOST_CELLS = 200  # cells along the longest side of a slice: a pixel each in a picture on a page
+MOST_STRATEGIES = 100  # strategies of a job: a table and figures of more are not read
+LONGEST_NAME = 100  # characters of a strategy's name, which heads columns, figures and files
+LONGEST_TITLE = 200  # characters of a title: two lines of the table
+LONGEST_ABOUT = 10_000  # characters of the paragraph in a report
 
 Figure = Annotated[float, Field(allow_inf_nan=False)]
 Size = Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)]
@@ -111,17 +98,30 @@ class Bound(Table):
         return " and ".join(parts)
 
 
-class Expected(Table):
-    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1); every metric may have a bound, too."""
+class ExpectTable(Table):
+    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1); bounds of its `METRICS`, too."""
 
     holonomic: bool | None = None
     completes: bool = True
-
-
-if TYPE_CHECKING:
-    ExpectTable = Expected
-else:
-    ExpectTable = create_model("ExpectTable", __base__=Expected, **dict.fromkeys(METRICS, (Bound | None, None)))
+    defect: Bound | None = None
+    drift: Bound | None = None
+    drift_mean: Bound | None = None
+    drift_total: Bound | None = None
+    drift_least: Bound | None = None
+    drift_most: Bound | None = None
+    spread: Bound | None = None
+    tracking: Bound | None = None
+    sigma: Bound | None = None
+    speed: Bound | None = None
+    peak_speed: Bound | None = None
+    residual: Bound | None = None
+    invariant: Bound | None = None
+    same_joints: Bound | None = None
+    coverage: Bound | None = None
+    coverage_rcond: Bound | None = None
+    time: Bound | None = None
+    clearance: Bound | None = None
+    limit_distance: Bound | None = None
 
 
 class VerdictTable(Table):
@@ -243,8 +243,7 @@ class Job(Table):
 
 # --- Reading a job file: what is wrong with it becomes a sentence that names file, key, value and cure.
 
-Key = tuple[str, ...]
-"""The path to a value: the names and numbers of the tables and lists around it, and its own."""
+Key = tuple[str, ...]  # the path to a value: the names and numbers of the tables and lists around it, and its own
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
 _CURES = {
@@ -420,6 +419,11 @@ def _no_survey(path: Path, table: dict[str, Any]) -> None:
 
 _WRITES = "`holokin new` writes a complete example"
 _JOB = Form(
-    Job, "strategies", KINDS, "check the path; `holokin jobs` lists the packaged ones",
-    f"check its spelling: {{}}; {_WRITES}", f"add it; {_WRITES}", _no_survey,
-)  # fmt: skip
+    Job,
+    "strategies",
+    KINDS,
+    "check the path; `holokin jobs` lists the packaged ones",
+    f"check its spelling: {{}}; {_WRITES}",
+    f"add it; {_WRITES}",
+    _no_survey,
+)

@@ -36,27 +36,15 @@ from .page_scene import silent_viser
 # needs, with just their known fields; numbers are finite and within the bounds of their control, a choice is one of its
 # options. What does not fit is dropped, and nobody else notices.
 
-LONGEST = 200
-"""Characters of a text that is typed into the page, and of names in messages."""
-
-SMALL = 8192
-"""Bytes of a message that is no picture: the longest, of the camera, has 400."""
-
-LARGEST = 16 * 2**20
-"""Bytes of a message: a picture of 8192 x 4096 pixels has 10 MB."""
-
-PIXELS = 8192
-"""Width and height of a picture at most."""
-
+LONGEST = 200  # characters of a text that is typed into the page, and of names in messages
+SMALL = 8192  # bytes of a message that is no picture: the longest, of the camera, has 400
+LARGEST = 16 * 2**20  # bytes of a message: a picture of 8192 x 4096 pixels has 10 MB
+PIXELS = 8192  # width and height of a picture at most
+# largest number [m, or any unit] of a control that has no bounds of its own, and of a handle's place: viser's
+# controls have none unless they are given, and no robot of the page is larger
 FAR = 1e3
-"""Largest number [m, or any unit] of a control that has no bounds of its own, and of a handle's place: viser's
-controls have none unless they are given, and no robot of the page is larger."""
-
-AWAY = 1e6
-"""Largest coordinate of a camera [m], which zooms out far beyond what it sees."""
-
-UNIT = 1e-3
-"""How far the length of a quaternion may be from 1: a browser's 32 bits leave 1e-6."""
+AWAY = 1e6  # largest coordinate of a camera [m], which zooms out far beyond what it sees
+UNIT = 1e-3  # how far the length of a quaternion may be from 1: a browser's 32 bits leave 1e-6
 
 _Name = Annotated[str, Meta(max_length=LONGEST)]
 _Near = Annotated[float, Meta(ge=-FAR, le=FAR)]
@@ -269,8 +257,8 @@ def _(message: GetRenderResponseMessage) -> None:
         raise Refused
 
 
+# messages of a browser that are heard in a second: a drag sends 60. The others wait, for all share one thread
 RATE = 400
-"""Messages of a browser that are heard in a second: a drag sends 60. The others wait, for all share one thread."""
 
 _replacing = threading.Lock()
 

@@ -1,4 +1,4 @@
-"""`open_session`: a session of a job, or of a robot with laws and a loop to begin with."""
+"""`open_session`: a session of a job, or of a robot with strategies and a loop to begin with."""
 
 from __future__ import annotations
 
@@ -25,46 +25,30 @@ from ..job import Job, is_job, open_one_job
 from ..job.job_parts import build_begin, build_paths, build_strategy, build_tasks, naming
 from ..job.runner import sheets_of_job
 from .followers import Loop, circle_loop, entered, loop_start
-from .laws import Law, default_laws, redundant
 from .session import Session
 from .states import Origin
+from .strategies import NamedStrategy, default_strategies, redundant
 
-TRIED = 4
-"""Start postures that are tried for a robot; half of them with two hands, where each takes twice the time."""
-
+TRIED = 4  # start postures that are tried for a robot; half of them with two hands, where each takes twice the time
+# of so many of the most regular postures those are preferred in which the tool's z axis points down: its z
 AMONG, DOWN = 300, -0.8
-"""Of so many of the most regular postures those are preferred in which the tool's z axis points down: its z."""
-
-FLOOR = 0.02
-"""How far below the floor of its base an arm may reach [m] in a start posture that is preferred."""
-
+FLOOR = 0.02  # how far below the floor of its base an arm may reach [m] in a start posture that is preferred
+# radii of the circles that are tried, as shares of how far the tool is from the base: a Panda's first is 0.1 m
 SHARES = (0.15, 0.08, 0.04, 0.02)
-"""Radii of the circles that are tried, as shares of how far the tool is from the base: a Panda's first is 0.1 m."""
-
-LARGEST = 0.15
-"""Largest radius of such a circle [m]."""
-
-LOOK, TRY = 100, 40
-"""Steps a circle with which loops are compared, and laws are tried."""
-
+LARGEST = 0.15  # largest radius of such a circle [m]
+LOOK, TRY = 100, 40  # steps a circle with which loops are compared, and strategies are tried
+# drift [rad or m] that is well seen; drift that is none; and cycles that are played at most to see it
 VISIBLE, UNSEEN, MOST = 0.1, 1e-6, 5
-"""Drift [rad or m] that is well seen; drift that is none; and cycles that are played at most to see it."""
-
-CYCLES = 3
-"""Of a robot's loop, as of the packaged job."""
-
-ARM = 4
-"""Joints of its own that a hand has whose arm is one of two."""
-
-LASTING = 8
-"""Cycles that the pseudo-inverse makes of a loop to begin with before its drift takes it to a joint limit."""
+CYCLES = 3  # of a robot's loop, as of the packaged job
+ARM = 4  # joints of its own that a hand has whose arm is one of two
+LASTING = 8  # cycles that the pseudo-inverse makes of a loop to begin with before its drift takes it to a joint limit
 
 
 def open_session(name: str, *, tip: str | None = None, base: str | None = None, trust_units: bool = False) -> Session:
     """A session of a job (packaged, or a file), or of a robot (of the catalogue, or a file).
 
     A job gives its robot, task, start, path and strategies. A robot gets the task that leaves joints free, a start in
-    the middle of its joint limits, `default_laws`, and a circle that they follow to the end, in the plane in which the
+    the middle of its joint limits, `default_strategies`, and a circle that they follow to the end, in the plane in which the
     pseudo-inverse drifts most.
 
     Args:
@@ -96,45 +80,45 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
     redundant(tasks[0])
     with naming(file, "path"):
         path = build_paths(job.path, tasks[0], start, file)
-    laws: list[Law] = []
+    strategies: list[NamedStrategy] = []
     first: HolokinError | None = None
     for (label, table), task in product(job.strategies.items(), tasks):
         title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
         try:
             with naming(file, "strategies", label):
-                strategy = build_strategy(job, label, task, start, title)
-                strategy(build_begin(table, strategy, start)[0])
+                G = build_strategy(job, label, task, start, title)
+                G(build_begin(table, G, start)[0])
         except HolokinError as problem:
             first = first or problem
             continue
         keys = table.model_dump(exclude_unset=True)
         level = np.atleast_1d(np.array(keys["level"], dtype=float)) if keys.get("level") is not None else None
-        laws.append(Law(title, len(laws), strategy, task, level, keys, label))
-    if not laws and first is not None:
+        strategies.append(NamedStrategy(title, len(strategies), G, task, level, keys, label))
+    if not strategies and first is not None:
         raise first
     keys = job.path.model_dump(exclude_unset=True, exclude={"samples", "cycles"})
     loop = Loop(job.path.kind, path, _based(keys, path), job.path.samples, bool(job.path.clockwise))
     robot, work = (part.model_dump(exclude_unset=True, exclude_none=True) for part in (job.robot, job.task))
     origin = Origin(robot, work, file.parent.absolute())
-    cycles = max(job.path.cycles, visible_cycles(laws, loop, start))
-    session = Session(laws, start, loop, title=job.title, source=name, cycles=cycles, origin=origin)
+    cycles = max(job.path.cycles, visible_cycles(strategies, loop, start))
+    session = Session(strategies, start, loop, title=job.title, source=name, cycles=cycles, origin=origin)
     if job.sheets is None or tasks[0].frames > 1:
         return session
     return session.with_sheets(lambda say: sheets_of_job(job, tasks[0], start, file, say))
 
 
-def visible_cycles(laws: Sequence[Law], loop: Loop, q0: Vector) -> int:
-    """After how many cycles of a loop, begun from a posture (n,), the largest drift of its laws is seen; at most MOST.
+def visible_cycles(strategies: Sequence[NamedStrategy], loop: Loop, q0: Vector) -> int:
+    """After how many cycles of a loop, begun from a posture (n,), the largest drift of its strategies is seen; at most MOST.
 
-    One for an open path, and where no law drifts. A law that does not get round so often does not count.
+    One for an open path, and where no strategy drifts. A strategy that does not get round so often does not count.
     """
     largest = np.zeros(MOST)
-    for law in laws if loop.path.closed else ():
-        if law.strategy is None or law.holonomic:
+    for strategy in strategies if loop.path.closed else ():
+        if strategy.G is None or strategy.holonomic:
             continue
         try:
-            start = loop_start(law, loop, q0)
-            drifts = drift(law.strategy, loop.path, start, samples=LOOK, cycles=MOST)
+            start = loop_start(strategy, loop, q0)
+            drifts = drift(strategy.G, loop.path, start, samples=LOOK, cycles=MOST)
         except HolokinError:
             continue
         largest = np.maximum(largest, drifts.largest)
@@ -152,10 +136,14 @@ def _based(keys: dict[str, Any], path: AnyPath) -> dict[str, Any]:
 
 
 def session_of_robot(
-    robot: Robot, task: Task | None = None, q0: ArrayLike | None = None, *, source: str = "",
+    robot: Robot,
+    task: Task | None = None,
+    q0: ArrayLike | None = None,
+    *,
+    source: str = "",
     origin: dict[str, Any] | None = None,
-) -> Session:  # fmt: skip
-    """A session of a robot, with laws and a loop to begin with.
+) -> Session:
+    """A session of a robot, with strategies and a loop to begin with.
 
     Args:
         task: by default the pose, of each hand of a robot with two arms, or else the position, or less, so that a joint
@@ -164,7 +152,7 @@ def session_of_robot(
         origin: what a job says of the robot: its [robot]. With a task of your own no job can be written.
 
     Raises:
-        ArgumentError: no joint is to spare. HolokinError: no law is defined at the start.
+        ArgumentError: no joint is to spare. HolokinError: no strategy is defined at the start.
     """
     chosen = _task_of(robot) if task is None else task
     redundant(chosen)
@@ -173,13 +161,15 @@ def session_of_robot(
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
     job_origin = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
-    known: dict[int, tuple[Law, ...]] = {}
+    known: dict[int, tuple[NamedStrategy, ...]] = {}
     for i, loop in _loops(chosen, starts):
-        laws = known[i] = known.get(i) or default_laws(chosen, starts[i])
-        if all(_follows(law, loop, starts[i], 1 if law.holonomic else LASTING) for law in laws):
-            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=job_origin, cycles=CYCLES)
-    laws = default_laws(chosen, starts[0])
-    return Session(laws, starts[0], title=robot.name, source=source, origin=job_origin, cycles=CYCLES)
+        strategies = known[i] = known.get(i) or default_strategies(chosen, starts[i])
+        if all(_follows(strategy, loop, starts[i], 1 if strategy.holonomic else LASTING) for strategy in strategies):
+            return Session(
+                strategies, starts[i], loop, title=robot.name, source=source, origin=job_origin, cycles=CYCLES
+            )
+    strategies = default_strategies(chosen, starts[0])
+    return Session(strategies, starts[0], title=robot.name, source=source, origin=job_origin, cycles=CYCLES)
 
 
 def _task_of(robot: Robot) -> Task:
@@ -236,12 +226,12 @@ def _inward(tool: Vector, normal: Vector) -> list[Vector]:
     return [d for d in flat if abs(float(d @ normal)) < 0.5][:2]
 
 
-def _follows(law: Law, loop: Loop, q: Vector, cycles: int) -> bool:
-    """Whether a law follows some cycles of a loop."""
-    if law.strategy is None:
+def _follows(strategy: NamedStrategy, loop: Loop, q: Vector, cycles: int) -> bool:
+    """Whether a strategy follows some cycles of a loop."""
+    if strategy.G is None:
         return True
     try:
-        follow(law.strategy, loop.path, q, samples=TRY, cycles=cycles)
+        follow(strategy.G, loop.path, q, samples=TRY, cycles=cycles)
     except HolokinError:
         return False
     return True

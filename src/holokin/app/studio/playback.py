@@ -1,7 +1,7 @@
 """Recordings: motions of one robot in one HTML file that any browser plays, without a server and without network.
 
 The scene is that of the studio. A recording has no sliders to ask, so what it shows is written into it: a title, what
-to see, the colour of each law, and its joint error after each cycle, which appears when the cycle ends.
+to see, the colour of each strategy, and its joint error after each cycle, which appears when the cycle ends.
 """
 
 from __future__ import annotations
@@ -29,39 +29,20 @@ from .door import HERE, Door
 from .page_scene import FOV, Scene, silent_viser, viser_package
 from .session import Session
 
-RATE = 25.0
-"""Postures a second of a recording: the player does not blend them, and more cost more than they show."""
-
-HOLD = 2.5
-"""Seconds for which the end is held, to be read."""
-
-TRACE = 40
-"""Points of an elbow's line at most in a cycle: a line smooth enough, in few bytes."""
-
-PIECES = 8
-"""Pieces in which the elbow's line of a cycle appears."""
-
+RATE = 25.0  # postures a second of a recording: the player does not blend them, and more cost more than they show
+HOLD = 2.5  # seconds for which the end is held, to be read
+TRACE = 40  # points of an elbow's line at most in a cycle: a line smooth enough, in few bytes
+PIECES = 8  # pieces in which the elbow's line of a cycle appears
+# width of the picture over its height, and where the robots are in it: from LEFT to RIGHT of half its width, the
+# caption being on the left, and up to UPRIGHT of half its height
 ASPECT, LEFT, RIGHT, UPRIGHT = 1.6, -0.2, 0.96, 0.86
-"""Width of the picture over its height, and where the robots are in it: from LEFT to RIGHT of half its width, the
-caption being on the left, and up to UPRIGHT of half its height."""
-
+# from where to where of half the picture's height wide scenes are, which have its whole width, below the caption
 BELOW = (-0.8, 0.04)
-"""From where to where of half the picture's height wide scenes are, which have its whole width, below the caption."""
-
-ASIDE = np.deg2rad(20.0)
-"""Of the camera, from the middle between two hands that it looks at from the front."""
-
-ELEVATION = np.deg2rad(18.0)
-"""Of the camera; planar robots are seen from above."""
-
-RETURNED = 1e-6
-"""Largest error [joint unit] of a motion that is said to return: what integration leaves is below it."""
-
-TRIANGLES = 60_000
-"""Of the robot at most: a megabyte."""
-
-ABOVE = np.array([0.0, 0.0, 0.06])
-"""How far [m] lines are drawn above the floor in which a planar robot moves."""
+ASIDE = np.deg2rad(20.0)  # of the camera, from the middle between two hands that it looks at from the front
+ELEVATION = np.deg2rad(18.0)  # of the camera; planar robots are seen from above
+RETURNED = 1e-6  # largest error [joint unit] of a motion that is said to return: what integration leaves is below it
+TRIANGLES = 60_000  # of the robot at most: a megabyte
+ABOVE = np.array([0.0, 0.0, 0.06])  # how far [m] lines are drawn above the floor in which a planar robot moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,19 +118,26 @@ def player() -> str:
 
 @typed
 def record(
-    robot: Robot, motions: Mapping[str, Any], file: str | FilePath | None = None, *, title: str = "", text: str = "",
-    path: ArrayLike | None = None, lead: str | None = None, seconds: float = 20.0,
+    robot: Robot,
+    motions: Mapping[str, Any],
+    file: str | FilePath | None = None,
+    *,
+    title: str = "",
+    text: str = "",
+    path: ArrayLike | None = None,
+    lead: str | None = None,
+    seconds: float = 20.0,
     obstacles: Sequence[LinkShape] = (),
-) -> Recording:  # fmt: skip
+) -> Recording:
     """Record motions of one robot, side by side in one place, to an HTML file that plays without a server.
 
     Args:
-        motions: name of each law -> its `Trajectory`, `TimedTrajectory` or `Motion`. One that ends early stays there.
+        motions: name of each strategy -> its `Trajectory`, `TimedTrajectory` or `Motion`. One that ends early stays there.
         file: where to write it; None writes nothing.
         title, text: what it shows and what to see, for people.
         path: points (k, 3) [m] of the line that the tool shall follow, or (F, k, 3) of the lines of several tools; by
             default where the tools of the lead went.
-        lead: the law whose robot is drawn solid, by default the last one; the others are translucent ghosts.
+        lead: the strategy whose robot is drawn solid, by default the last one; the others are translucent ghosts.
         seconds: for how long it plays at most; longer motions are played faster.
         obstacles: what stands around the robot, such as the part that it works on: shapes of `hk.obstacle`.
             Tools that the robot carries are drawn, too: see `hk.robot.with_shape`.
@@ -177,24 +165,24 @@ def record(
 
 @typed
 def record_session(session: Session, file: str | FilePath | None = None, *, text: str = "") -> Recording:
-    """Record what the laws of a session did on its loop since it began, as `record` does.
+    """Record what the strategies of a session did on its loop since it began, as `record` does.
 
     Raises:
         ArgumentError: the loop has not run yet. MissingExtraError, WriteError.
     """
     snapshot, loop = session.snapshot(), session.loop
-    if loop is None or not any(len(law.t) > 1 for law in snapshot.laws):
+    if loop is None or not any(len(strategy.t) > 1 for strategy in snapshot.strategies):
         raise ArgumentError(
             "the loop to record", None, "none has run yet: press Start first, or call play() and advance()"
         )
     motions = {}
-    for law in snapshot.laws:
-        if len(law.t) < 2:
+    for strategy in snapshot.strategies:
+        if len(strategy.t) < 2:
             continue
-        ends = law.t[0] + np.arange(len(law.drift) + 1) * loop.path.duration
-        marks = np.unique(np.searchsorted(law.t, ends - 1e-9 * loop.path.duration).clip(max=len(law.t) - 1))
-        motions[law.name] = Motion(law.t, law.history, tuple(int(mark) for mark in marks))
-    holonomic = [law.name for law in snapshot.laws if law.holonomic and law.name in motions]
+        ends = strategy.t[0] + np.arange(len(strategy.drift) + 1) * loop.path.duration
+        marks = np.unique(np.searchsorted(strategy.t, ends - 1e-9 * loop.path.duration).clip(max=len(strategy.t) - 1))
+        motions[strategy.name] = Motion(strategy.t, strategy.history, tuple(int(mark) for mark in marks))
+    holonomic = [strategy.name for strategy in snapshot.strategies if strategy.holonomic and strategy.name in motions]
     points = loop.points(200)
     lead = holonomic[0] if holonomic else list(motions)[-1]
     return record(session.robot, motions, file, title=session.title, text=text, path=points, lead=lead)
@@ -242,7 +230,7 @@ class _Film:
         server = _quiet_server()
         try:
             scene = Scene(server, self.robot, Q[0, self.lead], TRIANGLES)
-            scene.set_laws([""] * len(self.clips), self.colors, self.lead)
+            scene.set_strategies([""] * len(self.clips), self.colors, self.lead)
             loops = [loop + self.lift for loop in self._loops(scene, Q, path)]
             for index, loop in enumerate(loops):
                 scene.path(loop, f"loop{index or ''}")
@@ -252,8 +240,8 @@ class _Film:
             tape = server.get_scene_serializer()
             for frame in range(self.count):
                 scene.show(Q[frame])
-                for law, name, points in pieces.get(frame, ()):
-                    scene.trace(law, points, name)
+                for strategy, name, points in pieces.get(frame, ()):
+                    scene.trace(strategy, points, name)
                 tape.insert_sleep(1 / RATE)
             tape.insert_sleep(HOLD)
             return tape.serialize()
@@ -269,7 +257,7 @@ class _Film:
         return [scene.points_of(Q[:, self.lead], tip)[0] for tip in self.tools]
 
     def view(self, scene: Scene, Q: Array, loop: Matrix, things: Matrix) -> tuple[Vector, Vector]:
-        """(place of the camera, point it looks at): from where the laws are seen best apart, beside the caption."""
+        """(place of the camera, point it looks at): from where the strategies are seen best apart, beside the caption."""
         frames = Q[np.linspace(0, len(Q) - 1, 13).round().astype(int)]
         bodies = [[np.vstack(self.robot.skeleton(q)) for q in row] for row in frames]
         pairs = [(body, row[self.lead]) for row in bodies for body in row]
@@ -307,9 +295,9 @@ class _Film:
         return look_at + far * away, look_at
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
-        """Frame -> (law, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
+        """Frame -> (strategy, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
         pieces: dict[int, list[tuple[int, str, Matrix]]] = {}
-        for law, clip in enumerate(self.clips.values()):
+        for strategy, clip in enumerate(self.clips.values()):
             ends = [*clip.marks] if len(clip.marks) > 1 else [0, len(clip.t) - 1]
             for cycle, (first, last) in enumerate(pairwise(ends)):
                 rows: Indices = np.unique(np.linspace(first, last, TRACE + 1).round().astype(int))
@@ -318,21 +306,27 @@ class _Film:
                     if len(part):
                         frame = round(self.clock(float(clip.t[rows[part[-1] + 1]])) * RATE)
                         line = points[part[0] : part[-1] + 2]
-                        pieces.setdefault(frame, []).append((law, f"elbow/{cycle}-{piece}", line))
+                        pieces.setdefault(frame, []).append((strategy, f"elbow/{cycle}-{piece}", line))
         return pieces
 
     def caption(self, title: str, text: str) -> dict[str, Any]:
-        """What the overlay writes: title, text, and of each law its colour, and (second, error) of each cycle."""
-        laws = []
+        """What the overlay writes: title, text, and of each strategy its colour, and (second, error) of each cycle."""
+        strategies = []
         for index, (name, clip) in enumerate(self.clips.items()):
             errors = clip.errors
             shown = [[self.clock(float(clip.t[m])), float(e)] for m, e in zip(clip.marks[1:], errors, strict=True)]
             ended = [] if clip.status is Status.COMPLETE else [self.clock(float(clip.t[-1])), clip.status.cause]
-            laws.append({
-                "name": name, "color": self.colors[index], "solid": index == self.lead, "errors": shown, "ended": ended,
-            })  # fmt: skip
+            strategies.append(
+                {
+                    "name": name,
+                    "color": self.colors[index],
+                    "solid": index == self.lead,
+                    "errors": shown,
+                    "ended": ended,
+                }
+            )
         unit = "rad" if all(self.robot.hinges) else "rad or m"
-        return {"title": title, "text": text, "laws": laws, "unit": unit, "pace": round(self.pace, 1)}
+        return {"title": title, "text": text, "strategies": strategies, "unit": unit, "pace": round(self.pace, 1)}
 
 
 def _motion(name: str, motion: Any, robot: Robot) -> Motion:

@@ -1,4 +1,4 @@
-"""The panel of the posture: how near to singular, what is known of each law, and sliders that keep the tool still."""
+"""The panel of the posture: how near to singular, what is known of each strategy, and sliders that keep the tool still."""
 
 from __future__ import annotations
 
@@ -9,31 +9,23 @@ import numpy as np
 
 from ...base.errors import HolokinError
 from ..report.plots import BLUE, GREY, PURPLE, YELLOW, rgb
-from .laws import DEGREES, Slider
 from .stage import Stage, block, line, plain, put, quiet, ramp, swatch, table
-from .states import Cloud, LawState, LeafCusps, Phase, Snapshot
+from .states import Cloud, LeafCusps, Phase, Snapshot, StrategyState
+from .strategies import DEGREES, Slider
 
+# colours of a cloud: from dark to light, so that they are told apart in print, too; what is not reached has none
 FAR, NEAR, UNREACHED = BLUE, YELLOW, GREY
-"""Colours of a cloud: from dark to light, so that they are told apart in print, too; what is not reached has none."""
-
-SINGULAR = 0.01
-"""An rcond below this is written in red."""
-
-CUSP = PURPLE
-"""Colour of the nearest cusp, and of a tool loop that does not bring the joints back."""
-
+SINGULAR = 0.01  # an rcond below this is written in red
+CUSP = PURPLE  # colour of the nearest cusp, and of a tool loop that does not bring the joints back
 BALL, LINE = "The purple ball is the tool at the nearest cusp.", "The purple line is the loop."
-LEFT = "This is of a leaf that the law has left: look again."
-"""What is said below the cusps."""
-
-SELF, LEVEL = "self-motion", "level"
-"""The two sliders."""
+LEFT = "This is of a leaf that the strategy has left: look again."  # what is said below the cusps
+SELF, LEVEL = "self-motion", "level"  # the two sliders
 
 
 _FIND = "Points about the tool, each as far from joint limits as its colour says"
 
 COLUMNS = (
-    "verdict: whether small loops near the start bring the joints back. rcond: how near the law is to singular, "
+    "verdict: whether small loops near the start bring the joints back. rcond: how near the strategy is to singular, "
     "1 is good, 0 singular"
 )
 """What the columns of the table are."""
@@ -45,11 +37,11 @@ class PosturePanel:
     def __init__(self, page: Stage):
         self.page = page
         gui = page.server.gui
-        names = tuple(law.name for law in page.session.laws)
+        names = tuple(strategy.name for strategy in page.session.strategies)
         self.known = gui.add_html("")
         gui.add_divider()
-        self.law = gui.add_dropdown(
-            "Sliders of", names, initial_value=names[page.lead], hint="The law that the two sliders move"
+        self.strategy = gui.add_dropdown(
+            "Sliders of", names, initial_value=names[page.lead], hint="The strategy that the two sliders move"
         )
         gui.add_markdown("**Self-motion**: the joints move, the tool stands still.")
         self.self_motion = gui.add_slider(
@@ -62,18 +54,18 @@ class PosturePanel:
             max=1.0,
             step=0.001,
             initial_value=0.0,
-            hint="From leaf to leaf; the law keeps the new one",
+            hint="From leaf to leaf; the strategy keeps the new one",
         )
         gui.add_divider()
         gui.add_markdown("**How far** does the pose decide the joints? Round a cusp they may not come back.")
         self.far = gui.add_button(
-            "Look for cusps of this law", color="gray", hint="On its leaf, about the tool; it takes some seconds"
+            "Look for cusps of this strategy", color="gray", hint="On its leaf, about the tool; it takes some seconds"
         )
         self.far_text = gui.add_html("")
         gui.add_divider()
-        gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")
-        holonomic = tuple(law.name for law in page.session.laws if law.holonomic)
-        self.cover = gui.add_dropdown("Law", holonomic or ("none",), hint="Whose leaf is looked at")
+        gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic strategy.")
+        holonomic = tuple(strategy.name for strategy in page.session.strategies if strategy.holonomic)
+        self.cover = gui.add_dropdown("NamedStrategy", holonomic or ("none",), hint="Whose leaf is looked at")
         self.find = gui.add_button("Find the coverage", color="gray", disabled=not holonomic, hint=_FIND)
         self.clear = gui.add_button(
             "Take the cloud away", color="gray", disabled=not holonomic, hint="And look no farther"
@@ -107,7 +99,7 @@ class PosturePanel:
     def _connect(self) -> None:
         page = self.page
 
-        @self.law.on_update
+        @self.strategy.on_update
         def _(_event: Any) -> None:
             self._fitted = {}
 
@@ -121,7 +113,7 @@ class PosturePanel:
             if event.client is not None:
                 page.ask(self._lift, LEVEL)
 
-        self.far.on_click(lambda _event: page.ask(lambda: page.session.start_cusps(self.law.value)))
+        self.far.on_click(lambda _event: page.ask(lambda: page.session.start_cusps(self.strategy.value)))
         self.find.on_click(lambda _event: page.ask(lambda: page.session.start_cloud(self.cover.value)))
         self.clear.on_click(lambda _event: page.ask(self.take_away))
 
@@ -139,7 +131,7 @@ class PosturePanel:
         if known is not None:
             self.page.say("")
             place = float(np.clip(self.self_motion.value / self._unit(known)[0], known.low, known.high))
-            self.page.session.move_self(self.law.value, place)
+            self.page.session.move_self(self.strategy.value, place)
             self._fitted[SELF] = self._key(self.page.session.snapshot())
 
     def _lift(self) -> None:
@@ -147,12 +139,12 @@ class PosturePanel:
         if known is not None:
             value = float(np.clip(self.level.value / self._unit(known)[0], known.low, known.high))
             self.page.say("")
-            self.page.session.move_level(self.law.value, value)
+            self.page.session.move_level(self.strategy.value, value)
             self._fitted[LEVEL] = self._key(self.page.session.snapshot())
             self._say_level(replace(known, value=value))
 
     def _key(self, snap: Snapshot) -> tuple[Any, ...]:
-        return self.law.value, snap.law(self.law.value).q.tobytes()
+        return self.strategy.value, snap.strategy(self.strategy.value).q.tobytes()
 
     def _fit(self, snap: Snapshot) -> None:
         """Bring the sliders to the posture; only when it changed, since finding how far they go takes time."""
@@ -165,7 +157,7 @@ class PosturePanel:
                 continue
             self._fitted[name] = key
             try:
-                slider = self._range(name, snap.law(self.law.value))
+                slider = self._range(name, snap.strategy(self.strategy.value))
             except HolokinError as problem:
                 slider = None
                 if name == LEVEL:
@@ -191,12 +183,12 @@ class PosturePanel:
         """(factor, name) with which the numbers of a slider are shown."""
         return self.page.units.factor(known.unit), self.page.units.name(known.unit)
 
-    def _range(self, name: str, law: LawState) -> Slider | None:
+    def _range(self, name: str, strategy: StrategyState) -> Slider | None:
         if name == SELF:
-            return self.page.session.self_motion(law.name)
-        if law.holonomic:
-            return self.page.session.level_slider(law.name)
-        put(self.level_text, f"**Level**: {law.name} has no leaves.")
+            return self.page.session.self_motion(strategy.name)
+        if strategy.holonomic:
+            return self.page.session.level_slider(strategy.name)
+        put(self.level_text, f"**Level**: {strategy.name} has no leaves.")
         return None
 
     def _say_level(self, known: Slider) -> None:
@@ -204,17 +196,20 @@ class PosturePanel:
         unit = f" {name}" if name else ""
         low, high = scale * known.low, scale * known.high
         span = f"{scale * known.value:.4g}{unit}, from {low:.4g} ({known.why_low}) to {high:.4g} ({known.why_high})"
-        put(self.level_text, f"**{_what(known)}** of {known.name}: {span}. The law keeps the new leaf.")
+        put(self.level_text, f"**{_what(known)}** of {known.name}: {span}. The strategy keeps the new leaf.")
 
     def _verdict_table(self, snap: Snapshot) -> str:
-        rows = [("", *(plain(text, grey=True) for text in ("law", "verdict about the start", "rcond")))]
-        for law, color in zip(snap.laws, self.page.colors, strict=False):
-            judged = law.judgement
+        rows = [("", *(plain(text, grey=True) for text in ("strategy", "verdict about the start", "rcond")))]
+        for strategy, color in zip(snap.strategies, self.page.colors, strict=False):
+            judged = strategy.judgement
             verdict = "is being judged" if judged is None else "holonomic" if judged.holonomic else "not holonomic"
             bend = "" if judged is None else f", curvature {judged.curvature:.2g}"
-            near = plain(f"{law.rcond:.3f}", red=bool(law.rcond < SINGULAR), right=True)
-            rows.append((swatch(color), plain(law.name), plain(f"{verdict}{bend}"), near))
-        hints = [COLUMNS, *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
+            near = plain(f"{strategy.rcond:.3f}", red=bool(strategy.rcond < SINGULAR), right=True)
+            rows.append((swatch(color), plain(strategy.name), plain(f"{verdict}{bend}"), near))
+        hints = [
+            COLUMNS,
+            *("" if strategy.judgement is None else strategy.judgement.sentence for strategy in snap.strategies),
+        ]
         foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
         return block(table(rows, hints), quiet(foot))
 
@@ -225,14 +220,16 @@ class PosturePanel:
             return
         self.page.scene.cloud(cloud.points, _margin_colors(cloud))
         share = f"{100 * cloud.reached.mean():.0f} % are reached" if len(cloud.reached) else ""
-        text = cloud.sentence or f"{cloud.law}: {cloud.done} of {cloud.total} poses looked at, {share}"
+        text = cloud.sentence or f"{cloud.strategy}: {cloud.done} of {cloud.total} poses looked at, {share}"
         scale = ramp(FAR, NEAR, "in the middle of the joints", "at a limit")
         put(self.cloud_text, block(line(text), scale, table([(swatch(UNREACHED), plain("not reached"))])))
 
 
 def _where(cusps: LeafCusps, snap: Snapshot) -> str:
-    """What is said below the cusps: what is drawn of them, or that the law stands on another leaf by now."""
-    if not any(law.name == cusps.law and np.array_equal(law.level, cusps.level) for law in snap.laws):
+    """What is said below the cusps: what is drawn of them, or that the strategy stands on another leaf by now."""
+    if not any(
+        strategy.name == cusps.strategy and np.array_equal(strategy.level, cusps.level) for strategy in snap.strategies
+    ):
         return LEFT
     return "" if cusps.place is None else BALL if not len(cusps.loop) else f"{BALL} {LINE}"
 

@@ -27,17 +27,12 @@ from .session import Session
 from .studio_page import Page
 from .work import failure
 
-PORT = 8080
-"""Where the page is, unless it is in use."""
-
-TRIED = 50
-"""Ports that are tried."""
-
+PORT = 8080  # where the page is, unless it is in use
+TRIED = 50  # ports that are tried
+# seconds for the last words to reach browsers: the server ends its sending threads without waiting for them
 FAREWELL = 1.0
-"""Seconds for the last words to reach browsers: the server ends its sending threads without waiting for them."""
-
+# what browsers are told in the end
 ENDED = "Nothing moves any more on this page. Start the studio again: it prints a new address."
-"""What browsers are told in the end."""
 
 OPEN = (
     "the page is open to the network at {host}, and nothing is encrypted: whoever knows its address, {url}, can move "
@@ -46,15 +41,13 @@ OPEN = (
 )
 """What is said of a host that other machines reach."""
 
+# the file with which the browser is started
 LEADS_ON = '<!DOCTYPE html><meta http-equiv="refresh" content="0; url={url}"><a href="{url}">The studio</a>'
-"""The file with which the browser is started."""
-
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
 
 
-What = str | Path | Robot | Session | None
-"""What can be shown."""
+What = str | Path | Robot | Session | None  # what can be shown
 
 
 class Studio:
@@ -174,7 +167,7 @@ class Studio:
             self.page.say(failure(f"{name} was not opened", problem))
 
 
-def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
+def serve(what: What, port: int, host: str, browser: bool, wait: bool, progress: Callable[[str], Any]) -> Studio:
     """Open a page; as `hk.studio` says."""
     if not 0 <= port <= 65535:
         raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
@@ -182,8 +175,8 @@ def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Cal
     trimesh_package()
     made = Studio(_session(what), port, host)
     for note in made.notes:
-        tell(note)
-    tell(f"the studio is at {made.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
+        progress(note)
+    progress(f"the studio is at {made.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
     if browser:
         made.browse()
     if wait:
@@ -242,7 +235,7 @@ def studio(
     host: str = "127.0.0.1",
     browser: bool = True,
     wait: bool = True,
-    tell: Callable[[str], Any] = print,
+    progress: Callable[[str], Any] = print,
 ) -> Studio:
     """Open a page in the browser: the robot, a loop to drag, and control laws side by side. Extra `studio`.
 
@@ -256,7 +249,7 @@ def studio(
             all who know its address.
         browser: False opens none.
         wait: serve until Ctrl-C; False returns at once, and `close()` ends it.
-        tell: hears where the page is, and what else is to be known of it, a sentence at a time. The address has a
+        progress: hears where the page is, and what else is to be known of it, a sentence at a time. The address has a
             token in it: who has it can open the page.
 
     Returns:
@@ -267,10 +260,10 @@ def studio(
         ArgumentError: a port or host that cannot be; a robot without a joint to spare.
         HolokinError: what reading the job or robot raises.
     """
-    if not callable(tell):
-        raise ArgumentError("tell", tell, "give a function of one text")
+    if not callable(progress):
+        raise ArgumentError("progress", progress, "give a function of one text")
     from .session import Session
 
     if what is not None and not isinstance(what, str | Path | Robot | Session):
         raise ArgumentError("what the studio shows", what, "give a job, a robot, a file of one, or a studios.Session")
-    return serve(what, port, host, browser, wait, tell)
+    return serve(what, port, host, browser, wait, progress)

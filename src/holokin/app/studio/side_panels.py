@@ -1,4 +1,4 @@
-"""The column at the right of the page: what runs, the loop, the laws at the posture, and what goes out of the page."""
+"""The column at the right of the page: what runs, the loop, the strategies at the posture, and what goes out of the page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from ..job import Job, certify_job, open_one_job, packaged_jobs, program_of_job
 from ..report.plots import CLOCKWISE, COUNTER_CLOCKWISE
 from ..report.sheets_plots import sheet_color
 from .followers import circle_loop, eight_loop
-from .laws import LawPaths
 from .posture_panel import PosturePanel
 from .session import Session, to_job
 from .stage import (
@@ -43,14 +42,12 @@ from .stage import (
     table,
     warning,
 )
-from .states import FASTEST, SLOWEST, UNITS, USUAL, LawState, Phase, Snapshot, joint_unit, largest
+from .states import FASTEST, SLOWEST, UNITS, USUAL, Phase, Snapshot, StrategyState, joint_unit, largest
+from .strategies import StrategyPaths
 from .work import SheetFollower, SheetState
 
-SHOWN = 3.0
-"""Seconds in which two paths are shown."""
-
-SAME = 1e-6
-"""Joint difference [rad or m] below which two postures are one: round-off is far below it."""
+SHOWN = 3.0  # seconds in which two paths are shown
+SAME = 1e-6  # joint difference [rad or m] below which two postures are one: round-off is far below it
 
 
 _CENTER = "Of the circle, or where the eight crosses itself: x, y, z in the frame of the robot's base"
@@ -65,7 +62,7 @@ class LoopPanel:
         self.page = page
         gui, loop = page.server.gui, page.session.loop
         center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)
-        gui.add_markdown("A closed path of the tool. Laws that are not holonomic usually drift on it.")
+        gui.add_markdown("A closed path of the tool. Strategies that are not holonomic usually drift on it.")
         self.dragged = gui.add_checkbox(
             "Drag centre, plane and radius in the scene", False, hint="Handles on the circle"
         )
@@ -83,7 +80,7 @@ class LoopPanel:
             "Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05, hint=_NORMAL
         )
         self.here = gui.add_button("Begin at the tool", color="gray", hint="The loop then starts where the tool is now")
-        self.make = gui.add_button("Take this loop", hint="All laws follow it from now on")
+        self.make = gui.add_button("Take this loop", hint="All strategies follow it from now on")
         gui.add_divider()
         gui.add_markdown("**By clicks**: corners on the level of the tool. Look from above.")
         self.clicks = gui.add_button("Begin to click", color="gray", hint="Each click in the scene is a corner")
@@ -92,10 +89,12 @@ class LoopPanel:
         )
         gui.add_divider()
         gui.add_markdown(
-            "**Two paths to one pose**: drag the tool somewhere, then see a law go there from the start by two paths."
+            "**Two paths to one pose**: drag the tool somewhere, then see a strategy go there from the start by two paths."
         )
-        names = tuple(law.name for law in page.session.laws)
-        self.law = gui.add_dropdown("Law", names, hint="Whose joints are compared at the end of both paths")
+        names = tuple(strategy.name for strategy in page.session.strategies)
+        self.strategy = gui.add_dropdown(
+            "NamedStrategy", names, hint="Whose joints are compared at the end of both paths"
+        )
         self.two_paths = gui.add_button(
             "Go two paths to the tool's place", color="gray", hint="From the start, by a corner to each side"
         )
@@ -164,7 +163,7 @@ class LoopPanel:
             page.session.drag(wanted)
             page.say(str(problem))
             return
-        path = next(path for path in compared.by_law if path.name == self.law.value)
+        path = next(path for path in compared.by_strategy if path.name == self.strategy.value)
         for index, color in enumerate((CLOCKWISE, COUNTER_CLOCKWISE)):
             page.scene.path(compared.points[index], f"path{index}", color)
         if path.sentence:
@@ -175,16 +174,16 @@ class LoopPanel:
             apart = f"{float(largest(units, robot, path.a[-1] - path.b[-1])):.3g} {joint_unit(units, robot)}"
             self.answer.content = f"Both paths end at one pose, with **{same}**: {apart} apart."
         with page.own_drawing():
-            self._show(path, [law.name for law in page.session.laws].index(path.name))
+            self._show(path, [strategy.name for strategy in page.session.strategies].index(path.name))
         for index in range(2):
             page.scene.path([], f"path{index}")
         page.session.drag(wanted)
 
-    def _show(self, path: LawPaths, law: int) -> None:
-        """One path by the solid robot, the other by a ghost, in the law's colour where there is another law."""
+    def _show(self, path: StrategyPaths, strategy: int) -> None:
+        """One path by the solid robot, the other by a ghost, in the strategy's colour where there is another strategy."""
         page, steps = self.page, min(len(path.a), len(path.b))
-        count, lead = len(page.session.laws), page.lead
-        ghost = law if law != lead else (lead + 1) % count
+        count, lead = len(page.session.strategies), page.lead
+        ghost = strategy if strategy != lead else (lead + 1) % count
         for row in np.linspace(0, steps - 1, int(SHOWN * 25)).astype(int) if steps else ():
             Q = np.tile(path.a[row], (count, 1))
             Q[ghost] = path.b[row]
@@ -200,15 +199,13 @@ def _scaled(ratio: float, value: Any) -> Any:
     return float(f"{ratio * float(value):.12g}")
 
 
-ACCELERATION = 2.0
-"""Of a program's joints [rad/s^2, m/s^2], until somebody gives another one."""
-
+ACCELERATION = 2.0  # of a program's joints [rad/s^2, m/s^2], until somebody gives another one
+# languages that a job of the studio can be written in: the others need facts of a controller, which a file gives
 WRITTEN = tuple(name for name, language in LANGUAGES.items() if not language.needs)
-"""Languages that a job of the studio can be written in: the others need facts of a controller, which a file gives."""
 
 
+# what helps where a job needs more than a session tells
 CURE = "Save the job, add what is missing to its file, and use `holokin export` or `holokin certify` on the file."
-"""What helps where a job needs more than a session tells."""
 
 
 class WorkPanel:
@@ -216,10 +213,14 @@ class WorkPanel:
 
     def __init__(self, page: Stage):
         self.page = page
-        gui, laws = page.server.gui, page.session.laws
-        in_job = tuple(law.name for law in laws if law.keys is not None and page.session.origin is not None)
+        gui, strategies = page.server.gui, page.session.strategies
+        in_job = tuple(
+            strategy.name for strategy in strategies if strategy.keys is not None and page.session.origin is not None
+        )
         off = not in_job
-        self.law = gui.add_dropdown("Law", in_job or ("none",), hint="Of the program and of the certificate")
+        self.strategy = gui.add_dropdown(
+            "NamedStrategy", in_job or ("none",), hint="Of the program and of the certificate"
+        )
         gui.add_markdown(
             "A **robot program** of the loop with its cycles, timed within the speed limits of the joints."
         )
@@ -232,9 +233,9 @@ class WorkPanel:
         )
         gui.add_markdown("A **certificate** proves that the joints on the loop are one function of the tool pose.")
         self.certify = gui.add_button(
-            "Certify the law", color="gray", disabled=off, hint="On the loop; it takes seconds to a minute"
+            "Certify the strategy", color="gray", disabled=off, hint="On the loop; it takes seconds to a minute"
         )
-        gui.add_markdown("**Advice**: the laws that fit this robot near its start, compared.")
+        gui.add_markdown("**Advice**: the strategies that fit this robot near its start, compared.")
         self.advise = gui.add_button("Ask for advice", color="gray", hint="It takes about a minute, and slows the page")
         self.answer = gui.add_html("")
         for button, work in (
@@ -286,10 +287,10 @@ class WorkPanel:
         with _saved_job(self.page.session) as (name, job, file):
             chosen = job.model_copy(update={"strategies": {label: job.strategies[label]}})
             certificate = next(
-                answer for title, answer in certify_job(chosen, file) if title in (label, self.law.value)
+                answer for title, answer in certify_job(chosen, file) if title in (label, self.strategy.value)
             )
             if not isinstance(certificate, Certificate):
-                self._tell(f"{self.law.value} is not certified: {certificate}")
+                self._tell(f"{self.strategy.value} is not certified: {certificate}")
                 return None
             self._tell(certificate.theorem)
             return f"{name}-certificate.json", certificate.save(file.parent / "certificate.json").read_bytes()
@@ -303,9 +304,9 @@ class WorkPanel:
         self._tell(f"The best is {advice.best.name}.", *advice.reasons)
 
     def _label(self) -> str:
-        """The name in a job of the law that is chosen."""
-        law = next(law for law in self.page.session.laws if law.name == self.law.value)
-        return law.label or law.name
+        """The name in a job of the strategy that is chosen."""
+        strategy = next(strategy for strategy in self.page.session.strategies if strategy.name == self.strategy.value)
+        return strategy.label or strategy.name
 
 
 @contextmanager
@@ -342,7 +343,7 @@ class SheetsPanel:
     def _switch(self) -> None:
         session = self.page.session
         self.page.say("")
-        session.follow_sheets(session.laws[self.page.lead].name if self.on.value else None)
+        session.follow_sheets(session.strategies[self.page.lead].name if self.on.value else None)
 
     def draw(self) -> None:
         """Bring switch and texts to what there is."""
@@ -351,8 +352,8 @@ class SheetsPanel:
         for handle, off in ((self.find, there), (self.on, not there)):
             if handle.disabled != off:
                 handle.disabled = off
-        if self.on.value != bool(state.law):
-            self.on.value = bool(state.law)
+        if self.on.value != bool(state.strategy):
+            self.on.value = bool(state.strategy)
         put(self.told, _told(state))
 
 
@@ -364,24 +365,17 @@ def _told(state: SheetState) -> str:
         (swatch(sheet_color(s), s == state.sheet), plain(f"sheet {s}{': serves the tool' if s == state.sheet else ''}"))
         for s in range(state.count)
     ]
-    who = quiet(f"{state.law} follows the sheets." if state.law else "No arm follows the sheets.")
+    who = quiet(f"{state.strategy} follows the sheets." if state.strategy else "No arm follows the sheets.")
     sentence = line(state.sentence) if state.sheet >= 0 else warning(state.sentence)
     return block(table(rows), sentence, warning(state.why), who, quiet(f"{state.about}."))
 
 
 # --- What goes out of the page: a job file, a picture, a GIF, a recording. All of it is downloaded by the browser.
 
-PICTURES, PAUSE = 60, 0.1
-"""Pictures of a GIF at most, and the time between two [s]."""
-
-WIDE = 720
-"""Width of a GIF [pixels]."""
-
-TALL = 3.0
-"""Height of a GIF over its width, at most: a telephone's page has 2.2."""
-
-PATIENCE = 30.0
-"""Seconds to wait for a picture of a browser."""
+PICTURES, PAUSE = 60, 0.1  # pictures of a GIF at most, and the time between two [s]
+WIDE = 720  # width of a GIF [pixels]
+TALL = 3.0  # height of a GIF over its width, at most: a telephone's page has 2.2
+PATIENCE = 30.0  # seconds to wait for a picture of a browser
 
 
 class SavePanel:
@@ -392,7 +386,7 @@ class SavePanel:
         gui = page.server.gui
         self.name = gui.add_text("Name", file_name(page.session.title), hint="Of the files, and the title of the job")
         gui.add_markdown("A **job** runs to the same numbers: `holokin run NAME.toml`.")
-        self.job = gui.add_button("Save as job", hint="A TOML file with robot, task, start, loop and laws")
+        self.job = gui.add_button("Save as job", hint="A TOML file with robot, task, start, loop and strategies")
         self.picture = gui.add_button("Screenshot", color="gray", hint="A PNG of the scene as this browser sees it")
         gui.add_markdown("A **GIF** shows a cycle from now on, as this browser sees it.")
         self.film = gui.add_button("Make a GIF", color="gray", hint="At most 60 pictures, ten a second")
@@ -465,17 +459,12 @@ class SavePanel:
         return ".html", record_session(self.page.session, text=self.page.session.title).html().encode()
 
 
-ENDLESS = 0
-"""Cycles that mean: for ever."""
-
-ELSEWHERE = 1e-6
-"""Joint difference [rad, m] to the start posture at which a law does not stand there."""
-
-ROUND = ("as drawn", "the other way")
-"""The ways round a loop: not clockwise, clockwise."""
+ENDLESS = 0  # cycles that mean: for ever
+ELSEWHERE = 1e-6  # joint difference [rad, m] to the start posture at which a strategy does not stand there
+ROUND = ("as drawn", "the other way")  # the ways round a loop: not clockwise, clockwise
 
 COLUMNS = (
-    "law: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle. "
+    "strategy: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle. "
     "state: whether the tool is at the target"
 )
 """What the columns of the table are."""
@@ -543,7 +532,9 @@ class Panels:
     def _run(self, gui: Any) -> None:
         page = self.page
         self.table = gui.add_html("")
-        self.start = gui.add_button("Start", color="blue", hint="All laws run round the loop; press again to hold them")
+        self.start = gui.add_button(
+            "Start", color="blue", hint="All strategies run round the loop; press again to hold them"
+        )
         self.home = gui.add_button(
             "All back to the start posture", color="gray", hint="The loop stops, and its drift is forgotten"
         )
@@ -561,11 +552,11 @@ class Panels:
             "Cycles", shown, min=0, max=10_000, step=1, hint="The loop ends after so many rounds; 0: never"
         )
         self.way = gui.add_dropdown("Way round", ROUND, hint="The sense in which the loop is run")
-        names = tuple(law.name for law in page.session.laws)
-        solid = "The law whose robot is drawn solid; the others are ghosts"
+        names = tuple(strategy.name for strategy in page.session.strategies)
+        solid = "The strategy whose robot is drawn solid; the others are ghosts"
         self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=solid)
         self.at_start = gui.add_checkbox(
-            "Show the start posture, in grey", False, hint="A grey robot where all laws began"
+            "Show the start posture, in grey", False, hint="A grey robot where all strategies began"
         )
         page.session.set_speed(self.speed.value)
 
@@ -581,7 +572,7 @@ class Panels:
 
         @self.solid.on_update
         def _(_event: Any) -> None:
-            names = [law.name for law in page.session.laws]
+            names = [strategy.name for strategy in page.session.strategies]
             page.ask(lambda: page.set_lead(names.index(self.solid.value)), "solid")
 
         self.at_start.on_update(
@@ -609,12 +600,16 @@ class Panels:
         self.open.on_click(lambda _event: self.page.alone("open", lambda: reopen(self.job.value)))
 
     def _back(self) -> None:
-        """All laws to the start posture; those that were moved to another leaf stand elsewhere on it, which is said."""
+        """All strategies to the start posture; those that were moved to another leaf stand elsewhere on it, which is said."""
         page, home = self.page, self.page.session.home
         snapshot = page.session.reset()
         page.clear_traces()
         self.posture.take_away()
-        away = [law.name for law in snapshot.laws if law.following and np.abs(law.q - home).max() > ELSEWHERE]
+        away = [
+            strategy.name
+            for strategy in snapshot.strategies
+            if strategy.following and np.abs(strategy.q - home).max() > ELSEWHERE
+        ]
         page.say(f"On a leaf that was chosen by its level, not that of the start: {', '.join(away)}." if away else "")
 
     def _start_or_pause(self) -> None:
@@ -627,29 +622,39 @@ class Panels:
 
     def _doing(self, snap: Snapshot) -> str:
         text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=100 * snap.progress, done=snap.cycle)
-        faults = [f"{law.name}: {law.sentence}" for law in snap.laws if law.sentence]
+        faults = [f"{strategy.name}: {strategy.sentence}" for strategy in snap.strategies if strategy.sentence]
         red = self.page.said or snap.message or (faults[0] if faults else snap.loop_fault)
         return block(line(text), gauge(snap.progress), warning(red), warning(snap.fault))
 
-    def _last(self, law: LawState) -> float:
-        """The drift of a law after its last cycle, in the units of the page."""
-        return float(largest(self.page.units, self.page.session.robot, law.drift_joints[-1]))
+    def _last(self, strategy: StrategyState) -> float:
+        """The drift of a strategy after its last cycle, in the units of the page."""
+        return float(largest(self.page.units, self.page.session.robot, strategy.drift_joints[-1]))
 
     def _table(self, snap: Snapshot) -> str:
         rows = [
             (
                 "",
-                plain("law", grey=True),
+                plain("strategy", grey=True),
                 plain(f"drift [{joint_unit(self.page.units, self.page.session.robot)}]", grey=True, right=True),
                 plain("state", grey=True, right=True),
             )
         ]
-        for index, (law, color) in enumerate(zip(snap.laws, self.page.colors, strict=False)):
-            drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{self._last(law):.3g}"
-            state = "follows" if law.following else law.status.value
-            kind = "holonomic" if law.holonomic else "not holonomic"
-            rows.append((
-                swatch(color, index == self.page.lead), named(law.name, kind),
-                plain(drift, right=True), plain(state, red=not law.following, right=True),
-            ))  # fmt: skip
-        return block(table(rows, [COLUMNS, *(law.sentence for law in snap.laws)]))
+        for index, (strategy, color) in enumerate(zip(snap.strategies, self.page.colors, strict=False)):
+            drift = (
+                ""
+                if not len(strategy.drift)
+                else "stopped"
+                if np.isnan(strategy.drift[-1])
+                else f"{self._last(strategy):.3g}"
+            )
+            state = "follows" if strategy.following else strategy.status.value
+            kind = "holonomic" if strategy.holonomic else "not holonomic"
+            rows.append(
+                (
+                    swatch(color, index == self.page.lead),
+                    named(strategy.name, kind),
+                    plain(drift, right=True),
+                    plain(state, red=not strategy.following, right=True),
+                )
+            )
+        return block(table(rows, [COLUMNS, *(strategy.sentence for strategy in snap.strategies)]))

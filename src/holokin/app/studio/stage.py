@@ -25,8 +25,8 @@ class Stage(Protocol):
     """See `Page`, which is the only one.
 
     Attributes:
-        server: of viser. session, scene: what is shown, and where. lead: the law whose robot is solid.
-        colors: of the laws (#RRGGBB). said: the sentence for everyone. reopen: shows another job, by name.
+        server: of viser. session, scene: what is shown, and where. lead: the strategy whose robot is solid.
+        colors: of the strategies (#RRGGBB). said: the sentence for everyone. reopen: shows another job, by name.
         units: of what is shown.
         drawn: the number of the snapshot that is drawn, -1 to draw it again. handles: of the scene.
     """
@@ -77,11 +77,9 @@ class Stage(Protocol):
 
 # --- What is dragged in the page: the tool, the loop's centre, plane and radius, and the corners of a polygon.
 
-LEAST = 0.005
-"""Smallest radius of a loop that can be dragged [m]."""
-
+LEAST = 0.005  # smallest radius of a loop that can be dragged [m]
+# where corners are [m], and how many: a click near the horizon meets the tool's level far beyond all robots
 FAR, MOST = 100.0, 50
-"""Where corners are [m], and how many: a click near the horizon meets the tool's level far beyond all robots."""
 
 
 class Handles:
@@ -102,7 +100,7 @@ class Handles:
         self.loop_wanted = False
 
     def draw(self, snap: Snapshot) -> None:
-        """The tool's handle at its target; its ball is red where a law does not get there."""
+        """The tool's handle at its target; its ball is red where a strategy does not get there."""
         free = snap.phase in (Phase.IDLE, Phase.PAUSED, Phase.DONE)
         for index, (handle, ball) in enumerate(zip(self._tools, self._balls, strict=True)):
             pose = snap.target[index]
@@ -176,9 +174,13 @@ class Handles:
         task, flat = self.page.session.task, self.page.session.robot.planar
         straight = task.orientation is None and task.m <= 3 * task.frames
         handle = self.page.server.scene.add_transform_controls(
-            f"/handles/tool{index or ''}", self.size, line_width=3.0, depth_test=False,
-            active_axes=(True, True, not flat), disable_rotations=straight,
-        )  # fmt: skip
+            f"/handles/tool{index or ''}",
+            self.size,
+            line_width=3.0,
+            depth_test=False,
+            active_axes=(True, True, not flat),
+            disable_rotations=straight,
+        )
         return self._dragged(handle, f"tool{index}", lambda pose: self._drag(index, pose))
 
     def _dragged(self, handle: Any, name: str, then: Callable[[Matrix], Any]) -> Any:
@@ -205,9 +207,15 @@ class Handles:
         controls = self.page.server.scene.add_transform_controls
         loop = controls("/handles/loop", 0.8 * self.size, line_width=3.0, depth_test=False, visible=False)
         radius = controls(
-            "/handles/radius", 0.7 * self.size, line_width=5.0, active_axes=(True, False, False), disable_sliders=True,
-            disable_rotations=True, depth_test=False, visible=False,
-        )  # fmt: skip
+            "/handles/radius",
+            0.7 * self.size,
+            line_width=5.0,
+            active_axes=(True, False, False),
+            disable_sliders=True,
+            disable_rotations=True,
+            depth_test=False,
+            visible=False,
+        )
         self._dragged(loop, "loop", lambda pose: self._set_circle(pose[:3, 3], pose[:3, 2], None))
         self._dragged(radius, "radius", lambda pose: self._set_radius(pose[:3, 3]))
         return loop, radius
@@ -253,8 +261,7 @@ def frame_of(normal: Vector, towards: Vector) -> Matrix:
 
 # --- Small pieces of HTML for the panels of the page.
 
-Cell = str
-"""HTML of a cell: what a user wrote was escaped."""
+Cell = str  # HTML of a cell: what a user wrote was escaped
 
 
 def block(*lines: str) -> str:
@@ -358,16 +365,10 @@ def file_name(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "studio"
 
 
-MOST_LINES = 12
-"""Laws in a plot at most: more lines nobody tells apart."""
-
-KEPT = 400
-"""Points of a line at most."""
-
+MOST_LINES = 12  # strategies in a plot at most: more lines nobody tells apart
+KEPT = 400  # points of a line at most
 _EMPTY = np.array([0.0, 1.0])
-
-SOFT = 0.1
-"""Drift [rad or m] to which its plot goes at least."""
+SOFT = 0.1  # drift [rad or m] to which its plot goes at least
 
 
 class Charts:
@@ -390,10 +391,10 @@ class Charts:
                 self._picked(),
                 names,
                 initial_value=names[self._restless()],
-                hint="The joint of the plot below, with a line for each law",
+                hint="The joint of the plot below, with a line for each strategy",
             )
             self.history = self._plot("time [s]", dots=False)
-            gui.add_markdown("**Joints** between their limits, a mark for each law")
+            gui.add_markdown("**Joints** between their limits, a mark for each strategy")
             self.bars = gui.add_html("")
 
         @self.pick.on_update
@@ -402,28 +403,31 @@ class Charts:
 
     def draw(self, snap: Snapshot) -> None:
         """Bring plots to a snapshot; those without news are left alone."""
-        laws = snap.laws[:MOST_LINES]
+        strategies = snap.strategies[:MOST_LINES]
         news = (snap.number, self.pick.value)
         if news == self._drawn:
             return
         self._drawn = news
-        cycles = max((len(law.drift) for law in laws), default=0)
+        cycles = max((len(strategy.drift) for strategy in strategies), default=0)
         units, robot = self.page.units, self.page.session.robot
-        drifts = [largest(units, robot, law.drift_joints) for law in laws]
+        drifts = [largest(units, robot, strategy.drift_joints) for strategy in strategies]
         if cycles:
             rows = thin(cycles + 1, KEPT)
             lines = [np.concatenate([[0.0], drift, np.full(cycles - len(drift), np.nan)]) for drift in drifts]
             self.drift.data = (rows.astype(float), *(line[rows] for line in lines))
         else:
-            self.drift.data = (_EMPTY, *[np.zeros(2) for _ in laws])
+            self.drift.data = (_EMPTY, *[np.zeros(2) for _ in strategies])
         joint = robot.joint_names.index(self.pick.value)
         scale = joint_factors(units, robot)[joint]
-        longest = max((law.t for law in laws), key=len, default=np.zeros(0))
+        longest = max((strategy.t for strategy in strategies), key=len, default=np.zeros(0))
         if len(longest) > 1:
             t = longest[thin(len(longest), KEPT)]
-            self.history.data = (t, *[scale * _joint_at(t, law.t, law.history, joint) for law in laws])
+            self.history.data = (
+                t,
+                *[scale * _joint_at(t, strategy.t, strategy.history, joint) for strategy in strategies],
+            )
         else:
-            self.history.data = (_EMPTY, *[np.full(2, scale * law.q[joint]) for law in laws])
+            self.history.data = (_EMPTY, *[np.full(2, scale * strategy.q[joint]) for strategy in strategies])
         self.bars.content = self._bars(snap)
 
     def forget(self) -> None:
@@ -449,17 +453,21 @@ class Charts:
     def _plot(self, across: str, dots: bool) -> Any:
         from viser import uplot
 
-        laws = self.page.session.laws[:MOST_LINES]
+        strategies = self.page.session.strategies[:MOST_LINES]
         series = [uplot.Series(label=across)]
-        for law, color in zip(laws, self.page.colors, strict=False):
-            dash = () if law.holonomic else (6.0, 4.0)
-            series.append(uplot.Series(label=law.name, stroke=color, width=2, dash=dash, points={"show": dots}))
+        for strategy, color in zip(strategies, self.page.colors, strict=False):
+            dash = () if strategy.holonomic else (6.0, 4.0)
+            series.append(uplot.Series(label=strategy.name, stroke=color, width=2, dash=dash, points={"show": dots}))
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         return self.page.server.gui.add_uplot(
-            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=180, legend={"show": False},
-            scales=self._scales(dots), padding=(14, 16, 0, 0),
+            (_EMPTY, *[np.zeros(2) for _ in strategies]),
+            tuple(series),
+            height=180,
+            legend={"show": False},
+            scales=self._scales(dots),
+            padding=(14, 16, 0, 0),
             axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
-        )  # fmt: skip
+        )
 
     def _restless(self) -> int:
         """The joint that the self-motion moves most."""
@@ -470,9 +478,9 @@ class Charts:
         for index, c in enumerate(robot.coordinates):
             bounded = bool(np.isfinite([c.lower, c.upper]).all())
             low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
-            values = [_share(law.q[index], low, high) for law in snap.laws[:MOST_LINES]]
+            values = [_share(strategy.q[index], low, high) for strategy in snap.strategies[:MOST_LINES]]
             scale, unit = self.page.units.factor(c.unit), self.page.units.name(c.unit)
-            number = plain(f"{scale * snap.laws[self.page.lead].q[index]:.{3 if scale == 1 else 1}f}", right=True)
+            number = plain(f"{scale * snap.strategies[self.page.lead].q[index]:.{3 if scale == 1 else 1}f}", right=True)
             rows.append((plain(self._names[index]), marks(values, self.page.colors, bounded), number))
             hints.append(
                 f"{c.name}: {scale * low:.4g} to {scale * high:.4g} {unit}" if bounded else f"{c.name}: without limits"

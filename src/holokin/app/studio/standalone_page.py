@@ -1,6 +1,6 @@
-"""A page to play with: laws of one robot in one HTML file, which a browser computes itself, without Python.
+"""A page to play with: strategies of one robot in one HTML file, which a browser computes itself, without Python.
 
-The file has the laws as WebAssembly, from the C that `hk.follow` runs, and draws by WebGL. It needs no network.
+The file has the strategies as WebAssembly, from the C that `hk.follow` runs, and draws by WebGL. It needs no network.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ from ..report.html_page import CONTROL
 from ..report.plots import law_colors
 from ..report.robot_view import Piece, best_view, pieces_of
 from .followers import leaf_start, loop_start
-from .laws import Law
 from .session import Session
+from .strategies import NamedStrategy
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,15 +147,13 @@ def _ends(piece: Piece) -> tuple[Vector, Vector]:
 
 # --- A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a browser.
 
+# as for native code: products and sums are not fused, so that a browser computes what Python does
 FLAGS = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-O1", "-std=gnu99", "-fno-math-errno", "-ffp-contract=off")
-"""As for native code: products and sums are not fused, so that a browser computes what Python does."""
-
-ENDLESS = 1e300
-"""A joint limit [joint units] that is none."""
+ENDLESS = 1e300  # A joint limit [joint units] that is none
 
 
-def law_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
-    """The C of a strategy for a page: `hk_follow` with its functions, and law.c.
+def strategy_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
+    """The C of a strategy for a page: `hk_follow` with its functions, and strategy.c.
 
     Args:
         segments: of the longest loop.
@@ -170,20 +168,23 @@ def law_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
     function = path_rate(strategy) if leaf is None else leaf_step(leaf)
     if (size := function.program.instructions) > LARGEST:
         fact = f"{strategy.name!r} is {size:,} operations long, {LARGEST:,} are the most"
-        raise ExportError(fact, "take a shorter law; of one with leaves hk.strategies.fitted makes a polynomial")
+        raise ExportError(fact, "take a shorter strategy; of one with leaves hk.strategies.fitted makes a polynomial")
     try:
         code = function.follower_c("velocity") if leaf is None else function.follower_c("leaf", branch_code(leaf))
     except NativeError as problem:
-        raise ExportError(problem.fact, "write the law without it") from None
+        raise ExportError(problem.fact, "write the strategy without it") from None
     robot, slack = strategy.task.robot, TOLERANCES.limit
     rules = velocity_rules() if leaf is None else leaf_rules(0.0)
     words = {
-        "drawn": 3 + 6 * len(arm.parts), "segments": segments,
-        "lower": _row(robot.lower - slack), "upper": _row(robot.upper + slack),
-        "free_lower": _row(np.full(robot.n, -np.inf)), "free_upper": _row(np.full(robot.n, np.inf)),
+        "drawn": 3 + 6 * len(arm.parts),
+        "segments": segments,
+        "lower": _row(robot.lower - slack),
+        "upper": _row(robot.upper + slack),
+        "free_lower": _row(np.full(robot.n, -np.inf)),
+        "free_upper": _row(np.full(robot.n, np.inf)),
         "rules": ", ".join("side" if key == "side" else repr(getattr(rules, key)) for key, *_ in rules._fields_),
-    }  # fmt: skip
-    driver = Template(files("holokin.app.studio").joinpath("web", "law.c").read_text("utf-8")).substitute(words)
+    }
+    driver = Template(files("holokin.app.studio").joinpath("web", "strategy.c").read_text("utf-8")).substitute(words)
     return code + arm.function.c("hk_drawn_body") + driver
 
 
@@ -205,13 +206,15 @@ def _wasm_of(code: str, name: str) -> bytes:
     """
     _check_zig()
     with tempfile.TemporaryDirectory() as folder:
-        source, module = FilePath(folder) / "law.c", FilePath(folder) / "law.wasm"
+        source, module = FilePath(folder) / "strategy.c", FilePath(folder) / "strategy.wasm"
         source.write_text(code, "utf-8")
         command = (sys.executable, "-m", "ziglang", "cc", *FLAGS, "-Wl,--strip-all", str(source), "-o", str(module))
         try:
             status, output = call(command, PATIENCE, "stderr")
         except (OSError, subprocess.TimeoutExpired) as problem:
-            raise ExportError(f"zig did not compile {name!r} ({problem})", "try again, or take a shorter law") from None
+            raise ExportError(
+                f"zig did not compile {name!r} ({problem})", "try again, or take a shorter strategy"
+            ) from None
         if status != 0 or not module.is_file():
             complaint = next((line for line in output.splitlines() if "error" in line), f"code {status}").strip()
             raise ExportError(f"zig refused the C of {name!r} ({complaint})", "please report it, with the job")
@@ -235,8 +238,7 @@ def _begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str,
 
 # --- The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own script may run.
 
-SCRIPTS = ("stage.js", "loops.js", "law.js", "charts.js", "play.js")
-
+SCRIPTS = ("stage.js", "loops.js", "strategy.js", "charts.js", "play.js")
 _HOLE = re.compile(r"\{\{(\w+)\}\}")
 
 
@@ -259,7 +261,7 @@ def page_text(title: str, text: str, data: dict[str, Any]) -> str:
 
 def sources() -> str:
     """A number of the files that every page is made of: it says whether a page is of this version of them."""
-    names = ("page.html", "page.css", "law.c", *SCRIPTS)
+    names = ("page.html", "page.css", "strategy.c", *SCRIPTS)
     return digest("\0".join(_file(name) for name in names))
 
 
@@ -277,25 +279,16 @@ def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
 
 
-STEPS = 240
-"""Steps of a round: `hk.follow` with as many samples gives the same joints."""
-
-ROUNDS = 8
-"""Rounds that are shown at first."""
-
-MOST_LAWS = 3
-"""Laws beside each other: more are too narrow."""
-
-LOOKED = 24
-"""Postures of a round by which a view is chosen."""
-
-SMALL = 0.15
-"""Diameter of the first circle over the size of the arm, where there is no path."""
+STEPS = 240  # steps of a round: `hk.follow` with as many samples gives the same joints
+ROUNDS = 8  # rounds that are shown at first
+MOST_STRATEGIES = 3  # strategies beside each other: more are too narrow
+LOOKED = 24  # postures of a round by which a view is chosen
+SMALL = 0.15  # diameter of the first circle over the size of the arm, where there is no path
 
 
 @dataclass(frozen=True, eq=False)
 class PageLoop(Value):
-    """A closed path that a page offers: its name, the path, the posture (n,) at which all laws begin, what to see.
+    """A closed path that a page offers: its name, the path, the posture (n,) at which all strategies begin, what to see.
 
     rounds: how often it is gone; 0 for as often as the page's reader wants.
     """
@@ -322,44 +315,54 @@ class WebPage(Value):
 
 @typed
 def web_page(
-    laws: Mapping[str, Strategy], q0: ArrayLike, path: Path | None = None, *, title: str = "", text: str = "",
+    strategies: Mapping[str, Strategy],
+    q0: ArrayLike,
+    path: Path | None = None,
+    *,
+    title: str = "",
+    text: str = "",
     loops: Sequence[PageLoop] = (),
-) -> WebPage:  # fmt: skip
-    """A page on which a loop of the tool is dragged, and laws of one robot follow it beside each other.
+) -> WebPage:
+    """A page on which a loop of the tool is dragged, and strategies of one robot follow it beside each other.
 
     The numbers are those of `hk.follow` with 240 samples a round. The page has a circle and a figure eight, which begin
     at the tool pose of q0, beside the path.
 
     Args:
-        laws: name -> strategy, one to three of one robot and task; the first is at the left.
-        q0: the posture (n,) at which all begin, or one for each law (laws, n), of one tool pose.
+        strategies: name -> strategy, one to three of one robot and task; the first is at the left.
+        q0: the posture (n,) at which all begin, or one for each strategy (strategies, n), of one tool pose.
         path: a closed path from there, whose size and plane the circle has at first.
         title: heads the page. text: what there is to see, beside what the page says of drift.
         loops: more closed paths, with postures of their own.
 
     Raises:
-        MissingExtraError: zig is not installed. ExportError: a law cannot be compiled. OpenPathError. StartError: a
-            path begins elsewhere. ArgumentError: too many laws, or of several robots, tasks or tips. ShapeError,
+        MissingExtraError: zig is not installed. ExportError: a strategy cannot be compiled. OpenPathError. StartError: a
+            path begins elsewhere. ArgumentError: too many strategies, or of several robots, tasks or tips. ShapeError,
             NotFiniteError, JointLimitError, SingularityError: of a start.
     """
-    strategies = _checked(laws)
-    task = strategies[0].task
-    starts = _starts(strategies, q0)
+    rules = _checked(strategies)
+    task = rules[0].task
+    starts = _starts(rules, q0)
     loop = path if path is not None else _first_circle(task, starts[0])
-    arm = DrawnArm.of(task, _postures(strategies, loop, starts))
-    offered = [_loop(PageLoop("", loop, starts[0]), strategies, starts, arm)]
+    arm = DrawnArm.of(task, _postures(rules, loop, starts))
+    offered = [_loop(PageLoop("", loop, starts[0]), rules, starts, arm)]
     if path is not None and not _is_circle(path):
-        offered.append(_loop(PageLoop("The planned path", path, starts[0]), strategies, starts, arm))
+        offered.append(_loop(PageLoop("The planned path", path, starts[0]), rules, starts, arm))
     for more in loops:
         posture = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
-        offered.append(_loop(more, strategies, [posture] * len(strategies), arm))
+        offered.append(_loop(more, rules, [posture] * len(rules), arm))
     plane = 2 if task.robot.planar else _plane(loop)
     data = {
         "joints": [{"name": joint.name, "unit": joint.unit} for joint in task.robot.coordinates],
-        "steps": STEPS, "rounds": ROUNDS, "planar": task.robot.planar, "plane": plane, "size": _path_size(loop, plane),
-        "pieces": arm.pieces, "loops": offered,
-        "laws": _modules(laws, arm, max(2, *(len(posture["counts"]) for posture in offered))),
-    }  # fmt: skip
+        "steps": STEPS,
+        "rounds": ROUNDS,
+        "planar": task.robot.planar,
+        "plane": plane,
+        "size": _path_size(loop, plane),
+        "pieces": arm.pieces,
+        "loops": offered,
+        "strategies": _modules(strategies, arm, max(2, *(len(posture["counts"]) for posture in offered))),
+    }
     return WebPage(page_text(title or f"{task.robot.name}: drag the loop", text, data))
 
 
@@ -375,69 +378,74 @@ def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
     return PageLoop("A loop round a cusp", witness.path, witness.first, sentence, rounds=1)
 
 
-def _checked(laws: Mapping[str, Strategy]) -> list[Strategy]:
-    """The laws. Raises: ArgumentError."""
-    strategies = list(laws.values())
-    if not 1 <= len(strategies) <= MOST_LAWS:
-        raise ArgumentError("the number of laws on a page", len(strategies), f"give one to {MOST_LAWS}")
-    for law, other in pairwise(strategies):
-        same = law.task.robot == other.task.robot and (law.task.m, law.task.tip) == (other.task.m, other.task.tip)
-        if not same:
-            raise ArgumentError("the laws of a page", list(laws), "give those of one robot and one task")
-    for law in strategies:
-        of_one_tool(law.task, "a page")
-    if not strategies[0].task._spatial:
-        raise ArgumentError(
-            "the task", strategies[0].task.name, "a page leads a tool in space: take a position or a pose"
+def _checked(strategies: Mapping[str, Strategy]) -> list[Strategy]:
+    """The strategies. Raises: ArgumentError."""
+    rules = list(strategies.values())
+    if not 1 <= len(rules) <= MOST_STRATEGIES:
+        raise ArgumentError("the number of strategies on a page", len(rules), f"give one to {MOST_STRATEGIES}")
+    for strategy, other in pairwise(rules):
+        same = strategy.task.robot == other.task.robot and (strategy.task.m, strategy.task.tip) == (
+            other.task.m,
+            other.task.tip,
         )
-    return strategies
+        if not same:
+            raise ArgumentError("the strategies of a page", list(strategies), "give those of one robot and one task")
+    for strategy in rules:
+        of_one_tool(strategy.task, "a page")
+    if not rules[0].task._spatial:
+        raise ArgumentError("the task", rules[0].task.name, "a page leads a tool in space: take a position or a pose")
+    return rules
 
 
-def _starts(laws: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
-    """The posture at which each law begins. Raises: ShapeError, NotFiniteError."""
-    robot = laws[0].task.robot
+def _starts(strategies: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
+    """The posture at which each strategy begins. Raises: ShapeError, NotFiniteError."""
+    robot = strategies[0].task.robot
     many = np.ndim(q0) == 2
-    given = list(np.asarray(q0)) if many else [q0] * len(laws)
-    if len(given) != len(laws):
-        raise ArgumentError("the number of start postures", len(given), f"give one, or {len(laws)}")
+    given = list(np.asarray(q0)) if many else [q0] * len(strategies)
+    if len(given) != len(strategies):
+        raise ArgumentError("the number of start postures", len(given), f"give one, or {len(strategies)}")
     return [robot.checked(q, "the start posture") for q in given]
 
 
-def _modules(laws: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list[dict[str, Any]]:
-    """Each law for the page: name, colour, module."""
-    colors, modules = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()]), []
-    for (name, law), color in zip(laws.items(), colors, strict=True):
-        code = law_code(law, arm, segments)
-        its = {"name": name, "leaf": by_leaf(law) is not None, "color": color}
+def _modules(strategies: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list[dict[str, Any]]:
+    """Each strategy for the page: name, colour, module."""
+    colors, modules = law_colors([isinstance(strategy, HolonomicStrategy) for strategy in strategies.values()]), []
+    for (name, strategy), color in zip(strategies.items(), colors, strict=True):
+        code = strategy_code(strategy, arm, segments)
+        its = {"name": name, "leaf": by_leaf(strategy) is not None, "color": color}
         modules.append(its | {"code": digest(code), "module": packed(_wasm_of(code, name))})
     return modules
 
 
-def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm) -> dict[str, Any]:
-    """A loop for the page: its table, as `hk.follow` has it, what each law begins with, and from where it is seen."""
-    task, path = laws[0].task, loop.path
+def _loop(loop: PageLoop, strategies: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm) -> dict[str, Any]:
+    """A loop for the page: its table, as `hk.follow` has it, what each strategy begins with, and from where it is seen."""
+    task, path = strategies[0].task, loop.path
     if not path.closed:
         raise OpenPathError("a page", path.gap)
     plan = make_plan(task, path, STEPS, task._place(starts[0])[1])
     p, R = plan.first
-    for law, q in zip(laws, starts, strict=True):
+    for strategy, q in zip(strategies, starts, strict=True):
         task.robot.check_limits(q)
-        law(q)
+        strategy(q)
         check_start(task, q, p, R)
     return {
-        "name": loop.name, "text": loop.text, "rounds": loop.rounds, "first": [*p.tolist(), *R.ravel().tolist()],
-        "table": packed(path.table(plan.start_rotation).astype("<f8").tobytes()), "counts": plan.counts.tolist(),
-        "begin": [_begin_of(law, q, p, R) for law, q in zip(laws, starts, strict=True)],
-        "view": arm.view(_postures(laws, path, starts), path),
-    }  # fmt: skip
+        "name": loop.name,
+        "text": loop.text,
+        "rounds": loop.rounds,
+        "first": [*p.tolist(), *R.ravel().tolist()],
+        "table": packed(path.table(plan.start_rotation).astype("<f8").tobytes()),
+        "counts": plan.counts.tolist(),
+        "begin": [_begin_of(strategy, q, p, R) for strategy, q in zip(strategies, starts, strict=True)],
+        "view": arm.view(_postures(strategies, path, starts), path),
+    }
 
 
-def _postures(laws: Sequence[Strategy], path: Path, starts: Sequence[Vector]) -> Matrix:
-    """Some postures (k, n) of the first rounds, by which a view is chosen; of a law that stops those before."""
+def _postures(strategies: Sequence[Strategy], path: Path, starts: Sequence[Vector]) -> Matrix:
+    """Some postures (k, n) of the first rounds, by which a view is chosen; of a strategy that stops those before."""
     postures = [starts[0]]
-    for law, q in zip(laws, starts, strict=True):
+    for strategy, q in zip(strategies, starts, strict=True):
         try:
-            postures += list(follow(law, path, q, samples=LOOKED).q)
+            postures += list(follow(strategy, path, q, samples=LOOKED).q)
         except PathError as problem:
             postures += [] if problem.trajectory is None else list(problem.trajectory.q)
     return np.array(postures)
@@ -470,54 +478,54 @@ def _plane(path: Path) -> int:
     return int(area.argmax()) if area.max() > 0 else 2
 
 
-# --- From a session to a page that needs no installation: which laws, where they begin, and whether they get round.
+# --- From a session to a page that needs no installation: which strategies, where they begin, and whether they get round.
 
 
 @dataclass(frozen=True, eq=False)
 class PagePlan(Value):
-    """What a page of a session shows: two laws, the posture (n,) at which each begins, the closed path, a title."""
+    """What a page of a session shows: two strategies, the posture (n,) at which each begins, the closed path, a title."""
 
-    laws: tuple[Law, Law]
+    pair: tuple[NamedStrategy, NamedStrategy]
     starts: tuple[Vector, Vector]
     path: Path | None
     title: str
 
     @cached_property
     def strategies(self) -> dict[str, Strategy]:
-        """Name -> strategy of each law."""
-        return {law.name: _strategy(law) for law in self.laws}
+        """Name -> strategy of each strategy."""
+        return {strategy.name: _strategy(strategy) for strategy in self.pair}
 
     @cached_property
     def rounds(self) -> dict[str, Trajectory | HolokinError]:
-        """Each law's name, and its first round of the path, or why it does not get round; nothing without a path."""
+        """Each strategy's name, and its first round of the path, or why it does not get round; nothing without a path."""
         rounds: dict[str, Trajectory | HolokinError] = {}
-        for (name, law), start in zip(self.strategies.items(), self.starts, strict=True):
+        for (name, strategy), start in zip(self.strategies.items(), self.starts, strict=True):
             if self.path is not None:
                 try:
-                    rounds[name] = follow(law, self.path, start, samples=STEPS)
+                    rounds[name] = follow(strategy, self.path, start, samples=STEPS)
                 except HolokinError as problem:
                     rounds[name] = problem
         return rounds
 
     def checked(self, job: Job) -> CheckReport | None:
-        """What the [checks] of a job find of the round of the second law; None where it has none, or gets round not."""
-        trajectory = self.rounds.get(self.laws[1].name)
+        """What the [checks] of a job find of the round of the second strategy; None where it has none, or gets round not."""
+        trajectory = self.rounds.get(self.pair[1].name)
         if job.checks is None or not isinstance(trajectory, Trajectory):
             return None
-        return job.checks.checked(trajectory, self.laws[1].task)
+        return job.checks.checked(trajectory, self.pair[1].task)
 
     def cusp_loops(self) -> list[PageLoop]:
-        """The smallest loop that is found round a cusp of the second law, if there is one.
+        """The smallest loop that is found round a cusp of the second strategy, if there is one.
 
         Raises:
             MissingExtraError: there is no zig, so that no page can be made.
         """
         _check_zig()
-        law = self.strategies[self.laws[1].name]
-        if not isinstance(law, HolonomicStrategy):
+        strategy = self.strategies[self.pair[1].name]
+        if not isinstance(strategy, HolonomicStrategy):
             return []
-        witness = cusps(with_leaves(law), self.starts[1]).witness
-        return [] if witness is None else [cusp_loop(witness, self.laws[1].name)]
+        witness = cusps(with_leaves(strategy), self.starts[1]).witness
+        return [] if witness is None else [cusp_loop(witness, self.pair[1].name)]
 
     def page(self, loops: list[PageLoop] | None = None) -> WebPage:
         """The page, with more loops. Raises: as `web_page`."""
@@ -526,27 +534,32 @@ class PagePlan(Value):
 
 @typed
 def page_plan(session: Session, name: str | None = None) -> PagePlan:
-    """What a page of a session shows: its first law without leaves, else the pseudo-inverse, beside one with leaves.
+    """What a page of a session shows: its first strategy without leaves, else the pseudo-inverse, beside one with leaves.
 
     Args:
-        name: of the second law; by default the first with leaves that is not radial, or else the first with leaves.
+        name: of the second strategy; by default the first with leaves that is not radial, or else the first with leaves.
 
     Raises:
-        UnknownNameError: of the law. ArgumentError: a session without two laws for a page.
+        UnknownNameError: of the strategy. ArgumentError: a session without two strategies for a page.
     """
-    known = [law for law in session.laws if law.strategy is not None]
-    if name is not None and name not in [law.name for law in known]:
-        raise UnknownNameError("strategy of a page", name, tuple(law.name for law in known))
-    leafed = sorted((law for law in known if law.holonomic), key=lambda law: "radial" in str(law.keys or law.name))
-    plain = [law for law in known if not law.holonomic]
-    asked = [law for law in known if law.name == name]
-    second = next((law for law in asked + leafed if law.holonomic), None)
+    known = [strategy for strategy in session.strategies if strategy.G is not None]
+    if name is not None and name not in [strategy.name for strategy in known]:
+        raise UnknownNameError("strategy of a page", name, tuple(strategy.name for strategy in known))
+    leafed = sorted(
+        (strategy for strategy in known if strategy.holonomic),
+        key=lambda strategy: "radial" in str(strategy.keys or strategy.name),
+    )
+    plain = [strategy for strategy in known if not strategy.holonomic]
+    asked = [strategy for strategy in known if strategy.name == name]
+    second = next((strategy for strategy in asked + leafed if strategy.holonomic), None)
     if second is None:
         raise ArgumentError(
             "the number of strategies with leaves", 0, "a page shows one beside the pseudo-inverse: add a rule"
         )
-    usual = Law("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
-    first = next((law for law in asked + plain if not law.holonomic and law.task.m == second.task.m), usual)
+    usual = NamedStrategy("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
+    first = next(
+        (strategy for strategy in asked + plain if not strategy.holonomic and strategy.task.m == second.task.m), usual
+    )
     loop = session.loop
     closed = loop is not None and isinstance(loop.path, Path) and loop.path.closed
     if loop is not None and isinstance(loop.path, Path) and closed:
@@ -561,8 +574,8 @@ def _title(session: Session) -> str:
     return f"{session.title[:100]}: drag the loop"
 
 
-def _strategy(law: Law) -> Strategy:
-    """The strategy of a law of a page. Raises: ArgumentError."""
-    if law.strategy is None:
-        raise ArgumentError("the law of a page", law.name, "a page shows strategies: take one")
-    return law.strategy
+def _strategy(strategy: NamedStrategy) -> Strategy:
+    """The strategy of a strategy of a page. Raises: ArgumentError."""
+    if strategy.G is None:
+        raise ArgumentError("the strategy of a page", strategy.name, "a page shows strategies: take one")
+    return strategy.G

@@ -1,4 +1,4 @@
-"""What a page is told: states of laws and session, traces, clouds, cusps, verdicts, as frozen values."""
+"""What a page is told: states of strategies and session, traces, clouds, cusps, verdicts, as frozen values."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Origin(Value):
     folder: FilePath
 
 
-class LawStatus(Enum):
-    """How a law stands to its target; the text says it in a few words."""
+class StrategyStatus(Enum):
+    """How a strategy stands to its target; the text says it in a few words."""
 
     FOLLOWING = "following"
     OUT_OF_REACH = "out of reach"
@@ -63,7 +63,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Judgement(Value):
-    """What is known of a law at a posture, found in the background.
+    """What is known of a strategy at a posture, found in the background.
 
     holonomic, defect and sentence as of `hk.involutivity` about the start; `curvature`: the largest |F_ij| of
     `hk.curvature` at the posture q (n,), drift over the area of a small loop [joint unit / task unit^2].
@@ -77,17 +77,17 @@ class Judgement(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class LawState:
-    """One law at one instant.
+class StrategyState:
+    """One strategy at one instant.
 
     Attributes:
-        name, colour, holonomic: as of `Law`.
+        name, colour, holonomic: as of `NamedStrategy`.
         q: joints (n,) [rad, m].
         status, sentence: whether it follows, and else why not and what helps, in one sentence; empty while it follows.
         rcond: how near it is to singular, 1 good, 0 singular; NaN of a control law.
-        level: g(q) (r,) of a holonomic law; empty for others.
+        level: g(q) (r,) of a holonomic strategy; empty for others.
         drift: largest joint's distance from the loop's start posture after 1, 2, ... cycles (cycles,), as of
-            `hk.drift(...).largest`; NaN from a cycle on in which the law had stopped.
+            `hk.drift(...).largest`; NaN from a cycle on in which the strategy had stopped.
         drift_joints: the same joint by joint (cycles, n), signed.
         t, history: instants (k,) [s] and joints (k, n) of the loop since it began, the latest ones.
         judgement: None until it is known, and of control laws.
@@ -97,7 +97,7 @@ class LawState:
     colour: int
     holonomic: bool
     q: Vector
-    status: LawStatus
+    status: StrategyStatus
     sentence: str
     rcond: float
     level: Vector
@@ -110,7 +110,7 @@ class LawState:
     @property
     def following(self) -> bool:
         """True while its tool is at the target."""
-        return self.status is LawStatus.FOLLOWING
+        return self.status is StrategyStatus.FOLLOWING
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class Cloud:
     """How far a coverage has got, and what it found, ready to be drawn.
 
     Attributes:
-        law: its name. done, total: poses looked at, of how many.
+        strategy: its name. done, total: poses looked at, of how many.
         status: whether it goes on; `sentence` says why it failed, else empty.
         points: positions (k, 3) [m] of the poses looked at. reached: (k,).
         margin: (k,) least distance to a joint limit over half the joint's range, 1 in the middle, 0 at a limit; NaN
@@ -126,7 +126,7 @@ class Cloud:
         why: (k,) the status of each pose, `PoseStatus`.
     """
 
-    law: str
+    strategy: str
     done: int
     total: int
     status: CloudStatus
@@ -140,16 +140,16 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False)
 class LeafCusps:
-    """Cusps of the leaf on which a law stood when they were asked for, ready to be drawn.
+    """Cusps of the leaf on which a strategy stood when they were asked for, ready to be drawn.
 
     Attributes:
-        law: its name. level: g(q) = c (r,) of the leaf. running: whether they are still looked for.
+        strategy: its name. level: g(q) = c (r,) of the leaf. running: whether they are still looked for.
         sentence: what was found, or why none were looked for.
         place: position (3,) [m] of the tool at the nearest one, None where there is none.
         loop: points (k, 3) [m] of the smallest tool loop found that does not bring the joints back; none where k is 0.
     """
 
-    law: str
+    strategy: str
     level: Vector
     running: bool
     sentence: str
@@ -164,20 +164,20 @@ class Snapshot:
     Attributes:
         number: counts the changes of the session; two snapshots with one number are equal.
         phase: idle, gathering (the joints move to where the loop begins), running, paused, done.
-        laws: the state of each, in order.
+        strategies: the state of each, in order.
         target: where the tool is wanted, (F, 4, 4), a pose of each frame of the task; F is 1 but for tasks of several.
         loop: how many times `Session.set_loop` was called; the curve is to be drawn again when it changes.
         progress: share of the cycle that is done, 0 to 1. cycle: complete cycles. time: of the loop [s].
         factor: of the speed. cycles: after which the loop ends, None for never. clockwise: the other way round.
         message: one sentence on the session as a whole, such as why a loop cannot begin; empty if all is well.
         cloud: the coverage, if one was asked for. cusps: those of a leaf, if they were asked for.
-        loop_fault: the first law that does not get round the loop, and why; empty until it is known, and if all do.
+        loop_fault: the first strategy that does not get round the loop, and why; empty until it is known, and if all do.
         fault: what failed in the background; empty if nothing did.
     """
 
     number: int
     phase: Phase
-    laws: tuple[LawState, ...]
+    strategies: tuple[StrategyState, ...]
     target: Array
     loop: int
     progress: float
@@ -192,24 +192,24 @@ class Snapshot:
     loop_fault: str = ""
     fault: str = ""
 
-    def law(self, name: str) -> LawState:
-        """The state of a law by name."""
-        return next(state for state in self.laws if state.name == name)
+    def strategy(self, name: str) -> StrategyState:
+        """The state of a strategy by name."""
+        return next(state for state in self.strategies if state.name == name)
 
     @property
     def following(self) -> bool:
-        """True where every law follows."""
-        return all(state.following for state in self.laws)
+        """True where every strategy follows."""
+        return all(state.following for state in self.strategies)
 
     @property
     def spread(self) -> float:
-        """Largest joint difference between any two laws [joint units]."""
-        q = np.array([state.q for state in self.laws])
+        """Largest joint difference between any two strategies [joint units]."""
+        q = np.array([state.q for state in self.strategies])
         return float((q.max(axis=0) - q.min(axis=0)).max(initial=0.0)) if len(q) else 0.0
 
 
+# samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run
 ROWS = 4096
-"""Samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run."""
 
 
 class History:
@@ -246,13 +246,11 @@ class History:
         return t, q
 
 
-# --- The coverage of a workspace by one law, piece by piece, as points to draw.
+# --- The coverage of a workspace by one strategy, piece by piece, as points to draw.
 
-PIECE = 32
-"""Poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures."""
-
+PIECE = 32  # poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures
+# half sides of the box that is looked at by default, as a share of the tool's distance from the base; [m]; [m]
 SHARE, LEAST, MOST = 0.5, 0.1, 0.6
-"""Half sides of the box that is looked at by default, as a share of the tool's distance from the base; [m]; [m]."""
 
 
 def default_workspace(task: Task, home: Vector) -> Workspace:
@@ -265,9 +263,14 @@ def default_workspace(task: Task, home: Vector) -> Workspace:
 
 
 def covered(
-    strategy: HolonomicStrategy, name: str, q0: Vector, region: Workspace, samples: int, limits: bool,
+    strategy: HolonomicStrategy,
+    name: str,
+    q0: Vector,
+    region: Workspace,
+    samples: int,
+    limits: bool,
     tell: Callable[[Cloud], bool],
-) -> None:  # fmt: skip
+) -> None:
     """The coverage of a workspace by the leaf through a posture (n,); `tell` hears of each piece, and says to go on."""
     try:
         poses = region.poses(samples)
@@ -311,10 +314,9 @@ def _margins(q: Matrix, lower: Vector, upper: Vector) -> Vector:
     return shares.min(axis=1, initial=1.0)
 
 
-# --- What is said of a law: whether it is holonomic about its start, and its curvature at a posture.
+# --- What is said of a strategy: whether it is holonomic about its start, and its curvature at a posture.
 
-RADIUS = 0.2
-"""Half side [joint units] of the box about the start in which a law is judged, as in jobs."""
+RADIUS = 0.2  # half side [joint units] of the box about the start in which a strategy is judged, as in jobs
 
 
 def judged(strategy: Strategy, home: Vector, q: Vector) -> Judgement:
@@ -322,7 +324,7 @@ def judged(strategy: Strategy, home: Vector, q: Vector) -> Judgement:
     try:
         verdict = involutivity(strategy, around(home, RADIUS))
         holonomic, defect, sentence = verdict.holonomic, verdict.defect, str(verdict).partition("\n")[0]
-    except Exception as problem:  # noqa: BLE001  a law of one's own may raise anything; its thread goes on
+    except Exception as problem:  # noqa: BLE001  a control law of one's own may raise anything; its thread goes on
         holonomic, defect, sentence = False, np.nan, f"It could not be judged: {problem}"
     return Judgement(holonomic, defect, sentence, largest_curvature(strategy, q), q)
 
@@ -335,8 +337,7 @@ def largest_curvature(strategy: Strategy, q: Vector) -> float:
         return np.nan
 
 
-POINTS = 120
-"""Points of the line of a loop."""
+POINTS = 120  # points of the line of a loop
 
 
 def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
@@ -374,11 +375,9 @@ def _sentence(name: str, cusps: NearbyCusps) -> str:
 
 # --- In what units the page shows joints and places. Sessions, jobs and files have radians and metres throughout.
 
+# by the names by which they are chosen
 UNITS = {f"{units.angle}, {units.length}": units for units in (SI, PrintedUnits("deg", "mm"))}
-"""By the names by which they are chosen."""
-
-SLOWEST, USUAL, FASTEST = 0.25, 2.0, 8.0
-"""Speed of a loop in a page, times its own."""
+SLOWEST, USUAL, FASTEST = 0.25, 2.0, 8.0  # speed of a loop in a page, times its own
 
 
 def joint_factors(units: PrintedUnits, robot: Robot) -> Vector:

@@ -20,17 +20,10 @@ from .side_panels import Panels
 from .stage import Charts, Handles
 from .states import Phase, Snapshot
 
-RATE = 30.0
-"""Pictures a second."""
-
-SLOW = 0.2
-"""Seconds between two updates of texts, plots and traces, which nobody reads faster."""
-
-TRACED = 150
-"""Points of the lines that elbows leave behind."""
-
-MANY = 8
-"""Laws above which no traces are drawn."""
+RATE = 30.0  # pictures a second
+SLOW = 0.2  # seconds between two updates of texts, plots and traces, which nobody reads faster
+TRACED = 150  # points of the lines that elbows leave behind
+MANY = 8  # strategies above which no traces are drawn
 
 Action = Callable[[], Any]
 
@@ -53,7 +46,7 @@ class Page:
     ):
         self.server, self.session, self.reopen = server, session, reopen
         self.units = units
-        self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
+        self.lead = next((i for i, strategy in enumerate(session.strategies) if strategy.holonomic), 0)
         self.paused_drawing = False
         self.drawn = -1
         self._loop_drawn: tuple[int, str] | None = None
@@ -74,11 +67,11 @@ class Page:
         self._thread = threading.Thread(target=self._run, name="holokin studio", daemon=True)
 
     def _arrange(self) -> None:
-        """A robot, a line in each plot and a place in each list for every law that there is."""
-        laws = self.session.laws
-        self.lead = min(self.lead, len(laws) - 1)
-        self.colors = law_colors([law.holonomic for law in laws])
-        self.scene.set_laws([law.name for law in laws], self.colors, self.lead)
+        """A robot, a line in each plot and a place in each list for every strategy that there is."""
+        strategies = self.session.strategies
+        self.lead = min(self.lead, len(strategies) - 1)
+        self.colors = law_colors([strategy.holonomic for strategy in strategies])
+        self.scene.set_strategies([strategy.name for strategy in strategies], self.colors, self.lead)
         self.charts = Charts(self)
         self.panels = Panels(self)
 
@@ -126,13 +119,13 @@ class Page:
 
     def draw(self, snap: Snapshot) -> None:
         """Bring robots, handles and the loop to a snapshot."""
-        if tuple(law.name for law in snap.laws) != self.scene.names:  # a program added or removed one
+        if tuple(strategy.name for strategy in snap.strategies) != self.scene.names:  # a program added or removed one
             self.server.gui.reset()
             self._arrange()
             self.drawn, self._loop_drawn = -1, None
         if snap.number != self.drawn and not self.paused_drawing:
             self.drawn = snap.number
-            self.scene.show(np.array([law.q for law in snap.laws]))
+            self.scene.show(np.array([strategy.q for strategy in snap.strategies]))
             self.handles.draw(snap)
         if (snap.loop, snap.loop_fault) != self._loop_drawn:
             moved = self._loop_drawn is None or self._loop_drawn[0] != snap.loop
@@ -205,7 +198,7 @@ class Page:
         return np.vstack([line, *grips])
 
     def _draw_loop(self, moved: bool, red: bool) -> None:
-        """The line of the loop, red where a law does not get round it; what elbows drew belongs to the loop before."""
+        """The line of the loop, red where a strategy does not get round it; what elbows drew belongs to the loop before."""
         loop = self.session.loop
         curves = () if loop is None else loop.points(240)
         for index in range(self.session.task.frames):
@@ -216,13 +209,13 @@ class Page:
 
     def clear_traces(self) -> None:
         """Take the lines away that elbows drew."""
-        for law in range(len(self.scene.names)):
-            self.scene.trace(law, np.zeros((0, 3)), "elbow")
+        for strategy in range(len(self.scene.names)):
+            self.scene.trace(strategy, np.zeros((0, 3)), "elbow")
 
     def _draw_traces(self, snap: Snapshot) -> None:
-        if snap.phase not in (Phase.RUNNING, Phase.DONE) or len(snap.laws) > MANY:
+        if snap.phase not in (Phase.RUNNING, Phase.DONE) or len(snap.strategies) > MANY:
             return
-        for index, law in enumerate(snap.laws):
-            if len(law.history) > 1:
-                rows = thin(len(law.history), TRACED)
-                self.scene.trace(index, self.scene.points_of(law.history[rows])[1], "elbow")
+        for index, strategy in enumerate(snap.strategies):
+            if len(strategy.history) > 1:
+                rows = thin(len(strategy.history), TRACED)
+                self.scene.trace(index, self.scene.points_of(strategy.history[rows])[1], "elbow")

@@ -17,7 +17,7 @@ MOST_NAMES = 40
 
 SYNONYMS = {
     "pseudo-inverse": "moore-penrose", "pseudoinverse": "moore-penrose", "pinv": "moore-penrose", "leaf": "level",
-    "way": "direction", "clear_of": "obstacles", "ignore": "allowed",
+    "way": "direction", "tell": "progress", "clear_of": "obstacles", "ignore": "allowed",
 }  # fmt: skip
 """Names that people use, and keys that had another name before -> those that are known."""
 
