@@ -111,7 +111,7 @@ def scene() -> Iterator[Any]:
 def state(scene: Any) -> tuple[Any, ...]:
     """All that a page can change."""
     snap, panels = scene.session.snapshot(), scene.studio.page.panels
-    return snap.number, snap.phase, snap.cycles, panels.job.value, panels.cycles.value, scene.studio.page.said
+    return snap.number, snap.phase, snap.cycles, panels.job.value, panels.cycles.value, scene.studio.page.message
 
 
 def attacked(scene: Any, page: Any, names: list[str], paths: list[str]) -> None:

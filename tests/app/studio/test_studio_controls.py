@@ -104,7 +104,7 @@ def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians() -> None:
         choose_strategy(panel, "lock", studio.session)
         assert panel.self_motion.label == f"Self-motion [{units.angle}]"
         panel.self_motion.value = units.factor("rad") * 0.2
-        panel._slide()
+        panel._move("self-motion")
         wanted = panda().move_self("lock", 0.2).strategy("lock").q
         assert np.abs(wanted - PANDA_START).max() > 0.05
         assert studio.session.snapshot().strategy("lock").q == pytest.approx(wanted, abs=1e-9)
@@ -145,7 +145,7 @@ def test_the_program_of_a_strategy_begins_and_ends_where_the_strategy_does_on_th
     panel, browser = worked.page.panels.work, Browser()
     panel.language.value = "ros"
     panel._work(browser, panel._program)
-    assert worked.page.said == ""
+    assert worked.page.message == ""
     (name, content), *others = browser.files.items()
     assert name == "bolts-nuts-ros.zip" and not others
     with zipfile.ZipFile(io.BytesIO(content)) as box:
@@ -180,12 +180,12 @@ def test_what_cannot_be_written_is_said_in_the_page_and_nothing_is_downloaded(wo
     panel, browser, session = worked.page.panels.work, Browser(), worked.session
     panel.language.value = "rapid"  # which needs to be told what its seventh axis is
     panel._work(browser, panel._program)
-    assert "RAPID holds 6 axes" in worked.page.said and "Save the job" in worked.page.said
-    assert "/tmp" not in worked.page.said
+    assert "RAPID holds 6 axes" in worked.page.message and "Save the job" in worked.page.message
+    assert "/tmp" not in worked.page.message
     loop = session.loop
     session.set_loop(None)
     panel._work(browser, panel._program)
-    assert "a job has a path" in worked.page.said and browser.files == {} and panel.answer.content == ""
+    assert "a job has a path" in worked.page.message and browser.files == {} and panel.answer.content == ""
     session.set_loop(loop)
 
 

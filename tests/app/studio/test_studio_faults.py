@@ -129,7 +129,7 @@ def test_a_strategy_that_comes_later_gets_a_robot_and_a_line(studio: Any) -> Non
     session.play()
     until(lambda: session.snapshot().phase is Phase.DONE)
     until(lambda: page.drawn == session.snapshot().number)
-    assert page.said == ""
+    assert page.message == ""
 
 
 @pytest.mark.campaign
@@ -146,7 +146,7 @@ def test_a_page_that_cannot_be_drawn_leaves_the_one_before(studio: Any, monkeypa
 
     monkeypatch.setattr(pages, "Handles", once)
     studio._reopen("orientation")
-    assert studio.session.source == "ppr-cycle" and "no such handle" in studio.page.said
+    assert studio.session.source == "ppr-cycle" and "no such handle" in studio.page.message
     before = studio.session.snapshot()
     pose = np.array(before.target)
     pose[0, 0, 3] -= 0.05
@@ -205,6 +205,6 @@ def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() ->
     ],
 )
 def test_joints_are_told_apart_by_what_is_left_of_their_names(names: list[str], short: list[str]) -> None:
-    from holokin.app.studio.stage import short_names
+    from holokin.app.studio.panel_html import short_names
 
     assert short_names(names) == short

@@ -168,15 +168,15 @@ def test_a_path_instead_of_a_packaged_job_opens_nothing_and_runs_nothing(shown: 
     studio = shown.studio
     panels, source = studio.page.panels, studio.session.source
     for path in (str(bad), str(tmp_path / "none.xacro"), "../ppr-cycle", "ppr-cycle\x00", "/etc/passwd", "panda", ""):
-        before = studio.page.said
+        before = studio.page.message
         say(shown.attacker, new(panels.job, path))
         heard(shown)
         assert panels.job.value in panels.job.options
-        assert studio.session.source == source and studio.page.said == before
+        assert studio.session.source == source and studio.page.message == before
     for path in (str(bad), str(tmp_path / "none.xacro")):  # and were the choice another, it would still not be opened
         studio._reopen(path)
         assert studio.session.source == source and not proof.exists()
-        assert "unknown job of the page" in studio.page.said
+        assert "unknown job of the page" in studio.page.message
     studio.page.say("")
     lives(shown)
 
@@ -208,7 +208,7 @@ def test_what_cannot_be_pressed_is_not_pressed(shown: Any) -> None:
     shown.studio.page.say("")
     say(shown.attacker, new(loop.close, True))
     heard(shown)
-    assert session.snapshot().loop == number and shown.studio.page.said == ""
+    assert session.snapshot().loop == number and shown.studio.page.message == ""
 
 
 def test_a_handle_is_dragged_to_no_place_that_is_none(shown: Any) -> None:
@@ -354,7 +354,7 @@ def test_corners_are_near_and_not_many(shown: Any) -> None:
     down, flat = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, -1e-6])
     handles.start_corners()
     handles.add_corner(np.array([0.0, 0.0, 2.0]), flat)
-    assert handles.corners == [] and "within 100 m" in page.said
+    assert handles.corners == [] and "within 100 m" in page.message
     for k in range(55):
         handles.add_corner(np.array([0.001 * k, 0.0, 2.0]), down)
     assert len(handles.corners) == 50

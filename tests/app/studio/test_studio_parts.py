@@ -116,7 +116,7 @@ def rerun(session: Session) -> dict[str, np.ndarray]:
 @sampled(1, "kind", ["circle elsewhere, the other way", "clicked polygon", "figure eight", "another leaf"])
 def test_a_saved_job_gives_the_numbers_of_the_session(kind: str) -> None:
     other = "arm angle" if kind == "another leaf" else "lock"
-    session, p = panda([strategy for strategy in STRATEGIES if strategy.name in ("pseudo-inverse", other)], cycles=2), TOOL[:3, 3]
+    session, p = panda([s for s in STRATEGIES if s.name in ("pseudo-inverse", other)], cycles=2), TOOL[:3, 3]
     if kind.startswith("circle"):
         session.set_loop(circle_loop(p + [-0.1, 0.1, 0.05], 0.08, (0.3, 0.1, 1.0), near=p, samples=40))
         session.set_clockwise(True)
@@ -179,7 +179,7 @@ def test_a_robot_without_joints_to_spare_is_refused() -> None:
 
 @pytest.mark.campaign
 def test_a_session_finds_the_cusps_of_a_leaf_while_its_tool_is_dragged() -> None:
-    """The loop that is drawn is that of `hk.cusps` of the same leaf, and closed; dragged strategies follow meanwhile."""
+    """The loop that is drawn is that of `hk.cusps` of the same leaf, and closed; strategies follow meanwhile."""
     session, drags = panda(), 0
     strategy, q = STRATEGIES[1].G, session.snapshot().strategy("lock").q
     assert strategy is not None and session.start_cusps("lock").cusps.running  # type: ignore[union-attr]

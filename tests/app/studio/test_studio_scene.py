@@ -334,7 +334,7 @@ def test_two_paths_to_one_pose_end_with_one_posture_for_a_holonomic_strategy_alo
         assert session.snapshot().target[0] == pytest.approx(pose)
     session.reset()
     panel._two_paths()
-    assert "drag it somewhere" in kept[0].page.said
+    assert "drag it somewhere" in kept[0].page.message
 
 
 def until(true: Callable[[], Any], seconds: float = 30.0) -> None:

@@ -59,7 +59,7 @@ def test_the_panel_knows_which_sheet_serves_the_tool_also_where_no_arm_follows(s
         assert sheets.state.strategy == ""
 
 
-def test_an_arm_that_follows_has_the_joints_of_its_sheet_and_the_others_those_of_their_strategies(session: tuple) -> None:
+def test_an_arm_that_follows_has_the_joints_of_its_sheet_and_the_others_their_own(session: tuple) -> None:
     one, sheets, found = session
     one.follow_sheets("pinv")
     assert sheets.state.strategy == "pinv" and sheets.state.sheet == 0
@@ -103,7 +103,7 @@ def test_a_change_is_a_self_motion_with_the_tool_at_rest_and_then_the_arm_goes_o
 def test_where_no_self_motion_leads_on_the_arm_rests_and_says_why(session: tuple) -> None:
     one, sheets, found = session
     alone = replace(found, sheets=found.sheets[:2], q=found.q[:2], labels=np.where(found.labels > 1, 0, found.labels))
-    sheets.found = alone
+    sheets.sheet_map = alone
     one.follow_sheets("pinv")
     rests = []
     for angle in np.linspace(0.0, -2.6, 120):

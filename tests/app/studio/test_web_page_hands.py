@@ -127,8 +127,8 @@ def test_the_first_picture_comes_soon_and_eight_rounds_of_both_strategies_take_f
         page = opened(browser)
         taken.append(time.perf_counter() - begun)
         spent = page.evaluate(
-            "() => { const a = performance.now(); for (const strategy of holokin.strategies) { strategy.begin(holokin.loop);"
-            " strategy.advance(8, 1e9); } return performance.now() - a; }"
+            "() => { const a = performance.now(); for (const each of holokin.strategies) { each.begin(holokin.loop);"
+            " each.advance(8, 1e9); } return performance.now() - a; }"
         )
         page.close()
     assert min(taken) < 5.0

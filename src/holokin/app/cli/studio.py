@@ -29,8 +29,8 @@ def studio(
 ) -> None:
     """Show a job or a robot as a page in the browser: drag the tool or a loop, and see which joints drift.
 
-    Every strategy has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input, as of
-    `holokin run`. Needs the extra "studio".
+    Every strategy has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input,
+    as of `holokin run`. Needs the extra "studio".
     """
     from ..studio import DEFAULT, open_session
     from ..studio.server import studio as open_page

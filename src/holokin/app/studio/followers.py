@@ -252,20 +252,20 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
     solver, task = ik(strategy, q0, limits), strategy.task
     level = leaf_value(strategy, q0)
 
-    def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
+    def follow(q: Vector, poses: Array, wait: bool) -> Move:
+        # By the compiled solver; without a compiler, or until it is done, along the straight path in pieces.
         pose = poses[0] if task.frames == 1 else poses
         if wait and is_native(solver):
             try:
-                return solver.near(pose, q), InverseStatus.REACHED
+                last, status = solver.near(pose, q), InverseStatus.REACHED
             except HolokinError:
-                return how_far(solver, pose, q)
-        walk, level_now = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
-        levels = level_now, level_now + strategy.constraint.nearest(level - level_now)
-        last, ended = walk(q, straight_path(task, task._place(q), task.target(poses), levels))
-        return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
-
-    def follow(q: Vector, poses: Array, wait: bool) -> Move:
-        last, status = go(q, poses, wait)
+                last, status = how_far(solver, pose, q)
+        else:
+            walk, begin = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)
+            levels = begin, begin + strategy.constraint.nearest(level - begin)
+            last, ended = walk(q, straight_path(task, task._place(q), task.target(poses), levels))
+            status = InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
+        # What became of it.
         if status is InverseStatus.LIMIT or (limits and status is InverseStatus.REACHED and _beyond(task, last)):
             return Move(q, StrategyStatus.LIMIT, _limit_sentence(task, last))
         if status is InverseStatus.REACHED:
@@ -289,18 +289,18 @@ def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         path, steps = _straight_way(task, q, poses)
-        seen, status = [q], StepStatus.OK
+        postures, status = [q], StepStatus.OK
         for k in range(1, steps + CORRECTIONS + 1):
             target = path.at(k / steps) if k < steps else task.target(poses)
-            seen.append(seen[-1] + PERIOD * control.step(seen[-1], _pose(task, target), still))
+            postures.append(postures[-1] + PERIOD * control.step(postures[-1], _pose(task, target), still))
             status = control.status
             if status >= StepStatus.LIMIT:
                 break
-            if k >= steps and np.abs(error(seen[-1], *target)).max() < EXACT:
-                return Move(seen[-1], StrategyStatus.FOLLOWING)
+            if k >= steps and np.abs(error(postures[-1], *target)).max() < EXACT:
+                return Move(postures[-1], StrategyStatus.FOLLOWING)
         if status is StepStatus.LIMIT:
-            return Move(q, StrategyStatus.LIMIT, _limit_sentence(task, seen[-1]))
-        return Move(q, *stopped(task, strategy.name, *seen))
+            return Move(q, StrategyStatus.LIMIT, _limit_sentence(task, postures[-1]))
+        return Move(q, *stopped(task, strategy.name, *postures))
 
     return follow
 
@@ -309,28 +309,28 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
     """A control law along the straight path, as `simulate` runs it."""
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
+        # Along the path at an even speed; then the tool rests at its target.
         path, steps = _straight_way(task, q, poses)
-        F = task.frames
+        F, posture = task.frames, q
         twist = np.hstack([path.move.reshape(F, 3), path.turn.reshape(F, 3)]) / (steps * PERIOD)
-        posture = q
         try:
             step = rule.begin(q.copy())
             for k in range(1, steps + CORRECTIONS + 1):
                 target = _pose(task, path.at(min(1.0, k / steps)))
-                rates = twist if k <= steps else np.zeros((F, 6))
-                posture = posture + PERIOD * np.asarray(
-                    step(posture.copy(), target, rates[0] if F == 1 else rates, PERIOD)
-                )
+                twists = twist if k <= steps else np.zeros((F, 6))
+                dq = step(posture.copy(), target, twists[0] if F == 1 else twists, PERIOD)
+                posture = posture + PERIOD * np.asarray(dq)
         except HolokinError as problem:
             return Move(q, StrategyStatus.STOPPED, str(problem))
         except Exception as problem:  # noqa: BLE001  a control law of somebody's own may throw anything
-            return Move(q, StrategyStatus.STOPPED, f"{rule.name} threw {type(problem).__name__}: {problem}; correct it")
+            fact = f"{rule.name} threw {type(problem).__name__}: {problem}; correct it"
+            return Move(q, StrategyStatus.STOPPED, fact)
+        # What became of it.
         if posture.shape != q.shape or not np.isfinite(posture).all():
             return Move(q, StrategyStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
         if limits and _beyond(task, posture):
             return Move(q, StrategyStatus.LIMIT, _limit_sentence(task, posture))
-        off = float(np.abs(task._error_function(posture, *task.target(poses))).max())
-        if off < DOUBTFUL:
+        if float(np.abs(task._error_function(posture, *task.target(poses))).max()) < DOUBTFUL:
             return Move(posture, StrategyStatus.FOLLOWING)
         return Move(q, *stopped(task, rule.name, posture))
 
@@ -348,23 +348,20 @@ def _straight_way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, in
 
 def _pose(task: Task, target: tuple[Vector, Array]) -> Array:
     """(4, 4), or (F, 4, 4), of positions (3F,) and rotations (3F, 3)."""
-    F = task.frames
-    poses = pose_from(target[0].reshape(F, 3), target[1].reshape(F, 3, 3))
-    return poses[0] if F == 1 else poses
+    poses = pose_from(target[0].reshape(-1, 3), target[1].reshape(-1, 3, 3))
+    return poses[0] if task.frames == 1 else poses
 
 
-def stopped(task: Task, name: str, *seen: Vector) -> tuple[StrategyStatus, str]:
-    """Why a strategy got no farther: on the postures (n,) of its way the arm is stretched, or the strategy alone is singular."""
-    J, margin = task.jacobian_batch(np.array(seen))
+def stopped(task: Task, name: str, *postures: Vector) -> tuple[StrategyStatus, str]:
+    """Why a strategy got no farther: on its way (k, n) the arm is stretched, or the strategy alone is singular."""
+    J, margin = task.jacobian_batch(np.array(postures))
     if margin.min() < 2 * TOLERANCES.representation:
         cure = "turn the tool less, or choose a task with another orientation"
         return StrategyStatus.SINGULAR, f"The angles of the {task.name} are singular on the way; {cure}."
     s = np.linalg.svd(J[np.isfinite(J).all(axis=(1, 2))], compute_uv=False)
     if (s[:, -1] / s[:, 0]).min(initial=1.0) < STRETCHED:
-        return (
-            StrategyStatus.OUT_OF_REACH,
-            "The arm is stretched or folded, and reaches no farther this way; drag it back.",
-        )
+        fact = "The arm is stretched or folded, and reaches no farther this way"
+        return StrategyStatus.OUT_OF_REACH, f"{fact}; drag it back."
     cure = "drag it back, or choose another strategy or leaf"
     return StrategyStatus.SINGULAR, f"{name} is singular on the way, the arm itself is not; {cure}."
 
@@ -374,13 +371,11 @@ def _limit_sentence(task: Task, q: Vector) -> str:
     robot = task.robot
     i = int(np.argmax(robot.beyond(q)))
     bound = robot.lower[i] if robot.lower[i] - q[i] >= q[i] - robot.upper[i] else robot.upper[i]
-    unit = robot.coordinates[i].unit
-    return (
-        f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {unit}; drag it back, or choose another strategy."
-    )
+    fact = f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {robot.coordinates[i].unit}"
+    return f"{fact}; drag it back, or choose another strategy."
 
 
-# --- One strategy round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the page asks for.
+# --- One strategy round the loop of a session: the steps of `hk.follow`, as many at a time as a picture asks for.
 
 # pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before
 LOOP_PIECES = 200
@@ -398,24 +393,23 @@ class Walk:
 
     def run(self, q: Vector, first: int, last: int) -> tuple[Matrix, tuple[StrategyStatus, str]]:
         """Steps [first, last) of a cycle from a posture: the postures (k, n) after each, fewer where it stops; why."""
-        rows = np.empty((last - first, len(q)))
+        rows, strategy = np.empty((last - first, len(q))), self.strategy
         native = self.stepper.native
         done = native.run(q, first, last, rows) if native is not None else 0
         posture = rows[done - 1] if done else q
-        robot = self.strategy.task.robot
-        try:
+        try:  # what native code refuses is tried in Python, which says why
             for i in range(first + done, last):
                 posture = self.stepper.step(posture, i)
                 if self.limits:
-                    robot.check_limits(posture)
+                    strategy.task.robot.check_limits(posture)
                 rows[done] = posture
                 done += 1
         except JointLimitError:
-            return rows[:done], (StrategyStatus.LIMIT, _limit_sentence(self.strategy.task, posture))
+            return rows[:done], (StrategyStatus.LIMIT, _limit_sentence(strategy.task, posture))
         except HolokinError as problem:
-            if self.strategy.G is None:
+            if strategy.G is None:
                 return rows[:done], (StrategyStatus.STOPPED, str(problem))
-            return rows[:done], stopped(self.strategy.task, self.strategy.name, rows[done - 1] if done else q)
+            return rows[:done], stopped(strategy.task, strategy.name, rows[done - 1] if done else q)
         return rows, (StrategyStatus.FOLLOWING, "")
 
 
@@ -431,7 +425,7 @@ def leaf_start(strategy: NamedStrategy, home: Vector) -> Vector:
 
 
 def loop_start(strategy: NamedStrategy, loop: Loop, home: Vector) -> Vector:
-    """The posture (n,) at which a strategy begins a loop: that of its leaf, led to the loop's start as a job's entry does.
+    """The posture (n,) at which a strategy begins a loop: on its leaf, led to the loop's start as by a job's entry.
 
     Raises:
         HolokinError: the strategy does not lead there.
@@ -474,7 +468,7 @@ def poses_at(plan: Plan, step: int) -> Array:
 
 
 def compiled(strategy: NamedStrategy, q0: Vector) -> None:
-    """Build, or load, the native code with which a strategy follows drags and loops; without a compiler nothing happens."""
+    """Build, or load, the native code with which a strategy follows; without a compiler nothing happens."""
     try:
         if isinstance(strategy.rule, HolonomicStrategy):
             _ = ik(strategy.rule, q0, limits=False).engine
@@ -545,44 +539,31 @@ class Run:
 
 
 def new_run(strategy: NamedStrategy, q: Vector, limits: bool) -> Run:
-    """A strategy that stands at a posture (n,), on the leaf through it. Raises: HolokinError: it is not defined there."""
+    """A strategy that stands at a posture (n,), on the leaf through it. Raises: HolokinError: not defined there."""
     if strategy.G is not None:
         strategy.G(q)
-    return Run(
-        strategy,
-        frozen(q),
-        follower(strategy, q, limits),
-        _level_of(strategy, q),
-        History(len(q)),
-        frozen(np.zeros((0, len(q)))),
-    )
-
-
-def _level_of(strategy: NamedStrategy, q: Vector) -> Vector:
-    """g(q) (r,) of a holonomic strategy; empty for others."""
-    return leaf_value(strategy.rule, q) if isinstance(strategy.rule, HolonomicStrategy) else np.zeros(0)
+    follow, drifts = follower(strategy, q, limits), frozen(np.zeros((0, len(q))))
+    return Run(strategy, frozen(q), follow, strategy.level_at(q), History(len(q)), drifts)
 
 
 def state_of(run: Run) -> StrategyState:
     """What a page is told of it."""
     if run.state is None:
-        G, largest = run.strategy.G, np.abs(run.drifts).max(axis=1, initial=0.0)
-        rcond = np.nan if G is None else float(G.gain(run.q)[1])
-        t, history = run.history.view()
+        strategy, (t, history) = run.strategy, run.history.view()
         run.state = StrategyState(
-            run.strategy.name,
-            run.strategy.colour,
-            run.strategy.holonomic,
-            run.q,
-            run.status,
-            run.sentence,
-            rcond,
-            frozen(run.level),
-            frozen(largest),
-            run.drifts,
-            t,
-            history,
-            run.judgement,
+            name=strategy.name,
+            colour=strategy.colour,
+            holonomic=strategy.holonomic,
+            q=run.q,
+            status=run.status,
+            sentence=run.sentence,
+            rcond=np.nan if strategy.G is None else float(strategy.G.gain(run.q)[1]),
+            level=frozen(run.level),
+            drift=frozen(np.abs(run.drifts).max(axis=1, initial=0.0)),
+            drift_joints=run.drifts,
+            t=t,
+            history=history,
+            judgement=run.judgement,
         )
     return run.state
 
@@ -594,7 +575,8 @@ def put_on_leaf(run: Run, q: Vector, limits: bool) -> None:
         HolokinError: the strategy is not defined there; nothing changes then.
     """
     if run.strategy.holonomic:
-        strategy = replace(run.strategy, level=_level_of(run.strategy, q))
+        level = run.strategy.level_at(q)
+        strategy = replace(run.strategy, level=level)
         run.follow = follower(strategy, q, limits)
-        run.strategy, run.level = strategy, _level_of(strategy, q)
+        run.strategy, run.level = strategy, level
     run.put(Move(q, run.status, run.sentence))

@@ -41,7 +41,7 @@ class Playing:
 
 
 def begin(playing: Playing, runs: Iterable[Run], loop: Loop, home: Vector, limits: bool) -> str:
-    """Get the strategies ready for a loop. A strategy that cannot begin says why; the sentence of the first where none can."""
+    """Get the strategies ready for a loop; one that cannot begin says why. The first one's sentence if none can."""
     plans, first = [], ""
     for run in runs:
         run.forget()
@@ -83,19 +83,24 @@ def gather(playing: Playing, runs: Iterable[Run], dt: float) -> None:
 
 
 def go(playing: Playing, runs: Iterable[Run], dt: float, wait: bool) -> None:
-    """All strategies go on by a time of the loop [s], in whole steps; `wait`: as of a `Follower`, of strategies not compiled."""
+    """All strategies go on by a time of the loop [s], in whole steps.
+
+    wait: as of a `Follower`, of strategies that are not compiled.
+    """
+    # The step that is due by now, at most the last one.
     steps, length = len(playing.ends), float(playing.ends[-1])
     playing.time += dt
     playing.frames += 1
     lap, rest = divmod(playing.time, length)
-    goal = int(lap) * steps + int(np.searchsorted(playing.ends, rest + 1e-9 * length, side="right"))
+    due = int(lap) * steps + int(np.searchsorted(playing.ends, rest + 1e-9 * length, side="right"))
     last = np.inf if playing.cycles is None else playing.cycles * steps
-    if goal >= last:
-        goal, playing.time = int(last), length * last / steps
+    if due >= last:
+        due, playing.time = int(last), length * last / steps
+    # All strategies up to it, cycle by cycle.
     done = playing.cycle * steps + playing.step
-    while done < goal:
+    while done < due:
         first = done % steps
-        until = min(steps, first + goal - done)
+        until = min(steps, first + due - done)
         for run in runs:
             if run.walk is not None:
                 _steps(playing, run, run.walk, (first, until), wait)

@@ -1,4 +1,4 @@
-"""What stands in the page: the robot, a translucent ghost for each strategy, the loop, traces, frames, floor and camera."""
+"""What stands in the page: the robot, a translucent ghost for each strategy, lines, traces, floor and camera."""
 
 from __future__ import annotations
 
@@ -118,17 +118,30 @@ def quaternions(rotations: Array) -> Array:
 
 
 def _mesh(shape: Shape | Surface, color: Any = None) -> Any:
-    """A shape as a trimesh.Trimesh with a colour for each point. Raises: RobotFileError."""
+    """A shape as a trimesh.Trimesh with a colour for each point. Raises: RobotFileError, also of what is not read."""
     tm = trimesh_package()
-    if isinstance(shape, Mesh):
-        mesh = _file_mesh(shape)
-    elif isinstance(shape, Surface):
-        mesh = tm.Trimesh(shape.points, shape.triangles, process=True)
-    else:
-        mesh = _solid(shape)
+    match shape:
+        case Mesh():
+            mesh = _file_mesh(shape)
+        case Surface():
+            mesh = tm.Trimesh(shape.points, shape.triangles, process=True)
+        case Box():
+            mesh = tm.creation.box(extents=shape.sides)
+        case Cylinder():
+            mesh = tm.creation.cylinder(radius=shape.radius, height=shape.length, sections=32)
+        case Capsule():
+            mesh = tm.creation.capsule(height=shape.length, radius=shape.radius, count=[24, 24])
+            mesh.apply_translation(-mesh.bounds.mean(axis=0))
+        case Ellipsoid():
+            mesh = tm.creation.icosphere(subdivisions=3)
+            mesh.apply_scale(shape.radii)
+        case Hull():
+            mesh = tm.convex.convex_hull(shape.corners)
+        case _:
+            raise RobotFileError("the robot", "a shape that is not read", "draw it without")
     if color is not None or not isinstance(shape, Mesh):
-        rgb = LINK if color is None else tuple(int(255 * min(max(c, 0.0), 1.0)) for c in color[:3])
-        mesh.visual = tm.visual.ColorVisuals(mesh, vertex_colors=np.tile([*rgb, 255], (len(mesh.vertices), 1)))
+        tint = LINK if color is None else tuple(int(255 * min(max(c, 0.0), 1.0)) for c in color[:3])
+        mesh.visual = tm.visual.ColorVisuals(mesh, vertex_colors=np.tile([*tint, 255], (len(mesh.vertices), 1)))
     return mesh
 
 
@@ -160,31 +173,10 @@ def _own_colors(piece: Any) -> Any:
     """A colour for each point of a mesh as it was loaded; light grey where the file has none."""
     visual = piece.visual
     if getattr(visual, "defined", False):
-        colors = visual.to_color() if hasattr(visual, "to_color") else visual
-        rgba = np.asarray(colors.vertex_colors)
+        rgba = np.asarray((visual.to_color() if hasattr(visual, "to_color") else visual).vertex_colors)
         if rgba.shape == (len(piece.vertices), 4):
             return rgba
     return np.tile([*LINK, 255], (len(piece.vertices), 1))
-
-
-def _solid(shape: Shape) -> Any:
-    """Primitives and hulls. Raises: RobotFileError, from shapes that nobody can look at."""
-    make, tm = trimesh_package().creation, trimesh_package()
-    if isinstance(shape, Box):
-        return make.box(extents=shape.sides)
-    if isinstance(shape, Cylinder):
-        return make.cylinder(radius=shape.radius, height=shape.length, sections=32)
-    if isinstance(shape, Capsule):
-        mesh = make.capsule(height=shape.length, radius=shape.radius, count=[24, 24])
-        mesh.apply_translation(-mesh.bounds.mean(axis=0))
-        return mesh
-    if isinstance(shape, Ellipsoid):
-        mesh = make.icosphere(subdivisions=3)
-        mesh.apply_scale(shape.radii)
-        return mesh
-    if isinstance(shape, Hull):
-        return tm.convex.convex_hull(shape.corners)
-    raise RobotFileError("the robot", "a shape that is not read", "draw it without")
 
 
 def _capsules(robot: Robot) -> dict[int, list[Any]]:
@@ -337,7 +329,7 @@ class Scene:
         self._draw_robot()
 
     def set_strategies(self, names: Sequence[str], colors: Sequence[str] = (), lead: int = 0) -> None:
-        """A ghost for each strategy, in its colour (#RRGGBB); that of the `lead` is the robot itself, in its own colours."""
+        """A ghost for each strategy in its colour (#RRGGBB); that of the `lead` is the robot, in its own colours."""
         self.names, self.lead = tuple(names), lead
         self.colors = tuple(colors) or tuple(color_of(i) for i in range(len(names)))
         for handle in [*self._ghosts, *self._labels, *(line for line, _ in self._lines.values())]:
@@ -370,11 +362,9 @@ class Scene:
 
     def show(self, Q: ArrayLike) -> None:
         """The robots of all strategies at their postures Q (k, n) [rad or m]."""
-        postures = np.asarray(Q, dtype=float)
+        postures, lead = np.asarray(Q, dtype=float), self.lead
         if not len(postures):
             postures, lead = self.q0[None], 0
-        else:
-            lead = self.lead
         positions, turns = frames_of(self.robot, postures)
         elbows = positions[self._elbow + 1]
         with self.server.atomic():
@@ -457,11 +447,6 @@ class Scene:
         tints = np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
         self.server.scene.add_point_cloud("/cloud", places, tints, point_size=size, point_shape="circle")
 
-    def box(self, q: ArrayLike | None = None) -> tuple[Vector, Vector]:
-        """The least and largest x, y, z (3,) [m] of what is drawn of the robot at a posture, by default the first."""
-        points = self.drawn(q)
-        return points.min(axis=0), points.max(axis=0)
-
     def drawn(self, q: ArrayLike | None = None) -> Matrix:
         """Points (k, 3) [m] round what is drawn of the robot at a posture, by default the first: corners of boxes."""
         posture = self.q0 if q is None else np.asarray(q, dtype=float)
@@ -474,14 +459,13 @@ class Scene:
 
     def look_at_all(self, more: ArrayLike = ()) -> None:
         """The camera sees the whole arm from the side, and more points (k, 3) [m]."""
-        low, high = self.box()
-        points = np.vstack([self.drawn(), np.asarray(more, dtype=float).reshape(-1, 3)])
+        arm = self.drawn()
+        low, high = arm.min(axis=0), arm.max(axis=0)
+        points = np.vstack([arm, np.asarray(more, dtype=float).reshape(-1, 3)])
         tool = self.robot.pose(self.q0)[:3, 3] if self.robot.tips else (low + high) / 2
-        reached = tool[:2] - low[:2]
-        ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
-        side = ahead - np.deg2rad(62.0)
-        up = np.deg2rad(72.0 if self.robot.planar else 20.0)
-        away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
+        ahead = float(np.arctan2(tool[1], tool[0])) if np.linalg.norm(tool[:2] - low[:2]) > 1e-6 else 0.0
+        elevation = np.deg2rad(72.0 if self.robot.planar else 20.0)
+        away = camera_axes(ahead - np.deg2rad(62.0), elevation)[2]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         radius = float(np.linalg.norm(points - middle, axis=1).max())
         self.look_from(middle + radius / np.sin(FOV / 2) * away, middle)
@@ -515,7 +499,7 @@ class Scene:
             plane_opacity=1.0,
             shadow_opacity=0.2,
             fade_distance=6.0 * size,
-            position=(0.0, 0.0, min(0.0, float(self.box()[0][2])) if self.robot.planar else 0.0),
+            position=(0.0, 0.0, min(0.0, float(self.drawn()[:, 2].min())) if self.robot.planar else 0.0),
         )
 
     def _draw_robot(self) -> None:
@@ -547,6 +531,13 @@ class Scene:
 
 _LABELLED = 6  # strategies at most that have their names beside their elbows: more names hide the robots
 _ABOVE = 0.09  # how far a name stands above its elbow [m]
+
+
+def camera_axes(azimuth: float, elevation: float) -> Matrix:
+    """The axes (3, 3) of a camera, in rows: to the right, upwards, and away from what it looks at."""
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    away = np.array([*(np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])), np.sin(elevation)])
+    return np.stack([right, np.cross(away, right), away])
 
 
 def elbow_joint(robot: Robot, q: Vector) -> int:

@@ -26,7 +26,7 @@ from ...robot import LinkShape, Robot
 from ..report.plots import law_colors
 from ..report.robot_view import best_view
 from .door import HERE, Door
-from .page_scene import FOV, Scene, silent_viser, viser_package
+from .page_scene import FOV, Scene, camera_axes, silent_viser, viser_package
 from .session import Session
 
 RATE = 25.0  # postures a second of a recording: the player does not blend them, and more cost more than they show
@@ -99,7 +99,8 @@ class Recording(Value):
     def html(self) -> str:
         """One HTML document that holds everything and plays without a server."""
         scene = base64.b64encode(self.scene).decode("ascii")
-        return _page(f'window.__VISER_EMBED_DATA__="{scene}";window.HOLOKIN_CAPTION={_script_json(self.caption)};')
+        caption = json.dumps(self.caption).replace("<", "\\u003c")  # no text may end the script, or hide its end
+        return _page(f'window.__VISER_EMBED_DATA__="{scene}";window.HOLOKIN_CAPTION={caption};')
 
     @typed
     def save(self, file: str | FilePath) -> FilePath:
@@ -132,7 +133,8 @@ def record(
     """Record motions of one robot, side by side in one place, to an HTML file that plays without a server.
 
     Args:
-        motions: name of each strategy -> its `Trajectory`, `TimedTrajectory` or `Motion`. One that ends early stays there.
+        motions: name of each strategy -> its `Trajectory`, `TimedTrajectory` or `Motion`; one that ends early stays
+            there.
         file: where to write it; None writes nothing.
         title, text: what it shows and what to see, for people.
         path: points (k, 3) [m] of the line that the tool shall follow, or (F, k, 3) of the lines of several tools; by
@@ -188,28 +190,13 @@ def record_session(session: Session, file: str | FilePath | None = None, *, text
     return record(session.robot, motions, file, title=session.title, text=text, path=points, lead=lead)
 
 
-def _hidden(points: Matrix, things: Matrix, ahead: Vector, up: float) -> int:
-    """How many of the points (k, 3) are behind things, by the eight corners of their boxes, for a distant camera."""
-    away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
-    right = np.array([-ahead[1], ahead[0], 0.0])
-    axes = np.stack([right, np.cross(away, right), away], axis=1)
-    behind = np.zeros(len(points), dtype=bool)
-    for corners in things.reshape(-1, 8, 3) @ axes:
-        low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
-        seen = points @ axes
-        across = ((seen[:, :2] > low) & (seen[:, :2] < high)).all(axis=1)
-        behind |= across & (seen[:, 2] < corners[:, 2].mean())
-    return int(behind.sum())
-
-
 class _Film:
     """Motions on the clock of a recording."""
 
     def __init__(
         self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float, things: tuple[LinkShape, ...] = ()
     ):
-        self.robot, self.clips, self.lead = robot, clips, list(clips).index(lead)
-        self.things = things
+        self.robot, self.clips, self.lead, self.things = robot, clips, list(clips).index(lead), things
         self.start = min(float(clip.t[0]) for clip in clips.values())
         self.length = max(float(clip.t[-1]) for clip in clips.values()) - self.start
         self.pace = max(1.0, self.length / seconds)
@@ -229,19 +216,21 @@ class _Film:
         Q = np.stack([clip.at(times) for clip in self.clips.values()], axis=1)
         server = _quiet_server()
         try:
+            # The robots, the lines of the tools, what stands around, and the camera.
             scene = Scene(server, self.robot, Q[0, self.lead], TRIANGLES)
             scene.set_strategies([""] * len(self.clips), self.colors, self.lead)
-            loops = [loop + self.lift for loop in self._loops(scene, Q, path)]
-            for index, loop in enumerate(loops):
-                scene.path(loop, f"loop{index or ''}")
+            lines = [line + self.lift for line in self._lines(scene, Q, path)]
+            for index, line in enumerate(lines):
+                scene.path(line, f"loop{index or ''}")
             things = scene.stand(self.things)
-            scene.look_from(*self.view(scene, Q, np.vstack(loops), things))
+            scene.look_from(*self._camera(scene, Q, np.vstack(lines), things))
+            # Picture by picture.
             pieces = self._pieces(scene)
             tape = server.get_scene_serializer()
             for frame in range(self.count):
                 scene.show(Q[frame])
-                for strategy, name, points in pieces.get(frame, ()):
-                    scene.trace(strategy, points, name)
+                for index, name, points in pieces.get(frame, ()):
+                    scene.trace(index, points, name)
                 tape.insert_sleep(1 / RATE)
             tape.insert_sleep(HOLD)
             return tape.serialize()
@@ -249,50 +238,46 @@ class _Film:
             with silent_viser():
                 server.stop()
 
-    def _loops(self, scene: Scene, Q: Array, path: ArrayLike | None) -> list[Matrix]:
+    def _lines(self, scene: Scene, Q: Array, path: ArrayLike | None) -> list[Matrix]:
         """The lines (k, 3) of the tools: given ones, else where those of the lead went."""
         if path is not None:
             given = finite("path", path)
             return [*given] if given.ndim == 3 else [given]
         return [scene.points_of(Q[:, self.lead], tip)[0] for tip in self.tools]
 
-    def view(self, scene: Scene, Q: Array, loop: Matrix, things: Matrix) -> tuple[Vector, Vector]:
-        """(place of the camera, point it looks at): from where the strategies are seen best apart, beside the caption."""
+    def _camera(self, scene: Scene, Q: Array, line: Matrix, things: Matrix) -> tuple[Vector, Vector]:
+        """(place of the camera, point it looks at): from where the strategies are seen best apart, by the caption."""
         frames = Q[np.linspace(0, len(Q) - 1, 13).round().astype(int)]
         bodies = [[np.vstack(self.robot.skeleton(q)) for q in row] for row in frames]
         pairs = [(body, row[self.lead]) for row in bodies for body in row]
-        up = np.deg2rad(78.0) if self.robot.planar else ELEVATION
-        side = (
-            -np.pi / 2
-            if self.robot.planar
-            else np.deg2rad(best_view([body for body, _ in pairs], [loop], pairs).azimuth)
-        )
+        # From the side; planar robots from above, two hands from the front.
+        if self.robot.planar:
+            azimuth, elevation = -np.pi / 2, float(np.deg2rad(78.0))
+        else:
+            azimuth = float(np.deg2rad(best_view([body for body, _ in pairs], [line], pairs).azimuth))
+            elevation = float(ELEVATION)
         if len(self.tools) > 1:
             hands = np.mean([scene.points_of(Q[:1, self.lead], tip)[0][0] for tip in self.tools], axis=0)
-            side = float(np.arctan2(hands[1], hands[0])) - ASIDE
+            azimuth = float(np.arctan2(hands[1], hands[0])) - ASIDE
+        # From the other side where the ghosts are behind the robot, or where more is hidden behind things.
         gap = sum((ghost - solid).sum(axis=0) for ghost, solid in pairs)
-        ahead = np.array([np.cos(side), np.sin(side), 0.0])
-        if (
-            not self.robot.planar and len(self.tools) == 1 and ahead @ gap < -1e-9
-        ):  # the ghosts in front of the robot, not behind it
-            ahead, side = -ahead, side + np.pi
-        body = np.vstack([loop, *(ghost for ghost, _ in pairs)])
-        if _hidden(body, things, ahead, up) > _hidden(body, things, -ahead, up):
-            ahead, side = -ahead, side + np.pi
-        away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
-        right = np.array([-np.sin(side), np.cos(side), 0.0])
-        above = np.cross(away, right)
-        points = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), loop, things])
-        seen = points @ np.stack([right, above, away], axis=1)
+        behind = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) @ gap < -1e-9
+        if not self.robot.planar and len(self.tools) == 1 and behind:
+            azimuth += np.pi
+        body = np.vstack([line, *(ghost for ghost, _ in pairs)])
+        views = [camera_axes(side, elevation) for side in (azimuth, azimuth + np.pi)]
+        axes = min(views, key=lambda axes: _hidden(body, things, axes))
+        # So far away that all is in the picture, beside the caption or below it.
+        seen = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), line, things]) @ axes.T
         low, high = seen.min(axis=0), seen.max(axis=0)
         tan, wide, tall = np.tan(FOV / 2), (high[0] - low[0]) / ASPECT, high[1] - low[1]
-        places = (((LEFT, RIGHT), (-UPRIGHT, UPRIGHT)), ((-RIGHT, RIGHT), BELOW))  # beside the caption, or below it
-        sizes = [max(wide / (x[1] - x[0]), tall / (y[1] - y[0])) / tan for x, y in places]
-        near, (x, y) = min(zip(sizes, places, strict=True), key=lambda ghost: ghost[0])
-        far = near + (high[2] - low[2]) / 2
-        middle = (low + high) / 2 @ np.stack([right, above, away])
+        places = (((LEFT, RIGHT), (-UPRIGHT, UPRIGHT)), ((-RIGHT, RIGHT), BELOW))
+        distances = [max(wide / (x[1] - x[0]), tall / (y[1] - y[0])) / tan for x, y in places]
+        near, (x, y) = min(zip(distances, places, strict=True), key=lambda option: option[0])
+        right, above, away = axes
+        middle = (low + high) / 2 @ axes
         look_at = middle - tan * near * (sum(x) / 2 * ASPECT * right + sum(y) / 2 * above)
-        return look_at + far * away, look_at
+        return look_at + (near + (high[2] - low[2]) / 2) * away, look_at
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
         """Frame -> (strategy, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
@@ -313,20 +298,29 @@ class _Film:
         """What the overlay writes: title, text, and of each strategy its colour, and (second, error) of each cycle."""
         strategies = []
         for index, (name, clip) in enumerate(self.clips.items()):
-            errors = clip.errors
-            shown = [[self.clock(float(clip.t[m])), float(e)] for m, e in zip(clip.marks[1:], errors, strict=True)]
-            ended = [] if clip.status is Status.COMPLETE else [self.clock(float(clip.t[-1])), clip.status.cause]
+            ends = zip(clip.marks[1:], clip.errors, strict=True)
+            complete = clip.status is Status.COMPLETE
             strategies.append(
                 {
                     "name": name,
                     "color": self.colors[index],
                     "solid": index == self.lead,
-                    "errors": shown,
-                    "ended": ended,
+                    "errors": [[self.clock(float(clip.t[mark])), float(error)] for mark, error in ends],
+                    "ended": [] if complete else [self.clock(float(clip.t[-1])), clip.status.cause],
                 }
             )
         unit = "rad" if all(self.robot.hinges) else "rad or m"
         return {"title": title, "text": text, "strategies": strategies, "unit": unit, "pace": round(self.pace, 1)}
+
+
+def _hidden(points: Matrix, things: Matrix, axes: Matrix) -> int:
+    """How many of the points (k, 3) are behind things, by the eight corners of their boxes, for a distant camera."""
+    behind, seen = np.zeros(len(points), dtype=bool), points @ axes.T
+    for corners in things.reshape(-1, 8, 3) @ axes.T:
+        low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+        across = ((seen[:, :2] > low) & (seen[:, :2] < high)).all(axis=1)
+        behind |= across & (seen[:, 2] < corners[:, 2].mean())
+    return int(behind.sum())
 
 
 def _motion(name: str, motion: Any, robot: Robot) -> Motion:
@@ -355,8 +349,3 @@ def _page(script: str) -> str:
     overlay = files("holokin.app.studio").joinpath("caption.html").read_text("utf-8")
     head, mark, rest = client.read_text("utf-8").partition("</head>")
     return f"{head}<script>{script}</script>{overlay}{mark}{rest}"
-
-
-def _script_json(value: Any) -> str:
-    """JSON that may stand in a script of a page: without "<", by which a text could end the script, or hide its end."""
-    return json.dumps(value).replace("<", "\\u003c")

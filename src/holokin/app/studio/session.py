@@ -1,4 +1,4 @@
-"""`Session`: a robot, several strategies, and one target or loop that all of them follow. The page of the studio draws it.
+"""`Session`: a robot, several strategies, and one target or loop that all of them follow, for the page to draw.
 
 All that changes is in a `Session`, behind one lock; what it tells are frozen values. It knows nothing of browsers.
 """
@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from ...base.poses import PoseLike
 from ...base.types import Array, ArrayLike, Vector, frozen, not_negative, positive, whole
 from ...path.workspaces import Workspace
 from ...robot import Robot, start_posture
-from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task
 from ..job.tables import MOST_STEPS
 from ..job.templates import table, toml
@@ -71,6 +70,8 @@ from .work import Search, SheetFollower, Worker, failure
 SAMPLES = 512  # poses of a cloud
 REST = 0.3  # seconds between two looks at the postures: no number on a page need change faster than one can read it
 
+T = TypeVar("T")
+
 
 class Session:
     """Several strategies of one robot on one tool target. Make one with `open_session`.
@@ -102,8 +103,8 @@ class Session:
             home: where all strategies begin (n,). loop, cycles: as of `set_loop`, `set_cycles`.
 
         Raises:
-            ArgumentError: no strategy, strategies of several robots, or two of one name. HolokinError: a strategy is not defined at
-                `home`, or it is beyond the limits.
+            ArgumentError: no strategy, strategies of several robots, or two of one name. HolokinError: a strategy is
+                not defined at `home`, or it is beyond the limits.
         """
         given = tuple(strategies)
         if not given:
@@ -156,10 +157,10 @@ class Session:
     def drag(self, pose: PoseLike) -> Snapshot:
         """All strategies follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
 
-        Holonomic strategies go where `InverseKinematics.near` leads, others by small velocity steps along the straight path.
-        A strategy that cannot get there stays where it is, and its status and sentence say why; it goes on as soon as the
-        target is within its reach again. Nothing is raised for such a pose. Where no arm follows the sheets it is told
-        which of them serves.
+        Holonomic strategies go where `InverseKinematics.near` leads, others by small velocity steps along the straight
+        path. A strategy that cannot get there stays where it is, and its status and sentence say why; it goes on as
+        soon as the target is within its reach again. Nothing is raised for such a pose. Where no arm follows the sheets
+        it is told which of them serves.
 
         Raises:
             ShapeError, NotFiniteError, ArgumentError: what is no pose.
@@ -219,7 +220,8 @@ class Session:
         The tool stays where it is, to 1e-9. A holonomic strategy is then on another leaf, and keeps it. The loop stops.
 
         Raises:
-            UnknownNameError; ArgumentError: the slider does not go so far. HolokinError: the strategy is not defined there.
+            UnknownNameError; ArgumentError: the slider does not go so far. HolokinError: the strategy is not defined
+                there.
         """
         with self._lock:
             self.self_motion(name, direction)
@@ -231,7 +233,7 @@ class Session:
             return self._changed()
 
     def level_slider(self, name: str, row: int = 0) -> Slider:
-        """The slider of a row of the level of a holonomic strategy, with the tool still; degrees for an angle of the arm.
+        """The slider of a row of the level of a holonomic strategy, the tool still; degrees for an angle of the arm.
 
         Raises:
             UnknownNameError; ArgumentError: a strategy without leaves, or no such row.
@@ -246,8 +248,8 @@ class Session:
         """One strategy goes to a value of its slider, in the slider's unit, through all between, and keeps that leaf.
 
         Raises:
-            UnknownNameError; ArgumentError: a strategy without leaves. SingularityError, BranchError, JointLimitError: the
-                self-motion does not lead there; nothing changes then.
+            UnknownNameError; ArgumentError: a strategy without leaves. SingularityError, BranchError, JointLimitError:
+                the self-motion does not lead there; nothing changes then.
         """
         with self._lock:
             slider, run = self.level_slider(name, row), self._run(name)
@@ -291,8 +293,8 @@ class Session:
     def play(self) -> Snapshot:
         """Begin the loop, or go on with it after `pause`.
 
-        The joints first go to where each strategy begins it (`Phase.GATHERING`), in under a second. A strategy that does not get
-        there, or stops on the way, says why, and the others go on.
+        The joints first go to where each strategy begins it (`Phase.GATHERING`), in under a second. A strategy that
+        does not get there, or stops on the way, says why, and the others go on.
 
         Raises:
             ArgumentError: there is no loop. OpenPathError: more than one cycle of an open path.
@@ -369,7 +371,7 @@ class Session:
             return self._changed()
 
     def follow_sheets(self, name: str | None) -> Snapshot:
-        """The arm of a strategy takes the joints of the sheets when the tool is dragged; of None every arm those of its strategy.
+        """The arm of a strategy follows the sheets when the tool is dragged; of None every arm its own strategy.
 
         Raises:
             ArgumentError: the session has no sheets. UnknownNameError.
@@ -389,9 +391,10 @@ class Session:
         return self.sheets
 
     def start_work(self) -> None:
-        """Compile and judge the strategies in a thread, and keep the curvature at their postures: `StrategyState.judgement`.
+        """Compile and judge the strategies in a thread, and keep the curvature at their postures.
 
-        Until a strategy is compiled it follows more slowly. Call `close` in the end.
+        What is found is in `StrategyState.judgement`. Until a strategy is compiled it follows more slowly. Call
+        `close` in the end.
         """
         with self._lock:
             if self._worker is None:
@@ -413,26 +416,18 @@ class Session:
         with self._lock:
             run = self._run(name)
             G, count = leaves_of(run.strategy), whole("samples", samples)
-            where = default_workspace(run.strategy.task, self.home) if region is None else region
+            space = default_workspace(run.strategy.task, self.home) if region is None else region
             q = leaf_start(run.strategy, self.home)
             self.cancel_cloud()
 
-            def work(closed: threading.Event) -> None:
-                def tell(cloud: Cloud) -> bool:
-                    with self._lock:
-                        if not closed.is_set():
-                            self._cloud = cloud
-                            self._changed()
-                        return not closed.is_set()
-
-                covered(G, name, q, where, count, self.limits, tell)
+            def keep(cloud: Cloud) -> None:
+                self._cloud = cloud
 
             def failed(problem: Exception) -> None:
-                with self._lock:
-                    self._cloud = failed_cloud(name, failure("The coverage was not found", problem))
-                    self._changed()
+                self._cloud = failed_cloud(name, failure("The coverage was not found", problem))
 
-            self._covering = Worker("holokin-studio-cloud", work, failed)
+            clouds = covered(G, name, q, space, count, self.limits)
+            self._covering = self._in_thread("holokin-studio-cloud", clouds, keep, failed)
             return self._changed()
 
     def cancel_cloud(self) -> Snapshot:
@@ -454,24 +449,19 @@ class Session:
         """
         with self._lock:
             run = self._run(name)
-            G = leaves_of(run.strategy)
+            G, q = leaves_of(run.strategy), run.q
             self.cancel_cusps()
             self._cusps = LeafCusps(name, run.level, True, f"{name}: cusps are looked for.", None, np.zeros((0, 3)))
-            q = run.q
 
-            def work(closed: threading.Event) -> None:
-                cusps = leaf_cusps(name, G, q)
-                with self._lock:
-                    if not closed.is_set():
-                        self._cusps = cusps
-                        self._changed()
+            def keep(cusps: LeafCusps | None) -> None:
+                self._cusps = cusps
 
             def failed(problem: Exception) -> None:
-                with self._lock:
-                    self._cusps = None
-                    self._tell_failure("The cusps were not found", problem)
+                keep(None)
+                self._tell_failure("The cusps were not found", problem)
 
-            self._seeking.append(Worker("holokin-studio-cusps", work, failed))
+            search = (leaf_cusps(name, G, q) for _ in range(1))  # in the thread
+            self._seeking.append(self._in_thread("holokin-studio-cusps", search, keep, failed))
             return self._changed()
 
     def cancel_cusps(self) -> Snapshot:
@@ -481,6 +471,26 @@ class Session:
                 worker.cancel()
             self._seeking, self._cusps = [worker for worker in self._seeking if worker.alive], None
             return self._changed()
+
+    def _in_thread(
+        self, title: str, results: Iterator[T], keep: Callable[[T], None], failed: Callable[[Exception], None]
+    ) -> Worker:
+        """Results are found in a thread and kept under the lock, one after the other, until the worker is cancelled."""
+
+        def work(closed: threading.Event) -> None:
+            for result in results:
+                with self._lock:
+                    if closed.is_set():
+                        return
+                    keep(result)
+                    self._changed()
+
+        def lost(problem: Exception) -> None:
+            with self._lock:
+                failed(problem)
+                self._changed()
+
+        return Worker(title, work, lost)
 
     def close(self) -> None:
         """End all threads of the session."""
@@ -495,25 +505,23 @@ class Session:
         """All that a page draws, as a value that never changes; the same one until something changes."""
         with self._lock:
             if self._known is None or self._known.number != self._number:
-                playing, loop = self._playing, self._loop
-                states, way = tuple(map(state_of, self._runs.values())), loop is not None and loop.clockwise
                 self._known = Snapshot(
-                    self._number,
-                    playing.phase,
-                    states,
-                    self._target,
-                    self._loops,
-                    playing.progress,
-                    playing.cycle,
-                    playing.time,
-                    playing.factor,
-                    playing.cycles,
-                    way,
-                    self._message,
-                    self._cloud,
-                    self._cusps,
-                    self._loop_fault,
-                    self._fault,
+                    number=self._number,
+                    phase=self._playing.phase,
+                    strategies=tuple(map(state_of, self._runs.values())),
+                    target=self._target,
+                    loop=self._loops,
+                    progress=self._playing.progress,
+                    cycle=self._playing.cycle,
+                    time=self._playing.time,
+                    factor=self._playing.factor,
+                    cycles=self._playing.cycles,
+                    clockwise=self._loop is not None and self._loop.clockwise,
+                    message=self._message,
+                    cloud=self._cloud,
+                    cusps=self._cusps,
+                    loop_fault=self._loop_fault,
+                    fault=self._fault,
                 )
             return self._known
 
@@ -530,7 +538,7 @@ class Session:
     def _look_after(self, closed: threading.Event) -> None:
         """Compile the strategies, judge them, and keep the curvature at their postures, until the session is closed.
 
-        Between these it looks round each new loop: which strategy does not get round it? A thread reads what it needs under
+        Between these each new loop is tried: which strategy does not get round it? A thread reads what it needs under
         the lock, works without it, and tells under it again.
         """
         while not closed.is_set():
@@ -541,7 +549,7 @@ class Session:
                 run = min(waiting, key=lambda run: (run.ready, run.judgement is not None), default=None)
                 q = self.home if run is None else run.q
             if loop is not None:
-                self._look_round(number, loop, runs)
+                self._try_loop(number, loop, runs)
             elif run is None:
                 closed.wait(REST)
             else:
@@ -550,10 +558,11 @@ class Session:
                 if again:  # while strategies move there is always one that is due: leave time for what draws them
                     closed.wait(REST / len(runs))
 
-    def _look_round(self, number: int, loop: Loop, runs: list[Run]) -> None:
+    def _try_loop(self, number: int, loop: Loop, runs: list[Run]) -> None:
         """Tell of the first strategy that does not get round the loop of a number; another may be there by now."""
         try:
-            fault = next(filter(None, (loop_fault(run.strategy, loop, self.home, self.limits) for run in runs)), "")
+            faults = (loop_fault(run.strategy, loop, self.home, self.limits) for run in runs)
+            fault = next(filter(None, faults), "")
         except Exception as problem:  # noqa: BLE001  its thread goes on
             fault = failure("The loop could not be tried", problem)
         with self._lock:
@@ -562,18 +571,17 @@ class Session:
             self._changed()
 
     def _look_at(self, run: Run, q: Vector) -> None:
-        """Compile a strategy, or judge it at a posture (n,)."""
+        """Compile a strategy, or judge it at a posture (n,): all are compiled first, the loop is smooth then."""
+        G, judgement = run.strategy.G, run.judgement
         if not run.ready:
             try:
                 compiled(run.strategy, self.home)
             except Exception as problem:  # noqa: BLE001  its thread goes on, with the other strategies
                 self._tell_failure(f"{run.strategy.name} could not be compiled, and follows more slowly", problem)
-        G, judgement = run.strategy.G, run.judgement
-        if run.ready and G is not None:  # compile all strategies first: the loop is smooth then
-            if judgement is None:
-                judgement = judged(G, self.home, q)
-            else:
-                judgement = replace(judgement, curvature=largest_curvature(G, q), q=q)
+        elif G is not None and judgement is None:
+            judgement = judged(G, self.home, q)
+        elif G is not None and judgement is not None:
+            judgement = replace(judgement, curvature=largest_curvature(G, q), q=q)
         with self._lock:
             if judgement is not run.judgement:
                 run.judgement, run.state = judgement, None
@@ -594,60 +602,52 @@ class Session:
         self._target = self._target if target is None else target
 
 
-FILES = ("name", "file")  # keys of a job that may hold the name of a file
-
-
 def to_job(session: Session, title: str | None = None) -> str:
     """The TOML text of a job: the robot, task, home, loop and strategies of a session, on their leaves.
 
     `holokin run` of it follows the same steps from the same postures, so its drifts are those that the session shows.
-    Strategies that no job can say, such as control laws of your own, are left out and named in a comment.
+    What no job can say, such as control laws of your own, is left out and named in a comment.
 
     Files of the robot and the path are named by their full names.
 
     Raises:
-        ArgumentError: no loop is set; no strategy that a job can say; or the robot was made in Python, so that no file or
-            name of the catalogue tells it.
+        ArgumentError: no loop is set; no strategy that a job can say; or the robot was made in Python, so that no file
+            or name of the catalogue tells it.
     """
-    loop, strategies, home = session.loop, session.strategies, session.home
+    loop, origin = session.loop, session.origin
+    in_job = [strategy for strategy in session.strategies if strategy.keys is not None]
     if loop is None:
         raise ArgumentError("the loop", None, "set one first: a job has a path")
-    if session.origin is None:
+    if origin is None:
         cure = "a job names a robot of the catalogue or a file: open the session with that name"
         raise ArgumentError("the robot of the session", session.robot.name, cure)
-    in_job = [strategy for strategy in strategies if strategy.keys is not None]
     if not in_job:
         raise ArgumentError("the strategies that a job can say", 0, "add one of the kinds that jobs have")
-    snapshot = session.snapshot()
-    cycles = snapshot.cycles or max(1, snapshot.cycle)
+    # The path, with as many cycles as are asked for, or were done.
     path = {**loop.keys, "samples": loop.samples}
     if loop.path.closed:
+        snapshot = session.snapshot()
+        cycles = snapshot.cycles or max(1, snapshot.cycle)
         path["cycles"] = max(1, min(cycles, MOST_STEPS // loop.samples))
+    # Its tables; a strategy that is run for several tasks stands once.
     lines = [f"title = {toml(title or session.title)}\n"]
-    lines += [
-        f"# {strategy.name} is a control law of your own: a job cannot say it."
-        for strategy in strategies
-        if strategy.keys is None
-    ]
-    lines.append(_toml_table("robot", _with_full_names(session.origin.robot, session.origin.folder)))
-    lines.append(_toml_table("task", session.origin.task))
-    lines.append(f"# {', '.join(session.robot.joint_names)}\n{_toml_table('start', {'q': home.tolist()})}")
-    lines.append(_toml_table("path", _with_full_names(path, session.origin.folder)))
-    written: set[str] = set()
+    left_out = [strategy.name for strategy in session.strategies if strategy.keys is None]
+    lines += [f"# {name} is a control law of your own: a job cannot say it." for name in left_out]
+    lines.append(_toml_table("robot", _with_full_names(origin.robot, origin.folder)))
+    lines.append(_toml_table("task", origin.task))
+    lines.append(f"# {', '.join(session.robot.joint_names)}\n{_toml_table('start', {'q': session.home.tolist()})}")
+    lines.append(_toml_table("path", _with_full_names(path, origin.folder)))
+    labelled: dict[str, NamedStrategy] = {}
     for strategy in in_job:
-        label = strategy.label or strategy.name
-        if label not in written:
-            lines.append(_toml_table(f"strategies.{toml(label)}", _keys(strategy)))
-        written.add(label)
+        labelled.setdefault(strategy.label or strategy.name, strategy)
+    for label, strategy in labelled.items():
+        keys = dict(strategy.keys or {})
+        if strategy.level is not None and strategy.holonomic:
+            keys["level"] = (
+                float(strategy.level[0]) if len(strategy.level) == 1 else np.asarray(strategy.level).tolist()
+            )
+        lines.append(_toml_table(f"strategies.{toml(label)}", keys))
     return "\n".join(lines)
-
-
-def _keys(strategy: NamedStrategy) -> dict[str, Any]:
-    """What a job says of a strategy, on its leaf."""
-    keys = dict(strategy.keys or {})
-    if strategy.level is not None and isinstance(strategy.rule, HolonomicStrategy):
-        keys["level"] = float(strategy.level[0]) if len(strategy.level) == 1 else np.asarray(strategy.level).tolist()
-    return keys
 
 
 def _toml_table(name: str, keys: Mapping[str, Any]) -> str:
@@ -655,12 +655,12 @@ def _toml_table(name: str, keys: Mapping[str, Any]) -> str:
 
 
 def _with_full_names(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
-    """The keys with the full names of files."""
+    """The keys with the full names of files, which `name` and `file` may hold."""
     placed: dict[str, Any] = {}
     for key, value in keys.items():
         if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
             value = [_with_full_names(entry, source) for entry in value]
-        elif key in FILES and isinstance(value, str) and FilePath(value).suffix:
+        elif key in ("name", "file") and isinstance(value, str) and FilePath(value).suffix:
             value = FilePath(os.path.normpath(source / value)).as_posix()
         placed[key] = value
     return placed

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from importlib.resources import files
-from itertools import pairwise
 from pathlib import Path as FilePath
 from string import Template
 from typing import Any
@@ -95,18 +94,14 @@ class DrawnArm:
         frames = {j: robot._kinematics_at(q, j, np.eye(4)) for j in joints}
         rows = [robot.kinematics(q, tip.name).position]
         for part in self.parts:
-            for end in _ends(part):
-                moved = frames.get(part.joint)
-                rows.append(SX(end) if moved is None else moved.position + moved.rotation @ SX(end))
+            T, half, frame = part.part.placement, _size(part)[1], frames.get(part.joint)
+            for end in (T[:3, 3] - half * T[:3, 2], T[:3, 3] + half * T[:3, 2]):
+                rows.append(SX(end) if frame is None else frame.position + frame.rotation @ SX(end))
         return Function("drawn", {"q": q}, {"points": vertcat(*rows)})
 
     def at(self, q: Vector) -> Matrix:
         """The points (k, 3) at a posture (n,)."""
         return np.asarray(self.function(q)).reshape(-1, 3)
-
-    def size(self, q: Vector) -> float:
-        """How large the arm is at a posture [m]: the diagonal of a box about it."""
-        return float(np.linalg.norm(np.ptp(self.at(q), axis=0)))
 
     def view(self, Q: Matrix, path: Path) -> dict[str, Any]:
         """From where the arm at postures (k, n) and a path are seen.
@@ -118,13 +113,12 @@ class DrawnArm:
         eight = 2 * path.start - line  # the other half of a figure eight
         every = np.vstack([line, eight, *(self.at(q) for q in Q)])
         low, high = every.min(axis=0), every.max(axis=0)
-        seen = best_view([self.at(Q[0])], [line])
-        planar = self.task.robot.planar
+        planar, view = self.task.robot.planar, best_view([self.at(Q[0])], [line])
         return {
             "center": ((low + high) / 2).tolist(),
             "around": float(np.linalg.norm(high - low)) / 2,
-            "azimuth": -90.0 if planar else seen.azimuth,
-            "elevation": 89.0 if planar else seen.elevation,
+            "azimuth": -90.0 if planar else view.azimuth,
+            "elevation": 89.0 if planar else view.elevation,
             "floor": min(0.0, float(low[2])),
         }
 
@@ -139,17 +133,11 @@ def _size(piece: Piece) -> tuple[float, float]:
     raise TypeError(f"a robot without shapes has no {shape!r}")
 
 
-def _ends(piece: Piece) -> tuple[Vector, Vector]:
-    """Both ends of a piece, in the frame of its joint."""
-    T, half = piece.part.placement, _size(piece)[1]
-    return T[:3, 3] - half * T[:3, 2], T[:3, 3] + half * T[:3, 2]
-
-
 # --- A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a browser.
 
-# as for native code: products and sums are not fused, so that a browser computes what Python does
+# As for native code: products and sums are not fused, so that a browser computes what Python does.
 FLAGS = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-O1", "-std=gnu99", "-fno-math-errno", "-ffp-contract=off")
-ENDLESS = 1e300  # A joint limit [joint units] that is none
+ENDLESS = 1e300  # a joint limit [joint units] that is none
 
 
 def strategy_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
@@ -161,6 +149,7 @@ def strategy_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
     Raises:
         ExportError: the strategy is too long, may jump, or has no C.
     """
+    # What follows it: by its leaf, or by velocity.
     leaf = by_leaf(strategy)
     if leaf is not None and (jumps := may_jump(leaf)):
         fact = f"the rule of {strategy.name!r} may jump ({', '.join(jumps)}), which a page does not look for"
@@ -173,23 +162,23 @@ def strategy_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
         code = function.follower_c("velocity") if leaf is None else function.follower_c("leaf", branch_code(leaf))
     except NativeError as problem:
         raise ExportError(problem.fact, "write the strategy without it") from None
+
+    # What the page calls, with the limits of the joints and the rules of the steps.
+    def row(values: Vector) -> str:
+        return ", ".join(repr(float(np.clip(value, -ENDLESS, ENDLESS))) for value in values)
+
     robot, slack = strategy.task.robot, TOLERANCES.limit
     rules = velocity_rules() if leaf is None else leaf_rules(0.0)
     words = {
         "drawn": 3 + 6 * len(arm.parts),
         "segments": segments,
-        "lower": _row(robot.lower - slack),
-        "upper": _row(robot.upper + slack),
-        "free_lower": _row(np.full(robot.n, -np.inf)),
-        "free_upper": _row(np.full(robot.n, np.inf)),
+        "lower": row(robot.lower - slack),
+        "upper": row(robot.upper + slack),
+        "free_lower": row(np.full(robot.n, -np.inf)),
+        "free_upper": row(np.full(robot.n, np.inf)),
         "rules": ", ".join("side" if key == "side" else repr(getattr(rules, key)) for key, *_ in rules._fields_),
     }
-    driver = Template(files("holokin.app.studio").joinpath("web", "strategy.c").read_text("utf-8")).substitute(words)
-    return code + arm.function.c("hk_drawn_body") + driver
-
-
-def _row(values: Vector) -> str:
-    return ", ".join(repr(float(np.clip(value, -ENDLESS, ENDLESS))) for value in values)
+    return code + arm.function.c("hk_drawn_body") + Template(_file("strategy.c")).substitute(words)
 
 
 def _check_zig() -> None:
@@ -212,57 +201,35 @@ def _wasm_of(code: str, name: str) -> bytes:
         try:
             status, output = call(command, PATIENCE, "stderr")
         except (OSError, subprocess.TimeoutExpired) as problem:
-            raise ExportError(
-                f"zig did not compile {name!r} ({problem})", "try again, or take a shorter strategy"
-            ) from None
+            cure = "try again, or take a shorter strategy"
+            raise ExportError(f"zig did not compile {name!r} ({problem})", cure) from None
         if status != 0 or not module.is_file():
             complaint = next((line for line in output.splitlines() if "error" in line), f"code {status}").strip()
             raise ExportError(f"zig refused the C of {name!r} ({complaint})", "please report it, with the job")
         return module.read_bytes()
 
 
-def packed(data: bytes) -> str:
-    """Bytes for a page: deflated, in base64."""
-    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
-
-
-def _begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str, Any]:
-    """What a run begins with: joints, the state behind them (p, R, c), and the side of det [J; J_g]."""
-    leaf, state = by_leaf(strategy), {"q0": q0.tolist(), "state": [], "side": 0.0}
-    if leaf is None:
-        return state
-    c = leaf_value(leaf, q0)
-    side = float(leaf_step(leaf)(q0, p, R, c)[3])
-    return state | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
-
-
 # --- The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own script may run.
 
 SCRIPTS = ("stage.js", "loops.js", "strategy.js", "charts.js", "play.js")
-_HOLE = re.compile(r"\{\{(\w+)\}\}")
 
 
 def page_text(title: str, text: str, data: dict[str, Any]) -> str:
     """The page: one file with style, script and data. Its policy names script and style by their hashes."""
     script, style = "\n".join(_file(name) for name in SCRIPTS), _file("page.css")
+    sources = "\0".join(_file(name) for name in ("page.html", "page.css", "strategy.c", *SCRIPTS))
     parts = {
         "title": escape(title),
         "text": f"<p>{escape(text)}</p>" if text else "",
         "version": escape(__version__),
-        "sources": sources(),
+        "sources": digest(sources),
         "style": style,
-        "style_hash": _hash(style),
+        "style_hash": _policy_hash(style),
         "script": script,
-        "script_hash": _hash(script),
+        "script_hash": _policy_hash(script),
         "data": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
     }
-    return CONTROL.sub("\ufffd", _HOLE.sub(lambda hole: parts[hole[1]], _file("page.html")))
-
-
-def sources() -> str:
-    """A number of the files that every page is made of: it says whether a page is of this version of them."""
-    names = ("page.html", "page.css", "strategy.c", *SCRIPTS)
-    return digest("\0".join(_file(name) for name in names))
+    return CONTROL.sub("\ufffd", re.sub(r"\{\{(\w+)\}\}", lambda hole: parts[hole[1]], _file("page.html")))
 
 
 def digest(text: str) -> str:
@@ -274,10 +241,17 @@ def _file(name: str) -> str:
     return files("holokin.app.studio").joinpath("web", name).read_text("utf-8")
 
 
-def _hash(text: str) -> str:
+def _policy_hash(text: str) -> str:
     """As a Content-Security-Policy names a script or a style."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
 
+
+def _packed(data: bytes) -> str:
+    """Bytes for a page: deflated, in base64."""
+    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+
+
+# --- A page: strategies of one robot beside each other, and the loops that it offers.
 
 STEPS = 240  # steps of a round: `hk.follow` with as many samples gives the same joints
 ROUNDS = 8  # rounds that are shown at first
@@ -288,7 +262,7 @@ SMALL = 0.15  # diameter of the first circle over the size of the arm, where the
 
 @dataclass(frozen=True, eq=False)
 class PageLoop(Value):
-    """A closed path that a page offers: its name, the path, the posture (n,) at which all strategies begin, what to see.
+    """A closed path that a page offers: its name, the path, the posture (n,) at which all begin, what to see.
 
     rounds: how often it is gone; 0 for as often as the page's reader wants.
     """
@@ -336,34 +310,51 @@ def web_page(
         loops: more closed paths, with postures of their own.
 
     Raises:
-        MissingExtraError: zig is not installed. ExportError: a strategy cannot be compiled. OpenPathError. StartError: a
-            path begins elsewhere. ArgumentError: too many strategies, or of several robots, tasks or tips. ShapeError,
-            NotFiniteError, JointLimitError, SingularityError: of a start.
+        MissingExtraError: zig is not installed. ExportError: a strategy cannot be compiled. OpenPathError. StartError:
+            a path begins elsewhere. ArgumentError: too many strategies, or of several robots, tasks or tips.
+            ShapeError, NotFiniteError, JointLimitError, SingularityError: of a start.
     """
-    rules = _checked(strategies)
-    task = rules[0].task
-    starts = _starts(rules, q0)
+    # Strategies of one task, and the posture at which each begins.
+    rules = list(strategies.values())
+    _check_one_task(rules)
+    task, robot = rules[0].task, rules[0].task.robot
+    given = list(np.asarray(q0)) if np.ndim(q0) == 2 else [q0] * len(rules)
+    if len(given) != len(rules):
+        raise ArgumentError("the number of start postures", len(given), f"give one, or {len(rules)}")
+    starts = [robot.checked(q, "the start posture") for q in given]
+    # The loops: that of the page's own circle, the path where it is no circle, and more.
     loop = path if path is not None else _first_circle(task, starts[0])
     arm = DrawnArm.of(task, _postures(rules, loop, starts))
-    offered = [_loop(PageLoop("", loop, starts[0]), rules, starts, arm)]
+    offered = [_loop_data(PageLoop("", loop, starts[0]), rules, starts, arm)]
     if path is not None and not _is_circle(path):
-        offered.append(_loop(PageLoop("The planned path", path, starts[0]), rules, starts, arm))
+        offered.append(_loop_data(PageLoop("The planned path", path, starts[0]), rules, starts, arm))
     for more in loops:
-        posture = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
-        offered.append(_loop(more, rules, [posture] * len(rules), arm))
-    plane = 2 if task.robot.planar else _plane(loop)
+        posture = robot.checked(more.q0, f"the start posture of {more.name!r}")
+        offered.append(_loop_data(more, rules, [posture] * len(rules), arm))
+    # The strategies as modules.
+    segments, modules = max(2, *(len(offer["counts"]) for offer in offered)), []
+    colors = law_colors([isinstance(rule, HolonomicStrategy) for rule in rules])
+    for (name, rule), color in zip(strategies.items(), colors, strict=True):
+        code = strategy_code(rule, arm, segments)
+        module = {"code": digest(code), "module": _packed(_wasm_of(code, name))}
+        modules.append({"name": name, "leaf": by_leaf(rule) is not None, "color": color} | module)
+    # The size of the circle: from the start of the path to its farthest point, in the plane in which it winds most.
+    area = np.abs(loop.area)
+    plane = 2 if robot.planar or not area.max() > 0 else int(area.argmax())
+    offsets = loop.at(np.linspace(0, loop.duration, 361)).position - loop.start
+    offsets[:, plane] = 0.0
     data = {
-        "joints": [{"name": joint.name, "unit": joint.unit} for joint in task.robot.coordinates],
+        "joints": [{"name": joint.name, "unit": joint.unit} for joint in robot.coordinates],
         "steps": STEPS,
         "rounds": ROUNDS,
-        "planar": task.robot.planar,
+        "planar": robot.planar,
         "plane": plane,
-        "size": _path_size(loop, plane),
+        "size": offsets[np.argmax(np.linalg.norm(offsets, axis=1))].tolist(),
         "pieces": arm.pieces,
         "loops": offered,
-        "strategies": _modules(strategies, arm, max(2, *(len(posture["counts"]) for posture in offered))),
+        "strategies": modules,
     }
-    return WebPage(page_text(title or f"{task.robot.name}: drag the loop", text, data))
+    return WebPage(page_text(title or f"{robot.name}: drag the loop", text, data))
 
 
 def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
@@ -378,64 +369,50 @@ def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
     return PageLoop("A loop round a cusp", witness.path, witness.first, sentence, rounds=1)
 
 
-def _checked(strategies: Mapping[str, Strategy]) -> list[Strategy]:
-    """The strategies. Raises: ArgumentError."""
-    rules = list(strategies.values())
-    if not 1 <= len(rules) <= MOST_STRATEGIES:
-        raise ArgumentError("the number of strategies on a page", len(rules), f"give one to {MOST_STRATEGIES}")
-    for strategy, other in pairwise(rules):
-        same = strategy.task.robot == other.task.robot and (strategy.task.m, strategy.task.tip) == (
-            other.task.m,
-            other.task.tip,
-        )
-        if not same:
-            raise ArgumentError("the strategies of a page", list(strategies), "give those of one robot and one task")
-    for strategy in rules:
-        of_one_tool(strategy.task, "a page")
-    if not rules[0].task._spatial:
-        raise ArgumentError("the task", rules[0].task.name, "a page leads a tool in space: take a position or a pose")
-    return rules
+def _check_one_task(strategies: Sequence[Strategy]) -> None:
+    """Raises: ArgumentError: too many strategies, or not of one robot and one task of one tool in space."""
+    if not 1 <= len(strategies) <= MOST_STRATEGIES:
+        raise ArgumentError("the number of strategies on a page", len(strategies), f"give one to {MOST_STRATEGIES}")
+    task = strategies[0].task
+    for strategy in strategies:
+        other = strategy.task
+        if task.robot != other.robot or (task.m, task.tip) != (other.m, other.tip):
+            names = [strategy.name for strategy in strategies]
+            raise ArgumentError("the strategies of a page", names, "give those of one robot and one task")
+        of_one_tool(other, "a page")
+    if not task._spatial:
+        raise ArgumentError("the task", task.name, "a page leads a tool in space: take a position or a pose")
 
 
-def _starts(strategies: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
-    """The posture at which each strategy begins. Raises: ShapeError, NotFiniteError."""
-    robot = strategies[0].task.robot
-    many = np.ndim(q0) == 2
-    given = list(np.asarray(q0)) if many else [q0] * len(strategies)
-    if len(given) != len(strategies):
-        raise ArgumentError("the number of start postures", len(given), f"give one, or {len(strategies)}")
-    return [robot.checked(q, "the start posture") for q in given]
-
-
-def _modules(strategies: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list[dict[str, Any]]:
-    """Each strategy for the page: name, colour, module."""
-    colors, modules = law_colors([isinstance(strategy, HolonomicStrategy) for strategy in strategies.values()]), []
-    for (name, strategy), color in zip(strategies.items(), colors, strict=True):
-        code = strategy_code(strategy, arm, segments)
-        its = {"name": name, "leaf": by_leaf(strategy) is not None, "color": color}
-        modules.append(its | {"code": digest(code), "module": packed(_wasm_of(code, name))})
-    return modules
-
-
-def _loop(loop: PageLoop, strategies: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm) -> dict[str, Any]:
-    """A loop for the page: its table, as `hk.follow` has it, what each strategy begins with, and from where it is seen."""
+def _loop_data(
+    loop: PageLoop, strategies: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm
+) -> dict[str, Any]:
+    """A loop for the page: its table, as `hk.follow` has it, what each strategy begins with, and the view."""
     task, path = strategies[0].task, loop.path
     if not path.closed:
         raise OpenPathError("a page", path.gap)
     plan = make_plan(task, path, STEPS, task._place(starts[0])[1])
     p, R = plan.first
+    first = [*p.tolist(), *R.ravel().tolist()]
+    # A run begins with joints, on a leaf also with (p, R, c) and the side of det [J; J_g].
+    begins = []
     for strategy, q in zip(strategies, starts, strict=True):
         task.robot.check_limits(q)
         strategy(q)
         check_start(task, q, p, R)
+        begin, leaf = {"q0": q.tolist(), "state": [], "side": 0.0}, by_leaf(strategy)
+        if leaf is not None:
+            c = leaf_value(leaf, q)
+            begin |= {"state": [*first, *c.tolist()], "side": float(leaf_step(leaf)(q, p, R, c)[3])}
+        begins.append(begin)
     return {
         "name": loop.name,
         "text": loop.text,
         "rounds": loop.rounds,
-        "first": [*p.tolist(), *R.ravel().tolist()],
-        "table": packed(path.table(plan.start_rotation).astype("<f8").tobytes()),
+        "first": first,
+        "table": _packed(path.table(plan.start_rotation).astype("<f8").tobytes()),
         "counts": plan.counts.tolist(),
-        "begin": [_begin_of(strategy, q, p, R) for strategy, q in zip(strategies, starts, strict=True)],
+        "begin": begins,
         "view": arm.view(_postures(strategies, path, starts), path),
     }
 
@@ -459,45 +436,33 @@ def _is_circle(path: Path) -> bool:
 
 
 def _first_circle(task: Task, q0: Vector) -> Path:
-    """A level circle that lies towards the base."""
+    """A level circle that lies towards the base, of a share of the arm's size: of the diagonal of a box about it."""
     start = task._place(q0)[0][:3]
+    size = float(np.linalg.norm(np.ptp(DrawnArm.of(task, q0[None]).at(q0), axis=0)))
     inward = -np.sign(start[0]) or -1.0
-    return circle(start, start + [inward * SMALL / 2 * DrawnArm.of(task, q0[None]).size(q0), 0.0, 0.0])
+    return circle(start, start + [inward * SMALL / 2 * size, 0.0, 0.0])
 
 
-def _path_size(path: Path, plane: int) -> list[float]:
-    """From the start of a path to its farthest point, in a plane (3,)."""
-    points = path.at(np.linspace(0, path.duration, 361)).position - path.start
-    points[:, plane] = 0.0
-    return points[np.argmax(np.linalg.norm(points, axis=1))].tolist()
-
-
-def _plane(path: Path) -> int:
-    """The axis, 0 to 2, about which a path winds most."""
-    area: Matrix = np.abs(path.area)
-    return int(area.argmax()) if area.max() > 0 else 2
-
-
-# --- From a session to a page that needs no installation: which strategies, where they begin, and whether they get round.
+# --- From a session to a page that needs no installation: which strategies, where they begin, whether they get round.
 
 
 @dataclass(frozen=True, eq=False)
 class PagePlan(Value):
-    """What a page of a session shows: two strategies, the posture (n,) at which each begins, the closed path, a title."""
+    """What a page of a session shows: two strategies by name, where each begins (n,), the closed path, a title."""
 
-    pair: tuple[NamedStrategy, NamedStrategy]
+    strategies: dict[str, Strategy]
     starts: tuple[Vector, Vector]
     path: Path | None
     title: str
 
-    @cached_property
-    def strategies(self) -> dict[str, Strategy]:
-        """Name -> strategy of each strategy."""
-        return {strategy.name: _strategy(strategy) for strategy in self.pair}
+    @property
+    def second(self) -> str:
+        """The name of the strategy with leaves, which is at the right."""
+        return list(self.strategies)[1]
 
     @cached_property
     def rounds(self) -> dict[str, Trajectory | HolokinError]:
-        """Each strategy's name, and its first round of the path, or why it does not get round; nothing without a path."""
+        """Name -> the first round of the path, or why a strategy does not get round; nothing without a path."""
         rounds: dict[str, Trajectory | HolokinError] = {}
         for (name, strategy), start in zip(self.strategies.items(), self.starts, strict=True):
             if self.path is not None:
@@ -508,11 +473,11 @@ class PagePlan(Value):
         return rounds
 
     def checked(self, job: Job) -> CheckReport | None:
-        """What the [checks] of a job find of the round of the second strategy; None where it has none, or gets round not."""
-        trajectory = self.rounds.get(self.pair[1].name)
+        """What the [checks] of a job find of the second strategy's round; None without them, or if it stops."""
+        trajectory = self.rounds.get(self.second)
         if job.checks is None or not isinstance(trajectory, Trajectory):
             return None
-        return job.checks.checked(trajectory, self.pair[1].task)
+        return job.checks.checked(trajectory, self.strategies[self.second].task)
 
     def cusp_loops(self) -> list[PageLoop]:
         """The smallest loop that is found round a cusp of the second strategy, if there is one.
@@ -521,11 +486,11 @@ class PagePlan(Value):
             MissingExtraError: there is no zig, so that no page can be made.
         """
         _check_zig()
-        strategy = self.strategies[self.pair[1].name]
+        strategy = self.strategies[self.second]
         if not isinstance(strategy, HolonomicStrategy):
             return []
         witness = cusps(with_leaves(strategy), self.starts[1]).witness
-        return [] if witness is None else [cusp_loop(witness, self.pair[1].name)]
+        return [] if witness is None else [cusp_loop(witness, self.second)]
 
     def page(self, loops: list[PageLoop] | None = None) -> WebPage:
         """The page, with more loops. Raises: as `web_page`."""
@@ -534,10 +499,12 @@ class PagePlan(Value):
 
 @typed
 def page_plan(session: Session, name: str | None = None) -> PagePlan:
-    """What a page of a session shows: its first strategy without leaves, else the pseudo-inverse, beside one with leaves.
+    """What a page of a session shows: its first strategy without leaves beside one with leaves.
+
+    Where the session has none without leaves, the pseudo-inverse is the first.
 
     Args:
-        name: of the second strategy; by default the first with leaves that is not radial, or else the first with leaves.
+        name: of one of them; by default the first with leaves that is not radial, or else the first with leaves.
 
     Raises:
         UnknownNameError: of the strategy. ArgumentError: a session without two strategies for a page.
@@ -545,37 +512,21 @@ def page_plan(session: Session, name: str | None = None) -> PagePlan:
     known = [strategy for strategy in session.strategies if strategy.G is not None]
     if name is not None and name not in [strategy.name for strategy in known]:
         raise UnknownNameError("strategy of a page", name, tuple(strategy.name for strategy in known))
-    leafed = sorted(
-        (strategy for strategy in known if strategy.holonomic),
-        key=lambda strategy: "radial" in str(strategy.keys or strategy.name),
-    )
-    plain = [strategy for strategy in known if not strategy.holonomic]
-    asked = [strategy for strategy in known if strategy.name == name]
-    second = next((strategy for strategy in asked + leafed if strategy.holonomic), None)
+    # The one that is asked for stands before the others; of those with leaves the radial ones last.
+    known.sort(key=lambda strategy: (strategy.name != name, "radial" in str(strategy.keys or strategy.name)))
+    second = next((strategy for strategy in known if strategy.holonomic), None)
     if second is None:
-        raise ArgumentError(
-            "the number of strategies with leaves", 0, "a page shows one beside the pseudo-inverse: add a rule"
-        )
+        cure = "a page shows one beside the pseudo-inverse: add a rule"
+        raise ArgumentError("the number of strategies with leaves", 0, cure)
     usual = NamedStrategy("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
-    first = next(
-        (strategy for strategy in asked + plain if not strategy.holonomic and strategy.task.m == second.task.m), usual
-    )
-    loop = session.loop
-    closed = loop is not None and isinstance(loop.path, Path) and loop.path.closed
-    if loop is not None and isinstance(loop.path, Path) and closed:
-        starts, path = (loop_start(first, loop, session.home), loop_start(second, loop, session.home)), loop.path
+    plain = (strategy for strategy in known if not strategy.holonomic and strategy.task.m == second.task.m)
+    pair = (next(plain, usual), second)
+    # Where each begins: on the loop of the session, if that is closed.
+    loop, path = session.loop, None
+    if loop is not None and isinstance(loop.path, Path) and loop.path.closed:
+        path = loop.path
+        first, last = (loop_start(strategy, loop, session.home) for strategy in pair)
     else:
-        starts, path = (leaf_start(first, session.home), leaf_start(second, session.home)), None
-    return PagePlan((first, second), starts, path, _title(session))
-
-
-def _title(session: Session) -> str:
-    """What the session is called, and what to do."""
-    return f"{session.title[:100]}: drag the loop"
-
-
-def _strategy(strategy: NamedStrategy) -> Strategy:
-    """The strategy of a strategy of a page. Raises: ArgumentError."""
-    if strategy.G is None:
-        raise ArgumentError("the strategy of a page", strategy.name, "a page shows strategies: take one")
-    return strategy.G
+        first, last = (leaf_start(strategy, session.home) for strategy in pair)
+    strategies = {strategy.name: strategy.G for strategy in pair if strategy.G is not None}
+    return PagePlan(strategies, (first, last), path, f"{session.title[:100]}: drag the loop")

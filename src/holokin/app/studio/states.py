@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path as FilePath
@@ -171,7 +171,7 @@ class Snapshot:
         factor: of the speed. cycles: after which the loop ends, None for never. clockwise: the other way round.
         message: one sentence on the session as a whole, such as why a loop cannot begin; empty if all is well.
         cloud: the coverage, if one was asked for. cusps: those of a leaf, if they were asked for.
-        loop_fault: the first strategy that does not get round the loop, and why; empty until it is known, and if all do.
+        loop_fault: the first strategy that does not get round the loop, and why; empty until it is known, or if all do.
         fault: what failed in the background; empty if nothing did.
     """
 
@@ -263,55 +263,43 @@ def default_workspace(task: Task, home: Vector) -> Workspace:
 
 
 def covered(
-    strategy: HolonomicStrategy,
-    name: str,
-    q0: Vector,
-    region: Workspace,
-    samples: int,
-    limits: bool,
-    tell: Callable[[Cloud], bool],
-) -> None:
-    """The coverage of a workspace by the leaf through a posture (n,); `tell` hears of each piece, and says to go on."""
+    strategy: HolonomicStrategy, name: str, q0: Vector, region: Workspace, samples: int, limits: bool
+) -> Iterator[Cloud]:
+    """The coverage of a workspace by the leaf through a posture (n,), after each piece."""
     try:
         poses = region.poses(samples)
         parts: list[Coverage] = []
-        if not tell(_cloud(name, parts, len(poses), CloudStatus.RUNNING)):
-            return
+        yield _cloud(name, parts, len(poses), CloudStatus.RUNNING)
         for first in range(0, len(poses), PIECE):
-            some = poses[first : first + PIECE]
-            parts.append(coverage(strategy, pose_cloud(some), q0, samples=len(some), limits=limits))
-            ended = CloudStatus.RUNNING if first + PIECE < len(poses) else CloudStatus.DONE
-            if not tell(_cloud(name, parts, len(poses), ended)):
-                return
+            piece = poses[first : first + PIECE]
+            parts.append(coverage(strategy, pose_cloud(piece), q0, samples=len(piece), limits=limits))
+            status = CloudStatus.RUNNING if first + PIECE < len(poses) else CloudStatus.DONE
+            yield _cloud(name, parts, len(poses), status)
     except HolokinError as problem:
-        tell(failed_cloud(name, str(problem)))
+        yield failed_cloud(name, str(problem))
 
 
-def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus) -> Cloud:
+def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus, sentence: str = "") -> Cloud:
     """What the pieces so far show."""
     if not parts:
         none = np.zeros(0)
-        return Cloud(name, 0, total, status, "", np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+        return Cloud(name, 0, total, status, sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
     poses, q = np.concatenate([part.poses for part in parts]), np.concatenate([part.q for part in parts])
     why = np.concatenate([part.status for part in parts])
     reached = np.concatenate([part.reached for part in parts])
-    margin = np.where(reached, _margins(q, parts[0].lower, parts[0].upper), np.nan)
+    # The least distance to a joint limit over half the joint's range: 1 in the middle of all, and without limits.
+    lower, upper = parts[0].lower, parts[0].upper
+    half = (upper - lower) / 2
+    bounded = np.isfinite(half) & (half > 0)
+    shares = np.minimum(q - lower, upper - q)[:, bounded] / half[bounded]
+    margin = np.where(reached, shares.min(axis=1, initial=1.0), np.nan)
     rcond = np.where(reached, np.concatenate([part.rcond for part in parts]), np.nan)
-    return Cloud(name, len(poses), total, status, "", poses[:, :3, 3].copy(), reached, margin, rcond, why)
+    return Cloud(name, len(poses), total, status, sentence, poses[:, :3, 3].copy(), reached, margin, rcond, why)
 
 
 def failed_cloud(name: str, sentence: str) -> Cloud:
     """That of a coverage that could not be found."""
-    none = np.zeros(0)
-    return Cloud(name, 0, 0, CloudStatus.FAILED, sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
-
-
-def _margins(q: Matrix, lower: Vector, upper: Vector) -> Vector:
-    """Least distance to a joint limit over half the joint's range (k,): 1 in the middle of all; 1 without limits."""
-    half = (upper - lower) / 2
-    bounded = np.isfinite(half) & (half > 0)
-    shares = np.minimum(q - lower, upper - q)[:, bounded] / half[bounded]
-    return shares.min(axis=1, initial=1.0)
+    return _cloud(name, [], 0, CloudStatus.FAILED, sentence)
 
 
 # --- What is said of a strategy: whether it is holonomic about its start, and its curvature at a posture.
@@ -345,11 +333,9 @@ def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
     cusps = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
     place = None if cusps.pose is None else cusps.pose[:3, 3]
     smallest = None if cusps.found is None else cusps.found.witness
-    loop = (
-        np.zeros((0, 3))
-        if smallest is None
-        else smallest.path.at(np.linspace(0, smallest.path.duration, POINTS)).position
-    )
+    loop = np.zeros((0, 3))
+    if smallest is not None:
+        loop = smallest.path.at(np.linspace(0, smallest.path.duration, POINTS)).position
     return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, cusps), place, loop)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +56,10 @@ class NamedStrategy(Value):
         """The strategy G(q); None of a control law."""
         return self.rule if isinstance(self.rule, Strategy) else None
 
+    def level_at(self, q: Vector) -> Vector:
+        """g(q) (r,) of a holonomic strategy; empty for others."""
+        return leaf_value(self.rule, q) if isinstance(self.rule, HolonomicStrategy) else np.zeros(0)
+
 
 def default_strategies(task: Task, q0: Vector) -> tuple[NamedStrategy, ...]:
     """Strategies to begin with, all defined at a posture (n,).
@@ -65,35 +70,23 @@ def default_strategies(task: Task, q0: Vector) -> tuple[NamedStrategy, ...]:
     Raises:
         ArgumentError: the robot has no joint to spare.
     """
-    names = task.robot.joint_names
     redundant(task)
     pinv = moore_penrose(task, name="pseudo-inverse")
-    joints = [names[i] for i in locked_joints(task, q0)]
-    candidates: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
-    said = f"lock {', '.join(joints)}"
-    candidates.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
+    joints = [task.robot.joint_names[i] for i in locked_joints(task, q0)]
+    locked = holonomic(task, lock(*joints), name=f"lock {', '.join(joints)}")
+    candidates: list[tuple[Strategy, dict[str, Any]]] = [(pinv, {"kind": "moore-penrose"})]
+    candidates.append((locked, {"kind": "lock", "joints": joints}))
     if task.n - task.m == 1:
-        try:
+        with suppress(NoArmError):
             find_arm(task)
-            angle = holonomic(task, arm_angle(), name="arm angle")
-            candidates.append(("arm angle", angle, {"kind": "arm-angle"}))
-        except NoArmError:
-            pass
-    candidates.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
-    return tuple(
-        NamedStrategy(name, colour, rule, task, None, keys)
-        for colour, (name, rule, keys) in enumerate(candidates)
-        if defined(rule, q0)
-    )
-
-
-def defined(rule: Strategy, q: Vector) -> bool:
-    """Whether a strategy is defined at a posture (n,)."""
-    try:
-        rule(q)
-    except HolokinError:
-        return False
-    return True
+            candidates.append((holonomic(task, arm_angle(), name="arm angle"), {"kind": "arm-angle"}))
+    candidates.append((radial(pinv, q0, name="radial"), {"kind": "radial"}))
+    defined = []
+    for colour, (G, keys) in enumerate(candidates):
+        with suppress(HolokinError):
+            G(q0)
+            defined.append(NamedStrategy(G.name, colour, G, task, None, keys))
+    return tuple(defined)
 
 
 def redundant(task: Task) -> None:
@@ -172,46 +165,33 @@ def along(curve: SelfMotion, s: float) -> Vector:
 
 def self_slider(strategy: NamedStrategy, curve: SelfMotion, s: float, direction: int = 0) -> Slider:
     """The slider along a curve, at the place s."""
-    task, robot = strategy.task, strategy.task.robot
-    units = {c.unit for c in robot.coordinates}
-    middle = curve.q[int(np.argmin(np.abs(curve.s)))]
-    label = "self-motion"
+    task, label = strategy.task, "self-motion"
+    units = {c.unit for c in task.robot.coordinates}
     if task.n - task.m > 1:
-        label = f"self-motion, by {robot.joint_names[locked_joints(task, middle)[direction]]}"
-    why = [ENDINGS[ending] for ending in curve.endings]
-    unit = units.pop() if len(units) == 1 else "joint units"
-    return Slider(strategy.name, label, s, float(curve.s[0]), float(curve.s[-1]), unit, curve.closed, why[0], why[1])
+        start = curve.q[int(np.argmin(np.abs(curve.s)))]
+        label = f"self-motion, by {task.robot.joint_names[locked_joints(task, start)[direction]]}"
+    why_low, why_high = (ENDINGS[ending] for ending in curve.endings)
+    unit, low, high = units.pop() if len(units) == 1 else "joint units", float(curve.s[0]), float(curve.s[-1])
+    return Slider(strategy.name, label, s, low, high, unit, curve.closed, why_low, why_high)
 
 
 def level_slider(strategy: NamedStrategy, q: Vector, limits: bool, row: int = 0) -> Slider:
-    """The slider of a row of the level g(q) of a holonomic strategy, from a posture (n,), the tool and the other rows still.
+    """The slider of a row of the level g(q) of a strategy, from a posture (n,), the tool and the other rows still.
 
     Raises:
         ArgumentError: a strategy without leaves, or no such row.
     """
     G = leaves_of(strategy)
-    level = leaf_value(G, q)
+    level, constraint = leaf_value(G, q), G.constraint
     if not 0 <= row < len(level):
         raise ArgumentError("the row of the level", row, f"give a number from 0 to {len(level) - 1}")
-    ends, angular = [], G.constraint.angular[row]
-    for sign in (-1.0, 1.0):
-        reached, why = _across(G, q, row, sign, limits)
-        ends.append((level[row] + sign * reached, why))
-    closed = all(why == "closed" for _, why in ends)
-    (low, why_low), (high, why_high) = ends
-    scale, unit = (180 / np.pi, DEGREES) if angular else (1.0, _unit(strategy, row))
-    label = G.constraint.name if len(level) == 1 else f"{G.constraint.name}, row {row + 1}"
-    return Slider(
-        strategy.name,
-        label,
-        float(level[row] * scale),
-        float(low * scale),
-        float(high * scale),
-        unit,
-        closed,
-        ENDINGS[why_low],
-        ENDINGS[why_high],
-    )
+    # How far it goes each way, and in which unit.
+    (down, why_low), (up, why_high) = (_across(G, q, row, sign, limits) for sign in (-1.0, 1.0))
+    scale, unit = (180 / np.pi, DEGREES) if constraint.angular[row] else (1.0, _unit(strategy, row))
+    value, low, high = (float(scale * number) for number in (level[row], level[row] - down, level[row] + up))
+    label = constraint.name if len(level) == 1 else f"{constraint.name}, row {row + 1}"
+    closed = why_low == why_high == "closed"
+    return Slider(strategy.name, label, value, low, high, unit, closed, ENDINGS[why_low], ENDINGS[why_high])
 
 
 def across(strategy: NamedStrategy, q: Vector, slider: Slider, value: float, row: int) -> Vector:
@@ -243,24 +223,26 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
     task, robot = strategy.task, strategy.task.robot
     walk = leaf_walk(strategy, q)
     place, unit = task._place(q), np.eye(task.n - task.m)[row]
-    posture, c, gone = q, leaf_value(strategy, q), 0.0
+    posture, c, distance = q, leaf_value(strategy, q), 0.0
     wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
     for _ in range(STEPS):
+        # A step of the level by which no joint moves farther than `wide`, along the self-motion.
         rate = _null_rate(strategy, posture, sign * unit)
         if rate is None:
-            return gone, "singular"
-        size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
+            return distance, "singular"
+        size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - distance)
         new, ended = walk(posture, straight_path(task, place, place, (c, c + sign * size * unit)))
+        # Where it fails, smaller ones, until the end is known.
         beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
         if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:
-                return gone, "limit" if beyond else "singular"
+                return distance, "limit" if beyond else "singular"
             wide /= 4
             continue
-        posture, c, gone = new, c + sign * size * unit, gone + size
-        if gone >= full - 1e-12:
-            return gone, "closed"
-    return gone, "length"
+        posture, c, distance = new, c + sign * size * unit, distance + size
+        if distance >= full - 1e-12:
+            return distance, "closed"
+    return distance, "length"
 
 
 def _null_rate(strategy: HolonomicStrategy, q: Vector, wanted: Vector) -> Vector | None:
@@ -282,6 +264,8 @@ def _unit(strategy: NamedStrategy, row: int) -> str:
         return robot.coordinates[robot.joint_index((strategy.keys or {})["joints"][row])].unit
     return "m" if kind == "height" else ""
 
+
+# --- Two paths to one pose.
 
 WIDTH = 0.1  # how far the two paths go apart in their middle, each from the straight line [m]
 
@@ -311,7 +295,7 @@ class TwoPaths:
 
 
 def two_paths(
-    strategies: Sequence[tuple[NamedStrategy, Vector, StrategyStatus]],
+    standing: Sequence[tuple[NamedStrategy, Vector, StrategyStatus]],
     pose: Matrix,
     width: float,
     samples: int,
@@ -319,40 +303,34 @@ def two_paths(
 ) -> TwoPaths:
     """The tool goes from where it is to a pose (4, 4) by a corner to the left, and by one to the right.
 
-    strategies: each with the posture (n,) where it stands, and whether it follows.
+    standing: strategies, each with the posture (n,) where it stands, and whether it follows.
 
     Raises:
         ArgumentError: a task of several tools; the pose is where the tool is.
     """
-    of_one_tool(strategies[0][0].task, "two paths to one pose")
-    strategy, q, _ = next((entry for entry in strategies if entry[2] is StrategyStatus.FOLLOWING), strategies[0])
-    paths = _pair(strategy.task.pose(q), pose, width)
-    by_strategy = []
-    for strategy, q, _ in strategies:
+    of_one_tool(standing[0][0].task, "two paths to one pose")
+    # Two corners, to the sides of the straight line, upright where the line is not.
+    strategy, q, _ = next((entry for entry in standing if entry[2] is StrategyStatus.FOLLOWING), standing[0])
+    begin, corner = strategy.task.pose(q), pose.copy()
+    line = pose[:3, 3] - begin[:3, 3]
+    up = np.array([0.0, 0.0, 1.0]) if abs(line[2]) < 0.9 * np.linalg.norm(line) else np.array([1.0, 0.0, 0.0])
+    side = np.cross(up, line) if np.linalg.norm(line) > 1e-6 else np.array([1.0, 0.0, 0.0])
+    paths = []
+    for sign in (1.0, -1.0):
+        corner[:3, 3] = (begin[:3, 3] + pose[:3, 3]) / 2 + sign * width * side / np.linalg.norm(side)
+        paths.append(polyline(np.array([begin, corner, pose])))
+    # What each strategy does on them.
+    results = []
+    for strategy, q, _ in standing:
         a, b, spread, sentence = np.zeros((0, len(q))), np.zeros((0, len(q))), np.nan, ""
         try:
             if strategy.G is None:
-                raise ArgumentError(
-                    "the strategy", strategy.name, "two paths are followed by strategies, not by control laws"
-                )
+                cure = "two paths are followed by strategies, not by control laws"
+                raise ArgumentError("the strategy", strategy.name, cure)
             both = path_spread(strategy.G, *paths, q, samples=samples, limits=limits)
             a, b, spread = both.a.q, both.b.q, both.largest
         except HolokinError as problem:
             sentence = str(problem)
-        by_strategy.append(StrategyPaths(strategy.name, strategy.colour, a, b, spread, sentence))
+        results.append(StrategyPaths(strategy.name, strategy.colour, a, b, spread, sentence))
     points = np.array([path.at(np.linspace(0.0, path.duration, 100)).position for path in paths])
-    return TwoPaths(points, paths, tuple(by_strategy))
-
-
-def _pair(begin: Matrix, end: Matrix, width: float) -> tuple[Path, Path]:
-    """Polylines of poses with a corner on either side of the straight line, upright where the line is not."""
-    line = end[:3, 3] - begin[:3, 3]
-    up = np.array([0.0, 0.0, 1.0]) if abs(line[2]) < 0.9 * np.linalg.norm(line) else np.array([1.0, 0.0, 0.0])
-    side = np.cross(up, line) if np.linalg.norm(line) > 1e-6 else np.array([1.0, 0.0, 0.0])
-    side = side / np.linalg.norm(side)
-    paths = []
-    for sign in (1.0, -1.0):
-        corner = end.copy()
-        corner[:3, 3] = (begin[:3, 3] + end[:3, 3]) / 2 + sign * width * side
-        paths.append(polyline(np.array([begin, corner, end])))
-    return paths[0], paths[1]
+    return TwoPaths(points, (paths[0], paths[1]), tuple(results))
