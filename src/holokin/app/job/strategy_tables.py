@@ -350,8 +350,8 @@ class Fitted(StrategyTable):
             return strategies.fitted(given, Q, degree=self.degree, rows=rows, name=name)
         except SingularityError as problem:
             turned = f", tools turned by up to {self.turn_deg:g} degrees" if self.turn_deg else ""
-            at = posture_text(problem.q, task.robot.joint_names)
-            fact = f"{self.of!r} is singular within {self.radius:g} m of the start{turned}: at {at}"
+            posture = posture_text(problem.q, task.robot.joint_names)
+            fact = f"{self.of!r} is singular within {self.radius:g} m of the start{turned}: at {posture}"
             smaller = "radius, turn_deg or along" if self.turn_deg else "radius or along"
             raise BranchError(fact, f"fit it to a smaller region: give a smaller {smaller}") from problem
 
