@@ -29,14 +29,14 @@ CUSP = (
 TITLE = "Drag the loop: which arm comes to rest where it began?"
 
 TEXT = (
-    "Both arms are a Franka Panda, drawn as rods. The orange arm uses the pseudo-inverse, the usual control law. The "
+    "Both arms are a Franka Panda, drawn as rods. The orange arm uses the pseudo-inverse, the usual strategy. The "
     "blue arm keeps the difference of its joints 1 and 3 constant. Drag the green ball to change the loop, or try the "
     "loop round a cusp, where the blue arm does not return."
 )
 
 
-def laws() -> dict[str, hk.Strategy]:
-    """The two laws of the page."""
+def strategies() -> dict[str, hk.Strategy]:
+    """The two strategies of the page."""
     task = hk.pose(hk.load("panda"))
     held = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0]))
     return {"pseudo-inverse": hk.moore_penrose(task), "q1 - q3 held": held}
@@ -44,7 +44,7 @@ def laws() -> dict[str, hk.Strategy]:
 
 def cusp() -> PageLoop:
     """The loop round a cusp."""
-    witness = hk.analysis.curvature.witness_between(laws()["q1 - q3 held"], *CUSP)
+    witness = hk.analysis.curvature.witness_between(strategies()["q1 - q3 held"], *CUSP)
     if witness is None:
         raise SystemExit("no loop leads from one posture to the other")
     return cusp_loop(witness, "q1 - q3")
@@ -54,7 +54,7 @@ def made() -> WebPage:
     """The page."""
     start = hk.load("panda").pose(Q0)[:3, 3]
     circle = hk.circle(start, center=start - [0.1, 0, 0])
-    return web_page(laws(), Q0, circle, title=TITLE, text=TEXT, loops=[cusp()])
+    return web_page(strategies(), Q0, circle, title=TITLE, text=TEXT, loops=[cusp()])
 
 
 def take_picture() -> None:

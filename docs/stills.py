@@ -91,7 +91,7 @@ def studio() -> None:
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
         Path(folder, "panda.toml").write_text(JOB, "utf-8")
-        shown = hk.studio(f"{folder}/panda.toml", browser=False, wait=False, port=0, tell=lambda _text: None)
+        shown = hk.studio(f"{folder}/panda.toml", browser=False, wait=False, port=0, progress=lambda _text: None)
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         page = browser.new_page(viewport=PAGE, device_scale_factor=1.4)
         page.set_default_timeout(120_000)

@@ -24,9 +24,9 @@ def data_of(html: str) -> dict[str, Any]:
 
 
 def joints(page: Any, rounds: int) -> list[np.ndarray]:
-    """Joints (steps, n) of each law on a page in a browser, for so many rounds of its loop."""
+    """Joints (steps, n) of each strategy on a page in a browser, for so many rounds of its loop."""
     code = (
-        "rounds => holokin.laws.map(law => {"
-        " law.advance(rounds, 1e9); return [law.n, law.done, Array.from(law.rows)]; })"
+        "rounds => holokin.strategies.map(strategy => {"
+        " strategy.advance(rounds, 1e9); return [strategy.n, strategy.done, Array.from(strategy.rows)]; })"
     )
     return [np.reshape(rows[: n * (done + 1)], (-1, n)) for n, done, rows in page.evaluate(code, rounds)]

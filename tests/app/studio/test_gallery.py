@@ -24,25 +24,25 @@ Q0 = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 
 @pytest.fixture(scope="module")
 def motions() -> dict[str, hk.Trajectory]:
-    """Three circles of a Panda by the pseudo-inverse and by a holonomic law."""
+    """Three circles of a Panda by the pseudo-inverse and by a holonomic strategy."""
     task = hk.pose(hk.load("panda"))
     start = task.robot.pose(Q0)[:3, 3]
     circle = hk.circle(start, center=start - [0.1, 0, 0])
     tied = hk.holonomic(task, hk.linear([1, 0, -1] + [0] * 4))
-    laws = {"pseudo-inverse": hk.moore_penrose(task), "<b>q1 - q3</b>": tied}
-    return {name: hk.follow(law, circle, Q0, cycles=3, samples=40) for name, law in laws.items()}
+    strategies = {"pseudo-inverse": hk.moore_penrose(task), "<b>q1 - q3</b>": tied}
+    return {name: hk.follow(strategy, circle, Q0, cycles=3, samples=40) for name, strategy in strategies.items()}
 
 
 @pytest.mark.campaign
 def test_the_caption_has_the_drift_of_each_cycle_when_it_ends(motions: dict[str, hk.Trajectory]) -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     caption = record(hk.load("panda"), motions, title="Circles", seconds=3.0).caption
-    for law, (name, motion) in zip(caption["laws"], motions.items(), strict=True):
-        assert law["name"] == name
-        times, errors = np.array(law["errors"]).T
+    for strategy, (name, motion) in zip(caption["strategies"], motions.items(), strict=True):
+        assert strategy["name"] == name
+        times, errors = np.array(strategy["errors"]).T
         assert errors == pytest.approx(np.abs(motion.drift_since_start()).max(axis=1), abs=0)
         assert times == pytest.approx([1, 2, 3], abs=0.03)
-    assert [law["solid"] for law in caption["laws"]] == [False, True]
+    assert [strategy["solid"] for strategy in caption["strategies"]] == [False, True]
 
 
 @pytest.mark.campaign
@@ -112,9 +112,9 @@ def test_a_session_is_recorded_as_it_ran(tmp_path: Path) -> None:
     while session.advance(5.0).phase.value in ("gathering", "running"):
         pass
     caption = record_session(session, tmp_path / "session.html").caption
-    drifts = {law.name: law.drift for law in session.snapshot().laws}
-    for law in caption["laws"]:
-        assert [error for _, error in law["errors"]] == pytest.approx(drifts[law["name"]], abs=1e-12)
+    drifts = {strategy.name: strategy.drift for strategy in session.snapshot().strategies}
+    for strategy in caption["strategies"]:
+        assert [error for _, error in strategy["errors"]] == pytest.approx(drifts[strategy["name"]], abs=1e-12)
     assert (tmp_path / "session.html").stat().st_size < 2_000_000
 
 
@@ -127,9 +127,9 @@ def test_a_motion_is_refused_with_its_fault() -> None:
         Motion(np.arange(3.0), np.zeros((3, 7)), marks=(0, 3))
     good = Motion(np.arange(3.0), np.zeros((3, 6)), marks=(0, 2))
     with pytest.raises(hk.HolokinError, match="panda_joint1"):
-        record(hk.load("panda"), {"law": good})
-    with pytest.raises(hk.HolokinError, match="give one of law"):
-        record(hk.load("irb140"), {"law": good}, lead="other")
+        record(hk.load("panda"), {"strategy": good})
+    with pytest.raises(hk.HolokinError, match="give one of strategy"):
+        record(hk.load("irb140"), {"strategy": good}, lead="other")
 
 
 def test_every_page_of_the_gallery_has_recording_code_and_numbers() -> None:

@@ -18,24 +18,17 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.app.studio.stage import circle_of
 from holokin.app.studio.states import UNITS
-from sessions import panda
+from sessions import panda, served
 from sessions import run as run_to_the_end
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
 
-@pytest.fixture(autouse=True)
-def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the virtual machine, which shows the same and needs no compiler."""
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-
-
 @pytest.fixture
 def studio() -> Iterator[Any]:
     """A studio with the smallest job."""
-    made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
-    yield made
-    made.close()
+    with served() as page:
+        yield page
 
 
 def test_every_control_of_the_page_says_what_it_does_where_the_mouse_rests_on_it(studio: Any) -> None:
@@ -58,63 +51,54 @@ def choose(page: Any, control: Any, value: Any) -> None:
 
 
 @pytest.mark.campaign
-def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_stays_where_it_is() -> None:
+def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_stays_where_it_is(studio: Any) -> None:
     """The planar arm has hinges and a slider: a drift in mixed units is that of the joint that went most in them."""
-    studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
-    try:
-        page, session = studio.page, studio.session
-        run_to_the_end(session)
-        snap, loop = session.snapshot(), page.panels.loop
-        known = {c.unit for c in session.robot.coordinates}
-        assert known == {"rad", "m"}
-        before = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
-        choose(page, page.panels.units, "deg, mm")
-        page.close()  # its thread: from here the test draws
-        assert loop.center.label == "Centre [mm]" and loop.radius.label == "Radius [mm]"
-        assert np.array(loop.center.value) == pytest.approx(1000 * np.array(before[0]), rel=1e-9)
-        assert loop.radius.value == pytest.approx(1000 * before[1], rel=1e-9)
-        page.charts.draw(snap)
-        factors = [180 / np.pi if c.unit == "rad" else 1000 for c in session.robot.coordinates]
-        for row, law in enumerate(snap.laws, 1):
-            wanted = max(abs(factor * joint) for factor, joint in zip(factors, law.drift_joints[-1], strict=True))
-            assert page.charts.drift.data[row][-1] == pytest.approx(wanted, abs=1e-12)
-            assert f">{wanted:.3g}<" in page.panels._table(snap)
-        assert "deg or mm" in page.charts.title.content
-        loop._make()
-        assert circle_of(session.loop)[2] == pytest.approx(before[1], rel=1e-9)  # type: ignore[index]
-        page.set_units(UNITS["rad, m"])
-        for now, then in zip(
-            (loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max), before, strict=True
-        ):
-            assert now == pytest.approx(then, rel=1e-9)
-        page.charts.draw(snap)
-        for row, law in enumerate(snap.laws, 1):
-            assert page.charts.drift.data[row][-1] == pytest.approx(law.drift[-1], abs=1e-12)
-    finally:
-        studio.close()
+    page, session = studio.page, studio.session
+    run_to_the_end(session)
+    snap, loop = session.snapshot(), page.panels.loop
+    assert {c.unit for c in session.robot.coordinates} == {"rad", "m"}
+    before = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
+    choose(page, page.panels.units, "deg, mm")
+    page.close()  # its thread: from here the test draws
+    assert loop.center.label == "Centre [mm]" and loop.radius.label == "Radius [mm]"
+    assert np.array(loop.center.value) == pytest.approx(1000 * np.array(before[0]), rel=1e-9)
+    assert loop.radius.value == pytest.approx(1000 * before[1], rel=1e-9)
+    page.charts.draw(snap)
+    factors = [180 / np.pi if c.unit == "rad" else 1000 for c in session.robot.coordinates]
+    for row, state in enumerate(snap.strategies, 1):
+        wanted = max(abs(factor * joint) for factor, joint in zip(factors, state.drift_joints[-1], strict=True))
+        assert page.charts.drift.data[row][-1] == pytest.approx(wanted, abs=1e-12)
+        assert f">{wanted:.3g}<" in page.panels._table(snap)
+    assert "deg or mm" in page.charts.title.content
+    loop._make()
+    assert circle_of(session.loop)[2] == pytest.approx(before[1], rel=1e-9)  # type: ignore[index]
+    page.set_units(UNITS["rad, m"])
+    now = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
+    for value, then in zip(now, before, strict=True):
+        assert value == pytest.approx(then, rel=1e-9)
+    page.charts.draw(snap)
+    for row, state in enumerate(snap.strategies, 1):
+        assert page.charts.drift.data[row][-1] == pytest.approx(state.drift[-1], abs=1e-12)
 
 
 def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians() -> None:
     units = UNITS["deg, mm"]
-    studio = hk.studio(panda(), port=0, browser=False, wait=False, tell=str)
-    try:
+    with served(panda()) as studio:
         page, panel = studio.page, studio.page.panels.posture
         page.close()  # its thread: the test draws
         page.set_units(units)
-        choose_law(panel, "lock", studio.session)
+        choose_strategy(panel, "lock", studio.session)
         assert panel.self_motion.label == f"Self-motion [{units.angle}]"
         panel.self_motion.value = units.factor("rad") * 0.2
-        panel._slide()
-        wanted = panda().move_self("lock", 0.2).law("lock").q
+        panel._move("self-motion")
+        wanted = panda().move_self("lock", 0.2).strategy("lock").q
         assert np.abs(wanted - PANDA_START).max() > 0.05
-        assert studio.session.snapshot().law("lock").q == pytest.approx(wanted, abs=1e-9)
-    finally:
-        studio.close()
+        assert studio.session.snapshot().strategy("lock").q == pytest.approx(wanted, abs=1e-9)
 
 
-def choose_law(panel: Any, name: str, session: Any) -> None:
-    """Its sliders are those of a law; they are drawn when the posture has stood still for two pictures."""
-    panel.law.value = name
+def choose_strategy(panel: Any, name: str, session: Any) -> None:
+    """Its sliders are those of a strategy; they are drawn when the posture has stood still for two pictures."""
+    panel.strategy.value = name
     for _ in range(2):
         panel.draw(session.snapshot())
 
@@ -132,20 +116,17 @@ class Browser:
 @pytest.fixture(scope="module")
 def worked() -> Iterator[Any]:
     """A studio on a Panda with one cycle of its loop to run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOLOKIN_NATIVE", "0")
-        made = hk.studio(panda(cycles=1, title="Bolts & nuts"), port=0, browser=False, wait=False, tell=str)
-        made.page.panels.work.law.value = "lock"
-        yield made
-        made.close()
+    with served(panda(cycles=1, title="Bolts & nuts")) as studio:
+        studio.page.panels.work.strategy.value = "lock"
+        yield studio
 
 
-def test_the_program_of_a_law_begins_and_ends_where_the_law_does_on_the_loop(worked: Any) -> None:
-    """The program of ROS, and all samples; the third joint, which the law locks, stands still."""
+def test_the_program_of_a_strategy_begins_and_ends_where_the_strategy_does_on_the_loop(worked: Any) -> None:
+    """The program of ROS, and all samples; the third joint, which the strategy locks, stands still."""
     panel, browser = worked.page.panels.work, Browser()
     panel.language.value = "ros"
     panel._work(browser, panel._program)
-    assert worked.page.said == ""
+    assert worked.page.message == ""
     (name, content), *others = browser.files.items()
     assert name == "bolts-nuts-ros.zip" and not others
     with zipfile.ZipFile(io.BytesIO(content)) as box:
@@ -162,16 +143,16 @@ def test_the_program_of_a_law_begins_and_ends_where_the_law_does_on_the_loop(wor
         assert [float(one) for one in point] == pytest.approx(wanted, abs=1e-6)
 
 
-def test_a_law_with_leaves_is_certified_from_the_page_and_one_without_is_not_and_says_why(worked: Any) -> None:
+def test_a_strategy_with_leaves_is_certified_from_the_page_and_one_without_is_not_and_says_why(worked: Any) -> None:
     panel, browser = worked.page.panels.work, Browser()
     panel._work(browser, panel._certificate)
     assert "every place on the path has exactly one posture" in panel.answer.content
     (name, content), *others = browser.files.items()
     assert name == "bolts-nuts-certificate.json" and not others
     assert json.loads(content)
-    panel.law.value = "pseudo-inverse"
+    panel.strategy.value = "pseudo-inverse"
     panel._work(browser, panel._certificate)
-    panel.law.value = "lock"
+    panel.strategy.value = "lock"
     assert "is not certified" in panel.answer.content and "no leaves" in panel.answer.content
     assert len(browser.files) == 1
 
@@ -180,12 +161,12 @@ def test_what_cannot_be_written_is_said_in_the_page_and_nothing_is_downloaded(wo
     panel, browser, session = worked.page.panels.work, Browser(), worked.session
     panel.language.value = "rapid"  # which needs to be told what its seventh axis is
     panel._work(browser, panel._program)
-    assert "RAPID holds 6 axes" in worked.page.said and "Save the job" in worked.page.said
-    assert "/tmp" not in worked.page.said
+    assert "RAPID holds 6 axes" in worked.page.message and "Save the job" in worked.page.message
+    assert "/tmp" not in worked.page.message
     loop = session.loop
     session.set_loop(None)
     panel._work(browser, panel._program)
-    assert "a job has a path" in worked.page.said and browser.files == {} and panel.answer.content == ""
+    assert "a job has a path" in worked.page.message and browser.files == {} and panel.answer.content == ""
     session.set_loop(loop)
 
 

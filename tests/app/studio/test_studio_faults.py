@@ -1,11 +1,11 @@
-"""The studio where something is unusual: two hands, a law that comes later, work in the background that fails."""
+"""The studio where something is unusual: two hands, a strategy that comes later, work in the background that fails."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -13,28 +13,19 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.app.studio import CloudStatus, Law, Phase, Session, circle_loop, reversed_loop
-from sessions import TOOL, panda, run
+from holokin.app.studio import CloudStatus, NamedStrategy, Phase, Session, circle_loop, reversed_loop
+from sessions import TOOL, panda, run, served, until
 
 YUMI_START = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
-
-
-def until(true: Callable[[], Any], seconds: float = 30.0) -> Any:
-    """Wait for it."""
-    end = time.monotonic() + seconds
-    while not (found := true()):
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return found
 
 
 def test_each_of_two_hands_is_dragged_alone_and_both_go_round_a_loop_drawn_once() -> None:
     robot = hk.load("yumi")
     task = hk.stacked(*(hk.pose(robot, tip=tip.name) for tip in robot.tips))
-    session = Session([Law("pseudo-inverse", 0, hk.moore_penrose(task), task)], YUMI_START)
+    session = Session([NamedStrategy("pseudo-inverse", 0, hk.moore_penrose(task), task)], YUMI_START)
     poses = np.array(session.snapshot().target)
     poses[1, :3, 3] += [0.02, -0.03, 0.01]
-    state = session.drag(poses).laws[0]
+    state = session.drag(poses).strategies[0]
     moved = np.abs(state.q - YUMI_START) > 1e-9
     assert state.following and [name for name, m in zip(robot.joint_names, moved, strict=True) if m] == list(
         robot.joint_names[7:]  # those of the right arm alone
@@ -50,7 +41,7 @@ def test_each_of_two_hands_is_dragged_alone_and_both_go_round_a_loop_drawn_once(
     )
     session.set_cycles(1)
     session.set_clockwise(True)
-    assert run(session, 1.0).laws[0].following
+    assert run(session, 1.0).strategies[0].following
     again = reversed_loop(reversed_loop(session.loop))  # type: ignore[arg-type]
     assert again.keys["others"][0]["center"] == session.loop.keys["others"][0]["center"]  # type: ignore[union-attr]
 
@@ -69,8 +60,8 @@ def test_a_loop_out_of_reach_is_told_before_it_is_started() -> None:
 
 @pytest.mark.campaign
 def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    from holokin.app.studio import session as working
     from holokin.app.studio import states
-    from holokin.app.studio import work as working
 
     def broken(*_arguments: object, **_named: object) -> None:
         raise KeyError("nobody expects this")
@@ -82,9 +73,9 @@ def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.Mon
     session.start_cloud("lock", samples=8)
     assert "could not be compiled" in until(lambda: session.snapshot().fault)
     assert "nobody expects this" in until(lambda: (c := session.snapshot().cloud) and c.sentence)
-    until(lambda: all(state.judgement for state in session.snapshot().laws))  # and the thread goes on
+    until(lambda: all(state.judgement for state in session.snapshot().strategies))  # and the thread goes on
     monkeypatch.setattr(working, "judged", broken)
-    session.add_law(replace(session.laws[0], name="late"))
+    session.add_strategy(replace(session.strategies[0], name="late"))
     until(lambda: "background work ended" in session.snapshot().fault)
     session.close()
 
@@ -115,26 +106,25 @@ def test_a_cancelled_cloud_holds_nobody_up_and_grows_no_more(monkeypatch: pytest
 @pytest.fixture(scope="module")
 def studio() -> Iterator[Any]:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
-    made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
-    yield made
-    made.close()
+    with served() as page:
+        yield page
 
 
 @pytest.mark.campaign
-def test_a_law_that_comes_later_gets_a_robot_and_a_line(studio: Any) -> None:
+def test_a_strategy_that_comes_later_gets_a_robot_and_a_line(studio: Any) -> None:
     session, page = studio.session, studio.page
-    session.add_law(replace(session.laws[0], name="late"))
+    session.add_strategy(replace(session.strategies[0], name="late"))
     until(lambda: page.scene.names[-1] == "late" and "late" in page.panels.table.content)
     session.set_speed(1000.0)
     session.play()
     until(lambda: session.snapshot().phase is Phase.DONE)
     until(lambda: page.drawn == session.snapshot().number)
-    assert page.said == ""
+    assert page.message == ""
 
 
 @pytest.mark.campaign
 def test_a_page_that_cannot_be_drawn_leaves_the_one_before(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from holokin.app.studio import studio_page as pages
+    from holokin.app.studio import stage as pages
 
     made, calls = pages.Handles, []
 
@@ -146,7 +136,7 @@ def test_a_page_that_cannot_be_drawn_leaves_the_one_before(studio: Any, monkeypa
 
     monkeypatch.setattr(pages, "Handles", once)
     studio._reopen("orientation")
-    assert studio.session.source == "ppr-cycle" and "no such handle" in studio.page.said
+    assert studio.session.source == "ppr-cycle" and "no such handle" in studio.page.message
     before = studio.session.snapshot()
     pose = np.array(before.target)
     pose[0, 0, 3] -= 0.05
@@ -175,25 +165,6 @@ def test_an_address_with_colons_stands_in_brackets(host: str, url: str) -> None:
     assert url_of(host, 8080) == url
 
 
-@pytest.mark.campaign
-def test_laws_of_a_robot_run_as_many_cycles_as_those_of_a_job() -> None:
-    from holokin.app.studio import session_of_robot
-
-    assert session_of_robot(hk.load("ppr")).snapshot().cycles == 3
-
-
-def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() -> None:
-    pytest.importorskip("viser", reason="the extra `studio` is not installed")
-    from holokin.app.studio.page_scene import ALONE, OPACITY, seen
-
-    turns = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
-    positions = np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.0005, 0], [0.2, 0.05, 0]])
-    assert seen(positions, turns, 0, 0.3) == pytest.approx([0.0, OPACITY, 0.0, OPACITY])
-    assert seen(positions[[1, 2, 0, 3]], turns, 2, 0.3) == pytest.approx([OPACITY, 0.0, 0.0, OPACITY])
-    assert ALONE < 0.5 < OPACITY  # of two surfaces the one behind is seen as well as the only ghost before it
-    assert seen(positions[:2], turns[:2], 0, 0.3) == pytest.approx([0.0, ALONE])
-
-
 @pytest.mark.parametrize(
     ("names", "short"),
     [
@@ -205,6 +176,6 @@ def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() ->
     ],
 )
 def test_joints_are_told_apart_by_what_is_left_of_their_names(names: list[str], short: list[str]) -> None:
-    from holokin.app.studio.stage import short_names
+    from holokin.app.studio.panel_html import short_names
 
     assert short_names(names) == short

@@ -7,7 +7,7 @@ import itertools
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-import holokin as hk
+from sessions import served, until
 
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
@@ -24,8 +24,8 @@ import msgspec  # noqa: E402
 from websockets.exceptions import ConnectionClosed  # noqa: E402
 from websockets.sync.client import ClientConnection, connect  # noqa: E402
 
+# A new one each time, to see that what was said before it has been heard
 SPEEDS = itertools.cycle(0.25 * k for k in range(2, 33))
-"""A new one each time, to see that what was said before it has been heard."""
 
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [0, 0, 3], "fov": 0.7, "near": 0.01, "far": 1000,
@@ -57,26 +57,12 @@ def new(control: Any, value: Any) -> dict[str, Any]:
     return {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}}
 
 
-def until(true: Callable[[], Any], seconds: float = 20.0) -> Any:
-    end = time.monotonic() + seconds
-    while not (found := true()):
-        assert time.monotonic() < end
-        time.sleep(0.005)
-    return found
-
-
 @pytest.fixture(scope="module")
 def shown() -> Iterator[Any]:
     """A studio, a client that attacks it and one that looks on."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOLOKIN_NATIVE", "0")
-        studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
-        attacker, witness = joined(studio), joined(studio)
+    with served() as studio, joined(studio) as attacker, joined(studio) as witness:
         until(lambda: len(studio.server.get_clients()) == 2)
         yield SimpleNamespace(studio=studio, attacker=attacker, witness=witness)
-        for line in (attacker, witness):
-            line.close()
-        studio.close()
 
 
 def heard(shown: Any) -> None:
@@ -168,15 +154,15 @@ def test_a_path_instead_of_a_packaged_job_opens_nothing_and_runs_nothing(shown: 
     studio = shown.studio
     panels, source = studio.page.panels, studio.session.source
     for path in (str(bad), str(tmp_path / "none.xacro"), "../ppr-cycle", "ppr-cycle\x00", "/etc/passwd", "panda", ""):
-        before = studio.page.said
+        before = studio.page.message
         say(shown.attacker, new(panels.job, path))
         heard(shown)
         assert panels.job.value in panels.job.options
-        assert studio.session.source == source and studio.page.said == before
+        assert studio.session.source == source and studio.page.message == before
     for path in (str(bad), str(tmp_path / "none.xacro")):  # and were the choice another, it would still not be opened
         studio._reopen(path)
         assert studio.session.source == source and not proof.exists()
-        assert "unknown job of the page" in studio.page.said
+        assert "unknown job of the page" in studio.page.message
     studio.page.say("")
     lives(shown)
 
@@ -208,7 +194,7 @@ def test_what_cannot_be_pressed_is_not_pressed(shown: Any) -> None:
     shown.studio.page.say("")
     say(shown.attacker, new(loop.close, True))
     heard(shown)
-    assert session.snapshot().loop == number and shown.studio.page.said == ""
+    assert session.snapshot().loop == number and shown.studio.page.message == ""
 
 
 def test_a_handle_is_dragged_to_no_place_that_is_none(shown: Any) -> None:
@@ -227,11 +213,11 @@ def test_a_handle_is_dragged_to_no_place_that_is_none(shown: Any) -> None:
     assert np.array_equal(session.snapshot().target, before)
     start = {"type": "TransformControlsDragStartMessage", "name": "/handles/tool", "owner": ""}
     say(shown.attacker, start)
-    say(shown.attacker, HANDLE | {"position": [1000, -1000, 0]})  # far, and told so: the laws stay in reach
+    say(shown.attacker, HANDLE | {"position": [1000, -1000, 0]})  # far, and told so: the strategies stay in reach
     until(lambda: not np.array_equal(session.snapshot().target, before))
     say(shown.attacker, start | {"type": "TransformControlsDragEndMessage"})
     heard(shown)
-    assert all(np.isfinite(law.q).all() for law in session.snapshot().laws)
+    assert all(np.isfinite(strategy.q).all() for strategy in session.snapshot().strategies)
     session.drag(before)
     session.reset()
     lives(shown)
@@ -354,7 +340,7 @@ def test_corners_are_near_and_not_many(shown: Any) -> None:
     down, flat = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, -1e-6])
     handles.start_corners()
     handles.add_corner(np.array([0.0, 0.0, 2.0]), flat)
-    assert handles.corners == [] and "within 100 m" in page.said
+    assert handles.corners == [] and "within 100 m" in page.message
     for k in range(55):
         handles.add_corner(np.array([0.001 * k, 0.0, 2.0]), down)
     assert len(handles.corners) == 50

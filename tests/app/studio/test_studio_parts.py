@@ -14,7 +14,7 @@ from conftest import PANDA_START, campaign, sampled, urdf
 from holokin.app.job import Job, packaged_jobs, run_job
 from holokin.app.studio import (
     CloudStatus,
-    Law,
+    NamedStrategy,
     Origin,
     Phase,
     Session,
@@ -27,7 +27,7 @@ from holokin.app.studio import (
 )
 from holokin.app.studio.stage import circle_of
 from holokin.base.errors import HolokinError
-from sessions import LAWS, PANDA, TOOL, panda, run, shifted
+from sessions import PANDA, STRATEGIES, TOOL, panda, run, shifted
 
 
 @pytest.fixture(autouse=True)
@@ -52,12 +52,12 @@ def test_self_motion_holds_the_tool_and_pinocchio_agrees() -> None:
     before = tool(PANDA_START)
     for s in (*np.linspace(slider.low, slider.high, 9), 0.0):
         snap = session.move_self("pseudo-inverse", float(s))
-        q = snap.law("pseudo-inverse").q
+        q = snap.strategy("pseudo-inverse").q
         np.testing.assert_allclose(tool(q), before, atol=1e-9)
         PANDA.check_limits(q)
         assert session.self_motion("pseudo-inverse").value == s
-    np.testing.assert_allclose(snap.law("pseudo-inverse").q, PANDA_START, atol=1e-12)
-    length = np.linalg.norm(session.move_self("pseudo-inverse", 0.01).law("pseudo-inverse").q - PANDA_START)
+    np.testing.assert_allclose(snap.strategy("pseudo-inverse").q, PANDA_START, atol=1e-12)
+    length = np.linalg.norm(session.move_self("pseudo-inverse", 0.01).strategy("pseudo-inverse").q - PANDA_START)
     assert length == pytest.approx(0.01, rel=1e-3)  # arc length
     with pytest.raises(hk.HolokinError, match="give a number from"):
         session.move_self("pseudo-inverse", slider.high + 0.1)
@@ -70,25 +70,25 @@ def test_the_level_of_an_arm_angle_is_an_elbow_handle_in_degrees() -> None:
     assert slider.unit == "deg" and slider.low < slider.value < slider.high
     for value in (slider.low + 1.0, slider.high - 1.0):
         snap = session.move_level("arm angle", value)
-        state = snap.law("arm angle")
+        state = snap.strategy("arm angle")
         gap = np.rad2deg(state.level[0]) - value
         assert abs((gap + 180) % 360 - 180) < 1e-7
         np.testing.assert_allclose(PANDA.pose(state.q), TOOL, atol=1e-9)
-        np.testing.assert_allclose(snap.law("lock").q, PANDA_START, atol=1e-12)
+        np.testing.assert_allclose(snap.strategy("lock").q, PANDA_START, atol=1e-12)
         session.drag(shifted(-0.05))
         session.drag(TOOL)
-        np.testing.assert_allclose(session.snapshot().law("arm angle").q, state.q, atol=1e-9)
+        np.testing.assert_allclose(session.snapshot().strategy("arm angle").q, state.q, atol=1e-9)
     with pytest.raises(hk.HolokinError, match="leaves"):
         session.level_slider("pseudo-inverse")
 
 
 def test_a_level_beyond_its_slider_changes_nothing() -> None:
     session = panda()
-    before = session.snapshot().law("lock").q
+    before = session.snapshot().strategy("lock").q
     slider = session.level_slider("lock")
     with pytest.raises(hk.HolokinError):
         session.move_level("lock", slider.high + 1.0)
-    np.testing.assert_array_equal(session.snapshot().law("lock").q, before)
+    np.testing.assert_array_equal(session.snapshot().strategy("lock").q, before)
 
 
 @pytest.mark.campaign
@@ -97,12 +97,12 @@ def test_two_paths_to_one_pose_spread_as_path_spread_says() -> None:
     goal = shifted(-0.1, 0.2, 0.1)
     found = session.two_paths(goal, samples=100)
     assert found.points.shape == (2, 100, 3)
-    for law, ways in zip(session.laws, found.by_law, strict=True):
-        referee = hk.motion.path_spread(law.strategy, *found.paths, PANDA_START, samples=100)  # type: ignore[arg-type]
+    for strategy, ways in zip(session.strategies, found.by_strategy, strict=True):
+        referee = hk.motion.path_spread(strategy.G, *found.paths, PANDA_START, samples=100)  # type: ignore[arg-type]
         assert ways.spread == referee.largest and ways.sentence == ""
         np.testing.assert_allclose(PANDA.pose(ways.a[-1]), goal, atol=1e-6)
         np.testing.assert_allclose(PANDA.pose(ways.b[-1]), goal, atol=1e-6)
-    assert found.by_law[0].spread > 0.01 and max(ways.spread for ways in found.by_law[1:]) < 1e-12
+    assert found.by_strategy[0].spread > 0.01 and max(ways.spread for ways in found.by_strategy[1:]) < 1e-12
     assert session.snapshot().target == pytest.approx(TOOL[None])
 
 
@@ -116,7 +116,7 @@ def rerun(session: Session) -> dict[str, np.ndarray]:
 @sampled(1, "kind", ["circle elsewhere, the other way", "clicked polygon", "figure eight", "another leaf"])
 def test_a_saved_job_gives_the_numbers_of_the_session(kind: str) -> None:
     other = "arm angle" if kind == "another leaf" else "lock"
-    session, p = panda([law for law in LAWS if law.name in ("pseudo-inverse", other)], cycles=2), TOOL[:3, 3]
+    session, p = panda([s for s in STRATEGIES if s.name in ("pseudo-inverse", other)], cycles=2), TOOL[:3, 3]
     if kind.startswith("circle"):
         session.set_loop(circle_loop(p + [-0.1, 0.1, 0.05], 0.08, (0.3, 0.1, 1.0), near=p, samples=40))
         session.set_clockwise(True)
@@ -127,11 +127,11 @@ def test_a_saved_job_gives_the_numbers_of_the_session(kind: str) -> None:
     else:
         session.move_level("arm angle", session.level_slider("arm angle").value - 20.0)
     end, again = run(session, 0.2), rerun(session)
-    assert set(again) == {state.name for state in end.laws}
-    for state in end.laws:
+    assert set(again) == {state.name for state in end.strategies}
+    for state in end.strategies:
         assert state.following and len(state.drift) == 2
         np.testing.assert_allclose(again[state.name], state.drift_joints, atol=1e-9)
-    assert end.law("pseudo-inverse").drift[-1] > 1e-3
+    assert end.strategy("pseudo-inverse").drift[-1] > 1e-3
 
 
 def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
@@ -140,13 +140,13 @@ def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
     model.write_text(urdf("panda.urdf").read_text("utf-8"), "utf-8")
     robot = hk.load(str(model), tip="panda_link8")
     task, keys = hk.pose(robot), {"kind": "lock", "joints": ["panda_joint3"]}
-    law = Law("lock", 0, hk.holonomic(task, hk.lock("panda_joint3")), task, None, keys)
+    strategy = NamedStrategy("lock", 0, hk.holonomic(task, hk.lock("panda_joint3")), task, None, keys)
     tool = robot.pose(PANDA_START)[:3, 3]
     origin = Origin({"name": str(model), "tip": "panda_link8"}, {"kind": "pose"}, Path.cwd())
-    session = Session([law], PANDA_START, circle_loop(tool - [0.05, 0, 0], 0.05, near=tool), origin=origin)
+    session = Session([strategy], PANDA_START, circle_loop(tool - [0.05, 0, 0], 0.05, near=tool), origin=origin)
     (tmp_path / "saved.toml").write_text(to_job(session), "utf-8")
     again = open_session(str(tmp_path / "saved.toml"))
-    assert [law.name for law in again.laws] == [law.name for law in session.laws]
+    assert [strategy.name for strategy in again.strategies] == [strategy.name for strategy in session.strategies]
     np.testing.assert_array_equal(again.home, session.home)
 
 
@@ -154,15 +154,15 @@ def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
 def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
     session = open_session(name)
     first = session.snapshot()
-    assert first.laws and all(state.following for state in first.laws)
+    assert first.strategies and all(state.following for state in first.strategies)
     begun = session.play()
     assert begun.message == "" and begun.phase is Phase.GATHERING
     for _ in range(12):
         begun = session.advance(0.1)
-    assert all(state.following or state.sentence for state in begun.laws)
-    assert len(begun.laws[0].t) > 1
+    assert all(state.following or state.sentence for state in begun.strategies)
+    assert len(begun.strategies[0].t) > 1
     again = Job.model_validate(tomllib.loads(to_job(session)))
-    assert again.path.samples == session.loop.samples and len(again.strategies) <= len(session.laws)  # type: ignore[union-attr]
+    assert again.path.samples == session.loop.samples and len(again.strategies) <= len(session.strategies)  # type: ignore[union-attr]
     found = circle_of(session.loop)
     assert (found is not None) == (session.loop.kind == "circle" and session.loop.path.closed)  # type: ignore[union-attr]
     if found is not None:
@@ -179,9 +179,9 @@ def test_a_robot_without_joints_to_spare_is_refused() -> None:
 
 @pytest.mark.campaign
 def test_a_session_finds_the_cusps_of_a_leaf_while_its_tool_is_dragged() -> None:
-    """The loop that is drawn is that of `hk.cusps` of the same leaf, and closed; dragged laws follow meanwhile."""
+    """The loop that is drawn is that of `hk.cusps` of the same leaf, and closed; strategies follow meanwhile."""
     session, drags = panda(), 0
-    strategy, q = LAWS[1].strategy, session.snapshot().law("lock").q
+    strategy, q = STRATEGIES[1].G, session.snapshot().strategy("lock").q
     assert strategy is not None and session.start_cusps("lock").cusps.running  # type: ignore[union-attr]
     end = time.monotonic() + 60
     while session.snapshot().cusps.running and time.monotonic() < end:  # type: ignore[union-attr]
@@ -194,7 +194,7 @@ def test_a_session_finds_the_cusps_of_a_leaf_while_its_tool_is_dragged() -> None
     assert least is not None and f"{least.length:.2g} m long" in cusps.sentence
     assert np.linalg.norm(np.diff(cusps.loop, axis=0), axis=1).sum() == pytest.approx(least.length, rel=0.1)
     assert np.linalg.norm(cusps.loop[0] - cusps.loop[-1]) < 1e-9
-    np.testing.assert_array_equal(cusps.level, session.snapshot().law("lock").level)
+    np.testing.assert_array_equal(cusps.level, session.snapshot().strategy("lock").level)
     with pytest.raises(HolokinError):
         session.start_cusps("pseudo-inverse")
     session.start_cusps("lock")
@@ -204,22 +204,22 @@ def test_a_session_finds_the_cusps_of_a_leaf_while_its_tool_is_dragged() -> None
 
 
 @pytest.mark.campaign
-def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
+def test_in_the_background_strategies_are_judged_and_a_workspace_is_covered() -> None:
     session = panda()
     session.start_work()
     session.start_cloud("lock", samples=64)
     for _ in range(600):
         snap = session.snapshot()
         cloud = snap.cloud
-        if all(state.judgement for state in snap.laws) and cloud is not None and cloud.status is CloudStatus.DONE:
+        if all(state.judgement for state in snap.strategies) and cloud is not None and cloud.status is CloudStatus.DONE:
             break
         time.sleep(0.05)
     session.close()
-    verdicts = {state.name: state.judgement for state in snap.laws}
+    verdicts = {state.name: state.judgement for state in snap.strategies}
     assert {name: v is not None and v.holonomic for name, v in verdicts.items()} == {
         "pseudo-inverse": False, "lock": True, "arm angle": True,
     }  # fmt: skip
-    F = hk.curvature(LAWS[0].strategy, PANDA_START)  # type: ignore[arg-type]
+    F = hk.curvature(STRATEGIES[0].G, PANDA_START)  # type: ignore[arg-type]
     assert verdicts["pseudo-inverse"].curvature == pytest.approx(np.linalg.norm(F, axis=0).max())  # type: ignore[union-attr]
     assert cloud is not None and cloud.done == cloud.total == len(cloud.points) == 64
     assert 0 < cloud.reached.sum() < 64
@@ -233,7 +233,7 @@ def test_a_job_plays_so_many_cycles_that_its_drift_is_seen_and_never_fewer_than_
     session = open_session(name)
     cycles, loop = session.snapshot().cycles, session.loop
     assert loop is not None and cycles is not None and cycles >= own
-    drifting = [law.strategy for law in session.laws if not law.holonomic and law.strategy is not None]
+    drifting = [strategy.G for strategy in session.strategies if not strategy.holonomic and strategy.G is not None]
     seen = np.max([hk.drift(one, loop.path, session.home, cycles=5, samples=200).largest for one in drifting], axis=0)
     if cycles > own:  # no more than it takes
         assert seen[cycles - 2] < 0.1 and (seen[cycles - 1] > 0.1 or cycles == 5)
@@ -241,10 +241,10 @@ def test_a_job_plays_so_many_cycles_that_its_drift_is_seen_and_never_fewer_than_
         assert seen[min(own, 5) - 1] > 0.1
 
 
-def test_where_no_law_drifts_a_job_plays_its_own_cycles() -> None:
+def test_where_no_strategy_drifts_a_job_plays_its_own_cycles() -> None:
     from holokin.app.studio.new_session import visible_cycles
 
-    assert visible_cycles([law for law in LAWS if law.holonomic], panda().loop, PANDA_START) == 1  # type: ignore[arg-type]
-    assert visible_cycles(LAWS, panda().loop, PANDA_START) == 1  # 0.16 rad after the first, as the README says
+    assert visible_cycles([strategy for strategy in STRATEGIES if strategy.holonomic], panda().loop, PANDA_START) == 1  # type: ignore[arg-type]
+    assert visible_cycles(STRATEGIES, panda().loop, PANDA_START) == 1  # 0.16 rad after the first, as the README says
     small = circle_loop(TOOL[:3, 3] - [0.05, 0, 0], 0.05, near=TOOL[:3, 3])
-    assert 1 < visible_cycles(LAWS, small, PANDA_START) <= 5
+    assert 1 < visible_cycles(STRATEGIES, small, PANDA_START) <= 5

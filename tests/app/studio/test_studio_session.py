@@ -1,4 +1,4 @@
-"""The studio without a page: what a session's laws do when their tool is dragged, or runs round a loop."""
+"""The studio without a page: what a session's strategies do when their tool is dragged, or runs round a loop."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START
 from holokin.app.studio import (
-    Law,
-    LawStatus,
+    NamedStrategy,
     Phase,
     Session,
     Snapshot,
+    StrategyStatus,
     circle_loop,
     polygon_loop,
     reversed_loop,
     to_job,
 )
-from sessions import FRAME, LAWS, PANDA, TASK, TOOL, panda, run, shifted
+from sessions import FRAME, PANDA, STRATEGIES, TASK, TOOL, panda, run, shifted
 
 
 def test_the_ghost_of_the_pseudo_inverse_creeps_as_drift_says_and_the_holonomic_one_returns() -> None:
@@ -29,15 +29,15 @@ def test_the_ghost_of_the_pseudo_inverse_creeps_as_drift_says_and_the_holonomic_
     end = run(session, 0.0501)
     loop = session.loop
     assert loop is not None and end.cycle == 3 and end.progress == 1.0
-    for law, state in zip(session.laws, end.laws, strict=True):
-        assert law.strategy is not None
-        referee = hk.drift(law.strategy, loop.path, PANDA_START, cycles=3, samples=100)
+    for strategy, state in zip(session.strategies, end.strategies, strict=True):
+        assert strategy.G is not None
+        referee = hk.drift(strategy.G, loop.path, PANDA_START, cycles=3, samples=100)
         np.testing.assert_allclose(state.drift_joints, referee.since_start, atol=1e-12)
         np.testing.assert_allclose(state.drift, referee.largest, atol=1e-12)
         np.testing.assert_allclose(state.history, referee.trajectory.q, atol=1e-12)
         np.testing.assert_allclose(state.t, referee.trajectory.t, atol=1e-9)
-    assert end.law("pseudo-inverse").drift[-1] > 0.4  # 0.1635, 0.3207, 0.4756 of the README
-    assert end.law("lock").drift[-1] < 1e-12 and end.law("arm angle").drift[-1] < 1e-12
+    assert end.strategy("pseudo-inverse").drift[-1] > 0.4  # 0.1635, 0.3207, 0.4756 of the README
+    assert end.strategy("lock").drift[-1] < 1e-12 and end.strategy("arm angle").drift[-1] < 1e-12
 
 
 def test_a_corner_clicked_twice_is_left_out_of_the_loop_and_the_session_says_so() -> None:
@@ -52,21 +52,21 @@ def test_a_corner_clicked_twice_is_left_out_of_the_loop_and_the_session_says_so(
 def test_frames_of_any_length_and_any_speed_lead_to_the_same_joints() -> None:
     ends = []
     for dt, factor in ((0.013, 1.0), (0.4, 3.0), (50.0, 1.0)):
-        session = panda(LAWS[:1], cycles=2)
+        session = panda(STRATEGIES[:1], cycles=2)
         session.set_speed(factor)
-        ends.append(run(session, dt).law("pseudo-inverse").q)
+        ends.append(run(session, dt).strategy("pseudo-inverse").q)
     np.testing.assert_array_equal(ends[0], ends[1])
     np.testing.assert_array_equal(ends[0], ends[2])
 
 
 def test_the_other_way_round_drifts_as_the_reversed_path_does() -> None:
-    session = panda(LAWS[:1], cycles=1)
+    session = panda(STRATEGIES[:1], cycles=1)
     session.set_clockwise(True)
     end, loop = run(session), session.loop
     assert loop is not None and loop.clockwise and end.clockwise
     assert loop.path.counter_clockwise is not panda().loop.path.counter_clockwise  # type: ignore[union-attr]
-    referee = hk.drift(LAWS[0].strategy, loop.path, PANDA_START, samples=100)  # type: ignore[arg-type]
-    np.testing.assert_allclose(end.law("pseudo-inverse").drift, referee.largest, atol=1e-12)
+    referee = hk.drift(STRATEGIES[0].G, loop.path, PANDA_START, samples=100)  # type: ignore[arg-type]
+    np.testing.assert_allclose(end.strategy("pseudo-inverse").drift, referee.largest, atol=1e-12)
 
 
 def test_a_paused_loop_holds_still_and_goes_on_where_it_was() -> None:
@@ -76,13 +76,13 @@ def test_a_paused_loop_holds_still_and_goes_on_where_it_was() -> None:
         session.advance(FRAME)
     before = session.pause()
     assert session.advance(1.0) is session.snapshot()
-    for a, b in zip(before.laws, session.snapshot().laws, strict=True):
+    for a, b in zip(before.strategies, session.snapshot().strategies, strict=True):
         np.testing.assert_array_equal(a.q, b.q)
     session.play()
     while session.advance(FRAME).phase is not Phase.DONE:
         pass
     np.testing.assert_allclose(
-        session.snapshot().law("pseudo-inverse").drift, run(panda(LAWS[:1], cycles=1)).laws[0].drift
+        session.snapshot().strategy("pseudo-inverse").drift, run(panda(STRATEGIES[:1], cycles=1)).strategies[0].drift
     )
 
 
@@ -91,13 +91,13 @@ def test_before_a_loop_begins_the_joints_go_there_without_a_jump() -> None:
     session.drag(shifted(-0.15, 0.2, 0.1))
     before = session.play()
     assert before.phase is Phase.GATHERING
-    far = max(float(np.abs(state.q - PANDA_START).max()) for state in before.laws)
+    far = max(float(np.abs(state.q - PANDA_START).max()) for state in before.strategies)
     while before.phase is Phase.GATHERING:
         after = session.advance(FRAME)
-        for a, b in zip(before.laws, after.laws, strict=True):
+        for a, b in zip(before.strategies, after.strategies, strict=True):
             assert np.abs(a.q - b.q).max() <= 1.01 * far * FRAME / 0.8
         before = after
-    for state in before.laws:
+    for state in before.strategies:
         np.testing.assert_allclose(state.q, PANDA_START, atol=1e-12)
 
 
@@ -116,9 +116,9 @@ def drag_along(session: Session, points: np.ndarray) -> Iterator[tuple[Snapshot,
 def test_a_drag_out_of_reach_and_back_loses_nothing_and_jumps_nowhere() -> None:
     session = panda()
     out = np.linspace(TOOL[:3, 3], TOOL[:3, 3] + [0.4, 0.0, 0.12], 240)  # by 1.7 mm
-    seen: dict[str, set[LawStatus]] = {state.name: set() for state in session.snapshot().laws}
+    seen: dict[str, set[StrategyStatus]] = {state.name: set() for state in session.snapshot().strategies}
     for before, after in drag_along(session, np.vstack([out, out[::-1]])):
-        for a, b in zip(before.laws, after.laws, strict=True):
+        for a, b in zip(before.strategies, after.strategies, strict=True):
             assert np.abs(a.q - b.q).max() < 0.2
             seen[b.name].add(b.status)
             PANDA.check_limits(b.q)
@@ -127,15 +127,15 @@ def test_a_drag_out_of_reach_and_back_loses_nothing_and_jumps_nowhere() -> None:
             else:
                 np.testing.assert_array_equal(a.q, b.q)  # it stays where it was
                 assert b.sentence.endswith(".") and ";" in b.sentence
-    for state in session.snapshot().laws:
-        assert seen[state.name] - {LawStatus.FOLLOWING}, f"{state.name} was never out of reach"
-        assert LawStatus.SINGULAR not in seen[state.name], "it is the arm that is stretched, not the law"
+    for state in session.snapshot().strategies:
+        assert seen[state.name] - {StrategyStatus.FOLLOWING}, f"{state.name} was never out of reach"
+        assert StrategyStatus.SINGULAR not in seen[state.name], "it is the arm that is stretched, not the strategy"
         assert state.following and state.sentence == ""
         if state.holonomic:
             np.testing.assert_allclose(state.q, PANDA_START, atol=1e-9)
 
 
-def test_a_holonomic_law_has_the_same_joints_at_a_pose_whatever_way_the_hand_took() -> None:
+def test_a_holonomic_strategy_has_the_same_joints_at_a_pose_whatever_way_the_hand_took() -> None:
     session, goal = panda(), TOOL[:3, 3] + np.array([-0.1, 0.15, 0.1])
     ends = []
     for corner in ([0.1, 0.2, 0.0], [-0.2, -0.1, 0.2]):
@@ -148,8 +148,8 @@ def test_a_holonomic_law_has_the_same_joints_at_a_pose_whatever_way_the_hand_too
         ends.append(session.snapshot())
     a, b = ends
     for name in ("lock", "arm angle"):
-        np.testing.assert_allclose(a.law(name).q, b.law(name).q, atol=1e-12)
-    assert np.abs(a.law("pseudo-inverse").q - b.law("pseudo-inverse").q).max() > 0.005
+        np.testing.assert_allclose(a.strategy(name).q, b.strategy(name).q, atol=1e-12)
+    assert np.abs(a.strategy("pseudo-inverse").q - b.strategy("pseudo-inverse").q).max() > 0.005
 
 
 def test_a_joint_at_its_limit_is_named() -> None:
@@ -159,8 +159,8 @@ def test_a_joint_at_its_limit_is_named() -> None:
     for angle in np.linspace(0.0, 3.0, 60):
         c, s = np.cos(angle), np.sin(angle)
         turned[:3, :3] = TOOL[:3, :3] @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        state = session.drag(turned).law("lock")
-        if state.status is LawStatus.LIMIT:
+        state = session.drag(turned).strategy("lock")
+        if state.status is StrategyStatus.LIMIT:
             sentence = state.sentence
             break
     assert sentence.startswith("panda_joint7 would pass its limit of 2.89")
@@ -182,7 +182,7 @@ def test_two_hands_at_once_leave_a_consistent_state() -> None:
     def eye() -> None:
         while not stop.is_set():
             snap = session.snapshot()
-            for state in snap.laws:
+            for state in snap.strategies:
                 off = np.abs(TASK.error(state.q, snap.target[0, :3, 3], snap.target[0, :3, :3])).max()
                 if not (state.following and off < 1e-8):
                     problems.append(AssertionError(f"{state.name}: {off}"))
@@ -205,9 +205,9 @@ def test_a_snapshot_never_changes() -> None:
     session.play()
     for _ in range(40):
         old = session.advance(FRAME)
-    kept = [(state.q.copy(), state.t.copy(), state.history.copy()) for state in old.laws]
+    kept = [(state.q.copy(), state.t.copy(), state.history.copy()) for state in old.strategies]
     run(session)
-    for state, (q, t, history) in zip(old.laws, kept, strict=True):
+    for state, (q, t, history) in zip(old.strategies, kept, strict=True):
         np.testing.assert_array_equal(state.q, q)
         np.testing.assert_array_equal(state.t, t)
         np.testing.assert_array_equal(state.history, history)
@@ -231,25 +231,25 @@ def test_a_long_run_keeps_its_history_in_bounded_memory() -> None:
 
 def test_a_control_law_of_ones_own_runs_as_simulate_runs_it() -> None:
     rule = hk.controller(hk.moore_penrose(TASK), dt=0.05, gain=2.0)
-    session = Session([Law("mine", 0, rule, TASK)], PANDA_START, panda().loop, cycles=2)
+    session = Session([NamedStrategy("mine", 0, rule, TASK)], PANDA_START, panda().loop, cycles=2)
     end, loop = run(session), session.loop
     assert loop is not None
     referee = hk.simulate(rule, TASK, loop.path, PANDA_START, dt=loop.path.duration / 100, cycles=2)
-    np.testing.assert_allclose(end.laws[0].q, referee.q[-1], atol=1e-12)
-    assert session.drag(shifted(-0.05, 0.05)).laws[0].following
+    np.testing.assert_allclose(end.strategies[0].q, referee.q[-1], atol=1e-12)
+    assert session.drag(shifted(-0.05, 0.05)).strategies[0].following
     with pytest.raises(hk.HolokinError, match="a job names"):
         to_job(session)
 
 
 @pytest.mark.campaign
-def test_a_law_that_meets_its_end_on_a_loop_stops_there_and_the_others_go_on() -> None:
+def test_a_strategy_that_meets_its_end_on_a_loop_stops_there_and_the_others_go_on() -> None:
     session = panda(cycles=1)
     session.set_loop(circle_loop(TOOL[:3, 3] + [0.25, 0, 0], 0.25, near=TOOL[:3, 3], samples=100))
     session.play()
     told: set[str] = set()
     while (snap := session.advance(FRAME)).phase is not Phase.DONE:
-        told |= {state.name for state in snap.laws if state.sentence}
-    for state in snap.laws:  # it comes back within their reach, and they go on
+        told |= {state.name for state in snap.strategies if state.sentence}
+    for state in snap.strategies:  # it comes back within their reach, and they go on
         assert state.name in told and state.following and np.isnan(state.drift).all()
     session.set_loop(reversed_loop(reversed_loop(panda().loop)))  # type: ignore[arg-type]
     assert run(session).following

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +14,10 @@ from conftest import write_job
 from handmade_sheets import planar_map
 from holokin.analysis.sheets import PoseRest, Sheets
 from holokin.app.studio import Session, open_session
-from holokin.app.studio.laws import Law
+from holokin.app.studio.strategies import NamedStrategy
 from holokin.app.studio.work import SheetFollower
 from holokin.base.errors import ArgumentError
+from sessions import until
 
 HOME = np.array([0.2, 0.9, 0.9])
 
@@ -26,23 +26,16 @@ HOME = np.array([0.2, 0.9, 0.9])
 def session() -> Iterator[tuple[Session, SheetFollower, Sheets]]:
     """A planar arm with its pseudo-inverse, and a map of three sheets that is known at once."""
     found = planar_map()
-    laws = [
-        Law("pinv", 0, hk.moore_penrose(found.task), found.task),
-        Law("other", 1, found.sheets[2].strategy, found.task),
+    strategies = [
+        NamedStrategy("pinv", 0, hk.moore_penrose(found.task), found.task),
+        NamedStrategy("other", 1, found.sheets[2].strategy, found.task),
     ]
-    one = Session(laws, HOME).with_sheets(lambda _say: found)
+    one = Session(strategies, HOME).with_sheets(lambda _say: found)
     one.find_sheets()
     assert one.sheets is not None
     until(lambda: one.sheets is not None and one.sheets.state.count == 3)
     yield one, one.sheets, found
     one.close()
-
-
-def until(true: Callable[[], bool], patience: float = 20.0) -> None:
-    end = time.monotonic() + patience
-    while not true():
-        assert time.monotonic() < end, "it did not come true"
-        time.sleep(0.01)
 
 
 def at(x: float, y: float) -> np.ndarray:
@@ -56,21 +49,21 @@ def test_the_panel_knows_which_sheet_serves_the_tool_also_where_no_arm_follows(s
     for x, y in ((1.2, 0.4), (-0.3, 1.9), (0.5, -2.0)):
         one.drag(at(x, y))
         assert sheets.state.sheet == found([x, y])[0]
-        assert sheets.state.law == ""
+        assert sheets.state.strategy == ""
 
 
-def test_an_arm_that_follows_has_the_joints_of_its_sheet_and_the_others_those_of_their_laws(session: tuple) -> None:
+def test_an_arm_that_follows_has_the_joints_of_its_sheet_and_the_others_their_own(session: tuple) -> None:
     one, sheets, found = session
     one.follow_sheets("pinv")
-    assert sheets.state.law == "pinv" and sheets.state.sheet == 0
-    q = one.snapshot().law("pinv").q
+    assert sheets.state.strategy == "pinv" and sheets.state.sheet == 0
+    q = one.snapshot().strategy("pinv").q
     for angle in np.linspace(0.0, 1.0, 12):
         x, y = 1.6 * np.cos(angle), 1.6 * np.sin(angle)
         one.drag(at(x, y))
         sheet, q = found.near([x, y], q)
         assert sheet == sheets.state.sheet == 0
-        np.testing.assert_allclose(one.snapshot().law("pinv").q, q, atol=1e-9)
-    assert np.abs(one.snapshot().law("other").q - q).max() > 1e-3
+        np.testing.assert_allclose(one.snapshot().strategy("pinv").q, q, atol=1e-9)
+    assert np.abs(one.snapshot().strategy("other").q - q).max() > 1e-3
 
 
 def test_a_change_is_a_self_motion_with_the_tool_at_rest_and_then_the_arm_goes_on(session: tuple) -> None:
@@ -80,38 +73,38 @@ def test_a_change_is_a_self_motion_with_the_tool_at_rest_and_then_the_arm_goes_o
     there = np.linspace(0.0, np.pi, 90)
     for angle in np.concatenate([there, there[::-1], -there]):  # the hand goes, it does not leap
         target = at(1.2 * np.cos(angle), 1.2 * np.sin(angle))
-        before = one.snapshot().law("pinv").q
+        before = one.snapshot().strategy("pinv").q
         one.drag(target)
-        law = one.snapshot().law("pinv")
+        strategy = one.snapshot().strategy("pinv")
         if not sheets.state.sentence.startswith("Changes"):
             continue
         changed += 1
         rest = found.task.pose(before)[:2, 3]
         for _ in range(200):
             one.advance(0.1)
-            law = one.snapshot().law("pinv")
-            if law.following:
+            strategy = one.snapshot().strategy("pinv")
+            if strategy.following:
                 break
-            np.testing.assert_allclose(found.task.pose(law.q)[:2, 3], rest, atol=1e-3)
-            assert found.task.robot.within(law.q[None]).all()
-        assert law.following
-        np.testing.assert_allclose(found.task.pose(law.q)[:2, 3], target[:2, 3], atol=1e-9)
-        assert sheets.state.sheet in found.of(law.q)
+            np.testing.assert_allclose(found.task.pose(strategy.q)[:2, 3], rest, atol=1e-3)
+            assert found.task.robot.within(strategy.q[None]).all()
+        assert strategy.following
+        np.testing.assert_allclose(found.task.pose(strategy.q)[:2, 3], target[:2, 3], atol=1e-9)
+        assert sheets.state.sheet in found.of(strategy.q)
     assert changed >= 1
 
 
 def test_where_no_self_motion_leads_on_the_arm_rests_and_says_why(session: tuple) -> None:
     one, sheets, found = session
     alone = replace(found, sheets=found.sheets[:2], q=found.q[:2], labels=np.where(found.labels > 1, 0, found.labels))
-    sheets.found = alone
+    sheets.sheet_map = alone
     one.follow_sheets("pinv")
     rests = []
     for angle in np.linspace(0.0, -2.6, 120):
-        before = one.snapshot().law("pinv").q
+        before = one.snapshot().strategy("pinv").q
         one.drag(at(1.2 * np.cos(angle), 1.2 * np.sin(angle)))
-        law = one.snapshot().law("pinv")
-        if not law.following and not sheets.state.sentence.startswith(("Changes", "No sheet")):
-            np.testing.assert_array_equal(law.q, before)
+        strategy = one.snapshot().strategy("pinv")
+        if not strategy.following and not sheets.state.sentence.startswith(("Changes", "No sheet")):
+            np.testing.assert_array_equal(strategy.q, before)
             rests.append(sheets.state.sentence)
     assert rests
     assert all("no self-motion leads there" in said for said in rests)
@@ -120,28 +113,28 @@ def test_where_no_self_motion_leads_on_the_arm_rests_and_says_why(session: tuple
 def test_a_pose_that_no_sheet_serves_leaves_the_arm_at_rest_and_the_reason_is_found_in_a_thread(session: tuple) -> None:
     one, sheets, _ = session
     one.follow_sheets("pinv")
-    before = one.snapshot().law("pinv").q
+    before = one.snapshot().strategy("pinv").q
     one.drag(at(3.4, 0.0))
-    law = one.snapshot().law("pinv")
-    assert not law.following and sheets.state.sheet == -1
-    np.testing.assert_array_equal(law.q, before)
+    strategy = one.snapshot().strategy("pinv")
+    assert not strategy.following and sheets.state.sheet == -1
+    np.testing.assert_array_equal(strategy.q, before)
     reason = PoseRest.OUT_OF_REACH.text
     until(lambda: reason[1:] in sheets.state.why)
 
 
-def test_an_arm_that_follows_no_more_keeps_its_posture_and_has_its_law_again(session: tuple) -> None:
+def test_an_arm_that_follows_no_more_keeps_its_posture_and_has_its_strategy_again(session: tuple) -> None:
     one, sheets, _ = session
     one.follow_sheets("other")
     for _ in range(40):
         one.advance(0.1)
-    q = one.snapshot().law("other").q
+    q = one.snapshot().strategy("other").q
     one.follow_sheets(None)
-    assert sheets.state.law == ""
-    np.testing.assert_array_equal(one.snapshot().law("other").q, q)
+    assert sheets.state.strategy == ""
+    np.testing.assert_array_equal(one.snapshot().strategy("other").q, q)
     one.drag(at(1.4, 1.1))
-    law = one.snapshot().law("other")
-    assert law.following
-    assert law.q[1] == pytest.approx(q[1], abs=1e-9)  # its lock, on the leaf where it stood
+    strategy = one.snapshot().strategy("other")
+    assert strategy.following
+    assert strategy.q[1] == pytest.approx(q[1], abs=1e-9)  # its lock, on the leaf where it stood
 
 
 def test_a_job_with_sheets_has_them_in_its_session_and_another_has_none(tmp_path: Path) -> None:
@@ -169,13 +162,13 @@ def test_a_hand_that_leaps_does_not_make_the_joints_leap(session: tuple) -> None
     one.follow_sheets("pinv")
     rng, went = np.random.default_rng(1), 0
     for radius, angle in zip(rng.uniform(0.5, 2.5, 40), rng.uniform(-np.pi, np.pi, 40), strict=True):
-        before, target = one.snapshot().law("pinv").q, at(radius * np.cos(angle), radius * np.sin(angle))
+        before, target = one.snapshot().strategy("pinv").q, at(radius * np.cos(angle), radius * np.sin(angle))
         one.drag(target)
-        law = one.snapshot().law("pinv")
-        if law.following:
+        strategy = one.snapshot().strategy("pinv")
+        if strategy.following:
             went += 1
             on = found.sheets[sheets.state.sheet].reached(before[None], target[None])[0][0]
-            np.testing.assert_allclose(law.q, on, atol=1e-6)
+            np.testing.assert_allclose(strategy.q, on, atol=1e-6)
         else:
-            np.testing.assert_array_equal(law.q, before)
+            np.testing.assert_array_equal(strategy.q, before)
     assert 5 < went < 40

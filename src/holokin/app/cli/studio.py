@@ -36,4 +36,4 @@ def studio(
     from ..studio.server import studio as open_page
 
     session = open_session(what or DEFAULT, tip=tip, base=base, trust_units=trust_units)
-    open_page(session, port=port, host=host, browser=not no_browser, tell=show)
+    open_page(session, port=port, host=host, browser=not no_browser, progress=show)

@@ -20,12 +20,11 @@ from ...motion.checks import Scene
 from ...motion.ik import ik
 from ...path.workspaces import Box, PoseRange, Workspace, workspace
 from ...robot import Robot
-from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task
 from .job_parts import build_robot, build_tasks
 from .runner import is_job, open_one_job, run_job, workspace_of_job
-from .schema import LONGEST_TITLE, Job, job_table
-from .templates import check_new, robot_name, table, toml, toml_key, write_new
+from .schema import Job, job_table
+from .templates import check_new, circle_job, passes, robot_name, table, toml, toml_key, write_new
 
 # --- Axes and postures as one types them beside a command.
 
@@ -54,10 +53,10 @@ def posture_of(text: str, robot: Robot, degrees: bool) -> list[float]:
 def _numbers_of(text: str) -> list[float] | None:
     """Finite numbers with blanks or commas between them; None where the text has anything else."""
     try:
-        found = [float(word) for word in text.replace(",", " ").split()]
+        numbers = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
         return None
-    return found if np.isfinite(found).all() else None
+    return numbers if np.isfinite(numbers).all() else None
 
 
 # --- What is asked of `holokin advise`: a robot with a box in which it works, or a job, which says all of it.
@@ -84,9 +83,15 @@ class Question(Value):
 
 
 def question(
-    name: str, *, box: str | None = None, tilt: float | None = None, tip: str | None = None, base: str | None = None,
-    task: str | None = None, trust_units: bool = False,
-) -> Question:  # fmt: skip
+    name: str,
+    *,
+    box: str | None = None,
+    tilt: float | None = None,
+    tip: str | None = None,
+    base: str | None = None,
+    task: str | None = None,
+    trust_units: bool = False,
+) -> Question:
     """What is asked about a robot or a job. Raises: as `load`, `open_job`; ArgumentError.
 
     Args:
@@ -111,9 +116,14 @@ def question(
 
 
 def _of_robot(
-    name: str, box: str | None, tilt: float | None, tip: str | None, base: str | None, kind: str | None,
+    name: str,
+    box: str | None,
+    tilt: float | None,
+    tip: str | None,
+    base: str | None,
+    kind: str | None,
     trust_units: bool,
-) -> Question:  # fmt: skip
+) -> Question:
     chain = chain_to_tool(name, tip, base, trust_units)
     keys: dict[str, Any] = (
         {"name": name} | ({"tip": chain.tip} if chain.base else {}) | ({"base": base} if base else {})
@@ -153,61 +163,55 @@ def _typed_box(text: str, tilt: float, planar: bool) -> Workspace:
     return workspace(box=(numbers[:half], numbers[half:]), rotation=rotation, tilt=np.deg2rad(tilt))
 
 
-# --- A job written again, with the best law of an advice before its own strategies.
+# --- A job written again, with the best strategy of an advice before its own strategies.
 
-SAME = 1e-9
-"""Difference of two start postures [joint units of the file] that are one."""
-
-NAME = "advised"
-"""What the strategy is called in the job."""
+SAME = 1e-9  # difference of two start postures [joint units of the file] that are one
+NAME = "advised"  # what the strategy is called in the job
 
 
 def write_over(path: FilePath, advice: Advice, keys: Mapping[str, Any], file: FilePath) -> str:
-    """Write a job again, to a new file, with the best law of an advice before its strategies.
+    """Write a job again, to a new file, with the best strategy of an advice before its strategies.
 
     Args:
         keys: the content of the job. file: where it lies, from where its paths count.
 
     Returns:
-        What the law does not do on the path of the job, in words; empty where it does all.
+        What the strategy does not do on the path of the job, in words; empty where it does all.
 
     Raises:
         JobError: the file exists. WriteError.
     """
     moved = _moved(keys, file, path)
     remark = _begin(advice, moved)
-    text = _text(advice, moved)
+    # In TOML: plain keys, tables, the strategies, and what is expected of them.
+    strategies = {NAME: dict(advice.best.keys)} | {k: v for k, v in moved.pop("strategies").items() if k != NAME}
+    expect = {NAME: {"holonomic": True}} | {k: v for k, v in moved.pop("expect", {}).items() if k != NAME}
+    plain = [f"{key} = {toml(value)}" for key, value in moved.items() if not isinstance(value, Mapping)]
+    parts = ["\n".join(plain) + "\n"]
+    parts += [table(key, value) for key, value in moved.items() if isinstance(value, Mapping)]
+    parts += [table(f"strategies.{toml_key(key)}", value) for key, value in strategies.items()]
+    parts += [table(f"expect.{toml_key(key)}", value) for key, value in expect.items()]
+    text = "\n".join(parts)
     write_new(path, text)
-    return "; ".join(said for said in (remark, _trouble(text, path)) if said)
+    return "; ".join(filter(None, (remark, _trouble(text, path))))
 
 
 def _begin(advice: Advice, keys: dict[str, Any]) -> str:
-    """Let a job begin on the leaf of the best law, with the tool where it was at the start; what is said of that."""
-    law, robot = advice.best, advice.task.robot
+    """Let a job begin on the leaf of the best strategy, its tool where it was at the start; what is said of that."""
+    best, robot = advice.best, advice.task.robot
     degrees = bool(keys["start"].get("degrees", False))
     scales = np.where(robot.hinges & degrees, np.pi / 180, 1.0)
     q0 = scales * np.asarray(keys["start"]["q"], dtype=float)
-    if np.abs(q0 - law.q0).max() <= SAME:
+    if np.abs(q0 - best.q0).max() <= SAME:
         return ""
     try:
-        begins = ik(law.strategy, law.q0, limits=True)(advice.task.pose(q0))
+        begin = ik(best.strategy, best.q0, limits=True)(advice.task.pose(q0))
     except HolokinError as problem:
-        return f"the leaf of the law does not reach the tool pose of the start ({problem}): give the job another start"
-    keys["start"] = {"q": (begins / scales).tolist()} | ({"degrees": True} if degrees else {})
-    return "" if np.abs(begins - q0).max() <= SAME else "the job begins on the leaf of the law, its tool where it was"
-
-
-def _text(advice: Advice, keys: dict[str, Any]) -> str:
-    """The job in TOML: its plain keys, its tables, the strategies, and what is expected of them."""
-    law = advice.best
-    named = {NAME: dict(law.keys)} | {k: v for k, v in keys.pop("strategies").items() if k != NAME}
-    wanted = {NAME: {"holonomic": True}} | {k: v for k, v in keys.pop("expect", {}).items() if k != NAME}
-    plain = [f"{key} = {toml(value)}" for key, value in keys.items() if not isinstance(value, Mapping)]
-    found = ["\n".join(plain) + "\n"]
-    found += [table(key, value) for key, value in keys.items() if isinstance(value, Mapping)]
-    found += [table(f"strategies.{toml_key(key)}", value) for key, value in named.items()]
-    found += [table(f"expect.{toml_key(key)}", value) for key, value in wanted.items()]
-    return "\n".join(found)
+        fact = f"the leaf of the strategy does not reach the tool pose of the start ({problem})"
+        return f"{fact}: give the job another start"
+    keys["start"] = {"q": (begin / scales).tolist()} | ({"degrees": True} if degrees else {})
+    moved = np.abs(begin - q0).max() > SAME
+    return "the job begins on the leaf of the strategy, its tool where it was" if moved else ""
 
 
 def _moved(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
@@ -219,48 +223,40 @@ def _moved(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str,
             return dict(given)
         return dict(given) | {key: robot_name(str(file.parent / name), path)}
 
-    found = dict(keys) | {"robot": beside(keys["robot"], "name"), "path": beside(keys["path"], "file")}
-    if "parts" in found["robot"]:
-        found["robot"]["parts"] = [beside(part, "name") for part in found["robot"]["parts"]]
-    if "others" in found["path"]:
-        found["path"]["others"] = [beside(other, "file") for other in found["path"]["others"]]
+    moved = dict(keys) | {"robot": beside(keys["robot"], "name"), "path": beside(keys["path"], "file")}
+    if "parts" in moved["robot"]:
+        moved["robot"]["parts"] = [beside(part, "name") for part in moved["robot"]["parts"]]
+    if "others" in moved["path"]:
+        moved["path"]["others"] = [beside(other, "file") for other in moved["path"]["others"]]
     if "workspace" in keys:
-        found["workspace"] = beside(keys["workspace"], "file")
-    return found
+        moved["workspace"] = beside(keys["workspace"], "file")
+    return moved
 
 
 def _trouble(text: str, path: FilePath) -> str:
-    """What the law of an advice does not do on the path of the job, in words; empty where it does all."""
+    """What the strategy of an advice does not do on the path of the job, in words; empty where it does all."""
     keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # it is known to be holonomic
     keys.pop("workspace", None)
     for part in ("strategies", "expect"):
         keys[part] = {NAME: keys[part][NAME]}
     try:
-        found = run_job(path.stem, Job.model_validate(keys), path).strategies[0]
+        result = run_job(path.stem, Job.model_validate(keys), path).strategies[0]
     except HolokinError as problem:
-        return f"the law cannot be run on the path of the job: {problem}"
-    if found.passed:
+        return f"the strategy cannot be run on the path of the job: {problem}"
+    if result.passed:
         return ""
-    report = found.motion_check
-    said = [found.trouble] if found.trouble else []
-    said += [report.trouble] if report is not None and report.trouble else []
-    return f"on the path of the job the law does not do all that is asked: {'; '.join(said) or found.status.value}"
+    report = result.motion_check
+    troubles = "; ".join(filter(None, (result.trouble, "" if report is None else report.trouble)))
+    return f"on the path of the job the strategy does not do all that is asked: {troubles or result.status.value}"
 
 
-SHARE = 0.5
-"""Radius of the circle over the least half side of the workspace, to begin with."""
+# --- `holokin advise`: the advice, and the job that is written of it.
 
-LARGEST = 0.1
-"""Its largest radius [m]."""
-
-SMALLER = 3
-"""Times that the circle is made smaller, by half each, until the law and the pseudo-inverse follow it to its end."""
-
+SHARE = 0.5  # radius of the circle over the least half side of the workspace, to begin with
+LARGEST = 0.1  # its largest radius [m]
+SMALLER = 3  # times that the circle is made smaller, by half each, until both strategies follow it to its end
+# What an advice takes on two cores that do nothing else: 17 to 59 s of processor time on five arms, and compilers.
 DURATION = "up to a minute, with several redundant joints two"
-"""What an advice takes on two cores that do nothing else: 17 to 59 s of processor time on five arms, and compilers."""
-
-SAMPLES, CYCLES = 100, 2
-"""Of the circle."""
 
 
 def advise_command(
@@ -283,7 +279,7 @@ def advise_command(
     path = out or FilePath(f"advice-{FilePath(name).stem}.toml")
     check_new(path)
     announce(f"{asked.chain}. This takes {DURATION}.")
-    found = advise_chain(
+    advice = advise_chain(
         asked.chain,
         asked.task,
         asked.workspace,
@@ -296,16 +292,16 @@ def advise_command(
 
     def write() -> tuple[FilePath, str]:
         if asked.file is not None:
-            return path, write_over(path, found, asked.keys, asked.file)
-        _write_advice(path, found, asked)
+            return path, write_over(path, advice, asked.keys, asked.file)
+        _write_advice(path, advice, asked)
         return path, ""
 
-    return found, write
+    return advice, write
 
 
 def proof_command(advice: Advice, asked: Question, job: FilePath) -> str:
     """The command that proves what the advice looked at pose by pose: over its box, or along the path of the job; empty
-    where no proof is made of the law.
+    where no proof is made of the strategy.
     """
     if not advice.certify_by:
         return ""
@@ -315,53 +311,34 @@ def proof_command(advice: Advice, asked: Question, job: FilePath) -> str:
 
 
 def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:
-    """Write a job of the best law of an advice, beside the pseudo-inverse, to a new file.
+    """Write a job of the best strategy of an advice, beside the pseudo-inverse, to a new file.
 
-    Both are followed round a circle in the workspace before it is written; what must stay true of the law is expected.
+    Both are followed round a circle in the workspace before it is written; what must stay true of the best is expected.
 
     Raises:
         JobError: the file exists, or is no .toml. ArgumentError: no circle was found. WriteError.
     """
-    check_new(path)
-    for radius in _radii(advice.workspace):
-        text = _advised_job_text(path, advice, asked, radius)
-        if _runs(text, path):
+    best, task, space = advice.best, advice.task, advice.workspace
+    robot = dict(asked.keys["robot"])
+    robot["name"] = robot_name(robot["name"], path) if FilePath(robot["name"]).suffix else robot["name"]
+    tables = {
+        **({"workspace": _workspace_keys(space)} if isinstance(space, PoseRange) else {}),
+        f"strategies.{NAME}": dict(best.keys),
+        "strategies.moore-penrose": {"kind": "moore-penrose"},
+        f"expect.{NAME}": {"holonomic": True, "drift_total": {"below": 1e-6}},
+    }
+    # The largest circle that the strategies follow: half as large each time.
+    half = space.solid.half if isinstance(space, PoseRange) else np.array([LARGEST])
+    largest = min(LARGEST, SHARE * float(half[half > 0].min()))
+    for k in range(SMALLER):
+        radius = float(f"{largest / 2**k:.1g}")
+        title, about = f"{task.robot.name}: {best.name}", " ".join(advice.reasons)
+        text = circle_job(title, about, robot, task, best.q0, radius, tables)
+        if passes(text, path):
             write_new(path, text)
             return
-    raise ArgumentError(
-        "the circle of the job", None, "none was found that the strategy follows: write a path of your own"
-    )
-
-
-def _advised_job_text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str:
-    law, task, space = advice.best, advice.task, advice.workspace
-    inward = -radius if task.pose(law.q0)[0, 3] > 0 else radius
-    chosen = dict(asked.keys["robot"])
-    chosen["name"] = robot_name(chosen["name"], path) if FilePath(chosen["name"]).suffix else chosen["name"]
-    parts = [
-        f"title = {toml(f'{task.robot.name}: {law.name}'[:LONGEST_TITLE])}\nabout = {toml(' '.join(advice.reasons))}",
-        table("robot", chosen),
-        table("task", _task_keys(task)),
-        "# " + ", ".join(task.robot.joint_names).replace("\n", " ") + "\n" + table("start", {"q": law.q0.tolist()}),
-        table("path", {
-            "kind": "circle", "center": [inward, 0.0, 0.0], "relative": True, "speed": 0.1, "samples": SAMPLES,
-            "cycles": CYCLES,
-        }),
-        *([table("workspace", _workspace_keys(space))] if isinstance(space, PoseRange) else []),
-        table("strategies.advised", dict(law.keys)),
-        table("strategies.moore-penrose", {"kind": "moore-penrose"}),
-        table("expect.advised", {"holonomic": True, "drift_total": {"below": 1e-6}}),
-    ]  # fmt: skip
-    return "\n".join(part.rstrip("\n") + "\n" for part in parts)
-
-
-def _task_keys(task: Task) -> dict[str, Any]:
-    """[task] of a task that `task_of_kind` made."""
-    if task.orientation is not None:
-        axis = {"axis": task.axis.tolist()} if isinstance(task, FrameTask) and task.orientation == "axis" else {}
-        return {"kind": "pose", "orientation": task.orientation} | axis
-    whole = tuple(range(2 if task.robot.planar else 3))
-    return {"kind": "position"} | ({} if task.rows == whole else {"rows": list(task.rows)})
+    cure = "none was found that the strategy follows: write a path of your own"
+    raise ArgumentError("the circle of the job", None, cure)
 
 
 def _workspace_keys(space: PoseRange) -> dict[str, Any]:
@@ -371,20 +348,3 @@ def _workspace_keys(space: PoseRange) -> dict[str, Any]:
     keys = {key: np.asarray(value).tolist() for key, value in sizes.items()}
     turns = {"tilt_deg": round(float(np.degrees(space.tilt)), 9), "spin_deg": round(float(np.degrees(space.spin)), 9)}
     return {"kind": type(space.solid).__name__.lower(), **keys, "rotation": space.rotation.tolist(), **turns}
-
-
-def _radii(space: Workspace) -> list[float]:
-    """Radii [m] to try, the largest first."""
-    half = space.solid.half if isinstance(space, PoseRange) else np.array([LARGEST])
-    first = min(LARGEST, SHARE * float(half[half > 0].min()))
-    return [float(f"{first / 2**k:.1g}") for k in range(SMALLER)]
-
-
-def _runs(text: str, path: FilePath) -> bool:
-    """Whether the law does what is expected and the pseudo-inverse follows the path, too."""
-    keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # verdicts and coverage take long, and are known
-    keys.pop("workspace", None)
-    try:
-        return run_job(path.stem, Job.model_validate(keys), path).passed
-    except HolokinError:
-        return False

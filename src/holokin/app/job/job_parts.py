@@ -63,7 +63,9 @@ def build_robot(job: Job, file: FilePath) -> Robot:
     with naming(file, "robot") if job.robot.parts is not None or job.robot.order is not None else nullcontext():
         robot = robot_of_job(job.robot, file)
     if robot.n > MOST_JOINTS:
-        cure = f"laws of at most {MOST_JOINTS} joints are judged: choose tip and base nearer together, or lock some"
+        cure = (
+            f"strategies of at most {MOST_JOINTS} joints are judged: choose tip and base nearer together, or lock some"
+        )
         raise JobError(file, "robot", f"moves {robot.n} joints", cure)
     return robot
 
@@ -78,6 +80,16 @@ def naming(file: FilePath, *key: str) -> Iterator[None]:
     except HolokinError as problem:
         fact, _, cure = str(problem).rpartition("; ")
         raise JobError(file, dotted(key), fact or cure, cure if fact else "change it") from problem
+
+
+def title_of(label: str, task: Task, tasks: list[Task]) -> str:
+    """How a strategy of a job is called for one of its tasks: with the orientation, where there are several."""
+    return label if len(tasks) == 1 else f"{label} ({task.orientation})"
+
+
+def reason(problem: HolokinError) -> str:
+    """Why a strategy could not be run; of an error that names a key of the job the fact and the cure."""
+    return f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem)
 
 
 def _build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
@@ -144,8 +156,8 @@ def build_begin(table: StrategyTable, strategy: Strategy, q0: Vector) -> tuple[V
         fact, _, cure = str(problem).rpartition("; ")
         fact = f"moving to the leaf failed: from the start posture to level {level}, {fact}"
         raise BranchError(fact, f"{cure}, or another level") from problem
-    at = posture_text(begin, strategy.task.robot.joint_names)
-    return begin, f"{strategy.name} begins on the leaf of level {level}, moved to from the start posture, at {at}."
+    posture = posture_text(begin, strategy.task.robot.joint_names)
+    return begin, f"{strategy.name} begins on the leaf of level {level}, moved to from the start posture, at {posture}."
 
 
 def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> Path:
@@ -183,76 +195,69 @@ def _curve(table: PathTable, tool: Vector, file: FilePath) -> Path:
     def placed(point: list[float]) -> Vector:
         return origin + as_point(point)
 
-    kind, speed = table.kind, table.speed
+    kind, speed, closed = table.kind, table.speed, table.closed
+    # Through points and poses.
     if kind in ("polyline", "spline"):
         points = np.array([placed(p) for p in table.points or []])
         if kind == "spline":
-            return spline(points, times=table.times, closed=table.closed, speed=speed)
+            return spline(points, times=table.times, closed=closed, speed=speed)
         turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
-        return polyline(points, turns=turns, closed=table.closed, speed=speed)
+        return polyline(points, turns=turns, closed=closed, speed=speed)
+    if kind in ("poses", "waypoints"):
+        if kind == "poses":
+            matrices = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
+            targets = Waypoints(matrices[:, :3, 3], matrices[:, :3, :3])
+        else:
+            words = {"units": table.units, "angles": table.angles, "order": table.order}
+            targets = read_waypoints(file.parent / (table.file or ""), ignore=table.ignore, **words)
+        targets = replace(targets, points=targets.points + origin)
+        if table.through == "lines":
+            return polyline(targets, closed=closed, speed=speed)
+        return spline(targets, times=table.times, closed=closed, speed=speed)
+    # Curves of a few numbers, from the tool, or from `at`.
     if kind in ("circle", "arc"):
         return _arc(table, placed(table.center or []), tool if table.at is None else placed(table.at), file)
-    if kind in ("poses", "waypoints"):
-        return _through(table, origin, file)
-    at = tool if table.at is None and table.frame is None else placed(table.at or [0.0, 0.0, 0.0])
+    start = tool if table.at is None and table.frame is None else placed(table.at or [0.0, 0.0, 0.0])
     if kind == "svg":
-        return _outline(table, at, file)
+        return _outline(table, start, file)
     if kind == "figure-eight":
-        return figure_eight(at, table.width or 0.0, table.height, table.normal, along=table.along, speed=speed)
+        return figure_eight(start, table.width or 0.0, table.height, table.normal, along=table.along, speed=speed)
+    # Over a surface.
     surface = None if table.surface is None else _surface(table.surface)
     if kind == "raster":
         sides = table.along or [], table.across or []
-        return raster(at, *sides, table.spacing or 0.0, surface=surface, tool=table.tool, speed=speed)
-    return spiral(
-        at, table.radius or 0.0, table.spacing or 0.0, table.normal, inward=table.inward, clockwise=table.clockwise,
-        along=table.along, surface=surface, tool=table.tool, speed=speed,
-    )  # fmt: skip
+        return raster(start, *sides, table.spacing or 0.0, surface=surface, tool=table.tool, speed=speed)
+    way = {"inward": table.inward, "clockwise": table.clockwise, "along": table.along}
+    radius, spacing = table.radius or 0.0, table.spacing or 0.0
+    return spiral(start, radius, spacing, table.normal, surface=surface, tool=table.tool, speed=speed, **way)
 
 
-def _arc(table: PathTable, center: Vector, q0: Vector, file: FilePath) -> Path:
+def _arc(table: PathTable, center: Vector, start: Vector, file: FilePath) -> Path:
     """The arc that begins at a point (3,): where the tool is, or `at`."""
     angle = 360.0 if table.angle_deg is None else table.angle_deg
     try:
-        return arc(q0, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
+        return arc(start, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
     except ArgumentError as problem:
         if problem.what != "normal" or table.relative:
             raise
-        fact = f"is {problem.value}, {'the tool' if table.at is None else 'it'} starts at {_typed(q0)}"
+        fact = f"is {problem.value}, {'the tool' if table.at is None else 'it'} starts at {_typed(start)}"
         cure = f"{problem.cure}; set relative = true, then the center counts from the tool"
         raise JobError(file, "path.normal", fact, cure) from None
 
 
-def _through(table: PathTable, origin: Vector, file: FilePath) -> Path:
-    """Through poses or a file's waypoints: a spline, or lines."""
-    if table.kind == "poses":
-        matrices = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
-        read = Waypoints(matrices[:, :3, 3], matrices[:, :3, :3])
-    else:
-        read = read_waypoints(
-            file.parent / (table.file or ""),
-            units=table.units,
-            angles=table.angles,
-            order=table.order,
-            ignore=table.ignore,
-        )
-    targets = replace(read, points=read.points + origin)
-    if table.through == "lines":
-        return polyline(targets, closed=table.closed, speed=table.speed)
-    return spline(targets, times=table.times, closed=table.closed, speed=table.speed)
-
-
-def _outline(table: PathTable, at: Vector, file: FilePath) -> Path:
-    found = read_svg(file.parent / (table.file or ""), pixel=table.pixel, speed=table.speed)
-    if table.outline is None and len(found) > 1:
-        lengths = ", ".join(f"{k + 1}: {path.length:.3g} m" for k, path in enumerate(found[:12]))
-        fact = f"names none of the {len(found)} outlines ({lengths})"
+def _outline(table: PathTable, start: Vector, file: FilePath) -> Path:
+    """An outline of a drawing, moved to where the tool starts, or in the frame at `at`."""
+    outlines = read_svg(file.parent / (table.file or ""), pixel=table.pixel, speed=table.speed)
+    if table.outline is None and len(outlines) > 1:
+        lengths = ", ".join(f"{k + 1}: {path.length:.3g} m" for k, path in enumerate(outlines[:12]))
+        fact = f"names none of the {len(outlines)} outlines ({lengths})"
         raise JobError(file, "path.outline", fact, "say which one")
     index = (table.outline or 1) - 1
-    if index >= len(found):
-        raise JobError(file, "path.outline", f"is {table.outline}", f"the drawing has {len(found)}")
+    if index >= len(outlines):
+        raise JobError(file, "path.outline", f"is {table.outline}", f"the drawing has {len(outlines)}")
     if table.at is None and table.frame is None:
-        return found[index].starting_at(at)
-    return found[index].in_frame(pose_from(at))
+        return outlines[index].starting_at(start)
+    return outlines[index].in_frame(pose_from(start))
 
 
 def _surface(formula: str | float) -> Callable[[float, float], float]:
@@ -302,14 +307,14 @@ def build_paths(table: PathTable, task: Task, q0: Vector, file: FilePath) -> Any
         return build_path(table, task, q0, file)
     if table.entry is not None:
         raise JobError(file, "path.entry", "leads one tool to its path, the task has several", "leave it out")
-    found = []
+    paths = []
     for f, part in enumerate(parts_of(task)):
         if f > len(others):
-            found.append(part.pose(q0)[:3, 3])
+            paths.append(part.pose(q0)[:3, 3])
         else:
-            its = table if f == 0 else others[f - 1].model_copy(update={"cycles": table.cycles})
-            found.append(build_path(its, part, q0, file))
-    return synchronized(*found)
+            own = table if f == 0 else others[f - 1].model_copy(update={"cycles": table.cycles})
+            paths.append(build_path(own, part, q0, file))
+    return synchronized(*paths)
 
 
 # --- The entry of a job: from its start posture to where its path begins, timed and checked like the path.
@@ -355,21 +360,22 @@ def build_entry(job: Job, strategy: Strategy, path: AnyPath, q0: Vector) -> Entr
 
 def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> tuple[str, CheckReport | None]:
     """A sentence on an entry, and what the job's [checks] find on it; an empty one where there is no entry."""
-    walk, robot = entry.walk, strategy.task.robot
+    walk, robot, printed = entry.walk, strategy.task.robot, job.printed_units
     if walk is None:
         return "", None
     motion = walk if job.timing is None else entry.timed(job.timing) or walk
-    turned = np.ptp(walk.q, axis=0)
-    most = int(np.argmax(turned))
-    name, units, printed = robot.joint_names[most], [c.unit for c in robot.coordinates], job.printed_units
-    at = posture_text(entry.q0 * printed.factors(units), robot.joint_names)
-    told = f"{strategy.name} enters the path by {job.path.entry} in {motion.t[-1]:.3g} s, at {at}"
-    told += f"; on this way {name} moves most, by {printed.said(turned[most], units[most], 3)}"
+    # How long it takes, where it leads, and the joint that moves most.
+    moved = np.ptp(walk.q, axis=0)
+    most, units = int(np.argmax(moved)), [c.unit for c in robot.coordinates]
+    posture = posture_text(entry.q0 * printed.factors(units), robot.joint_names)
+    note = f"{strategy.name} enters the path by {job.path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
+    note += f"{robot.joint_names[most]} moves most, by {printed.said(moved[most], units[most], 3)}"
+    # What [checks] find.
     if job.checks is None:
-        return f"{told}. The way there is not checked: the job has no [checks].", None
+        return f"{note}. The way there is not checked: the job has no [checks].", None
     with naming(file, "checks"):
-        found = job.checks.checked(motion, strategy.task)
-    if found.passed:
-        return f"{told}. [checks] find nothing on the way there.", found
-    trouble = found.findings[0].printed(printed) if found.findings else found.unread
-    return f"{told}. [checks] find on the way there: {trouble}.", found
+        report = job.checks.checked(motion, strategy.task)
+    if report.passed:
+        return f"{note}. [checks] find nothing on the way there.", report
+    trouble = report.findings[0].printed(printed) if report.findings else report.unread
+    return f"{note}. [checks] find on the way there: {trouble}.", report

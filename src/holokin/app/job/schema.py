@@ -7,16 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationError, create_model, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
 from ...base.errors import HolokinError, JobError, brief, closest, shown
 from ...base.units import SI, PrintedUnits, printed_units
 from ...motion.checks import Scene
 from ...robot import FARTHEST
 from ...robot.formats.urdf import read_toml
-from .metrics import METRICS
 from .strategy_tables import KINDS, AnyStrategy, Fitted
 from .tables import (
     ChecksTable,
@@ -38,26 +37,14 @@ from .tables import (
     of,
 )
 
-MOST_POSTURES = 65_536
-"""Postures of a verdict: those of `thorough=True`."""
-
+MOST_POSTURES = 65_536  # postures of a verdict: those of `thorough=True`
+# tool poses of a workspace: shares are right to a thousandth, and those that are missed take a few ms each
 MOST_POSES = 16_384
-"""Tool poses of a workspace: shares are right to a thousandth, and those that are missed take a few ms each."""
-
-MOST_CELLS = 200
-"""Cells along the longest side of a slice: a pixel each in a picture on a page."""
-
-MOST_STRATEGIES = 100
-"""Strategies of a job: a table and figures of more are not read."""
-
-LONGEST_NAME = 100
-"""Characters of a strategy's name, which heads columns, figures and files."""
-
-LONGEST_TITLE = 200
-"""Characters of a title: two lines of the table."""
-
-LONGEST_ABOUT = 10_000
-"""Characters of the paragraph in a report."""
+MOST_CELLS = 200  # cells along the longest side of a slice: a pixel each in a picture on a page
+MOST_STRATEGIES = 100  # strategies of a job: a table and figures of more are not read
+LONGEST_NAME = 100  # characters of a strategy's name, which heads columns, figures and files
+LONGEST_TITLE = 200  # characters of a title: two lines of the table
+LONGEST_ABOUT = 10_000  # characters of the paragraph in a report
 
 Figure = Annotated[float, Field(allow_inf_nan=False)]
 Size = Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)]
@@ -91,37 +78,44 @@ class Bound(Table):
 
     def holds(self, number: float) -> bool:
         """True when the number is as wanted; never for NaN."""
-        checks = [number == number]
-        if self.below is not None:
-            checks.append(number < self.below)
-        if self.above is not None:
-            checks.append(number > self.above)
-        if self.value is not None and self.within is not None:
-            checks.append(abs(number - self.value) <= self.within)
-        return all(checks)
+        return (
+            number == number
+            and (self.below is None or number < self.below)
+            and (self.above is None or number > self.above)
+            and (self.value is None or self.within is None or abs(number - self.value) <= self.within)
+        )
 
     def __str__(self) -> str:
-        parts = []
-        if self.value is not None:
-            parts.append(f"{self.value:g} +- {self.within:g}")
-        if self.above is not None:
-            parts.append(f"> {self.above:g}")
-        if self.below is not None:
-            parts.append(f"< {self.below:g}")
-        return " and ".join(parts)
+        value = None if self.value is None else f"{self.value:g} +- {self.within:g}"
+        above = None if self.above is None else f"> {self.above:g}"
+        below = None if self.below is None else f"< {self.below:g}"
+        return " and ".join(filter(None, (value, above, below)))
 
 
-class Expected(Table):
-    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1); every metric may have a bound, too."""
+class ExpectTable(Table):
+    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1); bounds of its `METRICS`, too."""
 
     holonomic: bool | None = None
     completes: bool = True
-
-
-if TYPE_CHECKING:
-    ExpectTable = Expected
-else:
-    ExpectTable = create_model("ExpectTable", __base__=Expected, **dict.fromkeys(METRICS, (Bound | None, None)))
+    defect: Bound | None = None
+    drift: Bound | None = None
+    drift_mean: Bound | None = None
+    drift_total: Bound | None = None
+    drift_least: Bound | None = None
+    drift_most: Bound | None = None
+    spread: Bound | None = None
+    tracking: Bound | None = None
+    sigma: Bound | None = None
+    speed: Bound | None = None
+    peak_speed: Bound | None = None
+    residual: Bound | None = None
+    invariant: Bound | None = None
+    same_joints: Bound | None = None
+    coverage: Bound | None = None
+    coverage_rcond: Bound | None = None
+    time: Bound | None = None
+    clearance: Bound | None = None
+    limit_distance: Bound | None = None
 
 
 class VerdictTable(Table):
@@ -243,8 +237,7 @@ class Job(Table):
 
 # --- Reading a job file: what is wrong with it becomes a sentence that names file, key, value and cure.
 
-Key = tuple[str, ...]
-"""The path to a value: the names and numbers of the tables and lists around it, and its own."""
+Key = tuple[str, ...]  # the path to a value: the names and numbers of the tables and lists around it, and its own
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
 _CURES = {
@@ -270,7 +263,10 @@ Model = TypeVar("Model", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Form(Generic[Model]):
-    """What a kind of file holds: its model, the table of things that have a `kind`, and those kinds."""
+    """What a kind of file holds: its model, the table of things that have a `kind`, and those kinds.
+
+    where, more, example: the cures where there is no such file, of a misspelt key, and of a missing one.
+    """
 
     model: type[Model]
     named: str
@@ -319,11 +315,16 @@ def dotted(key: Key) -> str:
 
 def _named(path: Path, problem: ValidationError, table: dict[str, Any], form: Form[Any]) -> JobError:
     """The first fault of the file, as a sentence. A value that may be of several types has a fault for each."""
+    # The deepest fault below the first key; a misspelt key tells more than the one that it leaves out.
     faults = [_located(fault, table, form) for fault in problem.errors()]
-    faults.sort(key=lambda found: found[1]["type"] == "missing")  # a misspelt key tells more than the one it leaves out
+    faults.sort(key=lambda located: located[1]["type"] == "missing")
     first = faults[0][0]
     parts, fault = max((f for f in faults if f[0][: len(first)] == first), key=lambda f: len(f[0]))
-    key, kind = dotted(parts), _kind_at(parts, table, form)
+    key = dotted(parts)
+    # The kind of the table that it is in, unless the kind itself is wrong.
+    of_kind = len(parts) > 2 and parts[0] == form.named
+    kind = str(table[form.named][parts[1]]["kind"]) if of_kind and parts[2] != "kind" else ""
+    # A key that is missing, or too many.
     if fault["type"] == "missing":
         if kind:
             return JobError(path, dotted(parts[:2]), f"kind = {kind!r} needs {parts[2]}", "add it")
@@ -331,23 +332,27 @@ def _named(path: Path, problem: ValidationError, table: dict[str, Any], form: Fo
     if fault["type"] == "extra_forbidden":
         if kind and any(parts[2] in model.model_fields for model in form.kinds.values()):
             return JobError(path, dotted(parts[:2]), f"kind = {kind!r} does not use {parts[2]}", "leave it out")
-        nearest = closest(parts[-1], _known_keys(parts, kind, form))
-        return JobError(path, key, "is an unknown key", form.more.format(nearest))
+        known = keys_beside(form.model, parts)
+        if of_kind:
+            known = keys_beside(form.kinds[kind], parts[2:]) if kind else ["kind"]
+        return JobError(path, key, "is an unknown key", form.more.format(closest(parts[-1], known)))
+    # A value that makes no sense, in the words of the table.
     value = fault.get("input", table)
     if isinstance(value, float) and not isfinite(value):
         return JobError(path, key, f"is {value}", "give a finite number")
     if fault["type"] == "value_error":
-        found = "" if isinstance(value, dict) else f"is {shown(value, 150)}: "
+        fact = "" if isinstance(value, dict) else f"is {shown(value, 150)}: "
         message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
         if not key:  # of the whole job: the message begins with the key
             key, _, message = message.partition(": ")
-        return JobError(path, key, f"{found}{message}", cure)
-    found = "is a table" if isinstance(value, dict) else f"is {shown(value, 150)}"
+        return JobError(path, key, f"{fact}{message}", cure)
+    # A value of another type, or none of the choices.
+    fact = "is a table" if isinstance(value, dict) else f"is {shown(value, 150)}"
     choices = [w for k, f in faults if k == parts for w in re.findall("'([^']+)'", _context(f, "expected"))]
     if choices and isinstance(value, str):
-        return JobError(path, key, found, closest(value, choices))
+        return JobError(path, key, fact, closest(value, choices))
     cures = dict.fromkeys(_cure(f) for k, f in faults if k == parts)
-    return JobError(path, key, found, f"give {' or '.join(cures)}")
+    return JobError(path, key, fact, f"give {' or '.join(cures)}")
 
 
 def _cure(fault: Mapping[str, Any]) -> str:
@@ -363,31 +368,25 @@ def _context(fault: Mapping[str, Any], word: str) -> str:
 
 
 def _located(fault: Any, table: dict[str, Any], form: Form[Any]) -> tuple[Key, dict[str, Any]]:
-    """(key, fault) of what pydantic found: without the kinds that it puts into the keys of what has one."""
+    """(key, fault) of what pydantic found: without what it puts into keys, kinds and types that a value may have."""
     loc, fault = fault["loc"], dict(fault)
     if loc[:1] == (form.named,) and len(loc) > 2:
         loc = loc[:2] + loc[3:]
     if fault["type"].startswith("union_tag"):
         loc = (*loc, "kind")
-        named = "kind" in fault["input"]
-        facts = {"expected": ", ".join(map(repr, form.kinds))}
-        fault |= {"type": "literal_error", "ctx": facts} if named else {"type": "missing"}
+        expected = {"expected": ", ".join(map(repr, form.kinds))}
+        fault |= {"type": "literal_error", "ctx": expected} if "kind" in fault["input"] else {"type": "missing"}
         fault["input"] = fault["input"].get("kind")
-    return _key(loc, table), fault
-
-
-def _kind_at(key: Key, table: dict[str, Any], form: Form[Any]) -> str:
-    """The kind of what a key is of; empty for other tables, and where it is the kind that is wrong."""
-    if len(key) < 3 or key[0] != form.named or key[2] == "kind":
-        return ""
-    return str(table[form.named][key[1]]["kind"])
-
-
-def _known_keys(key: Key, kind: str, form: Form[Any]) -> list[str]:
-    """The keys that stand beside a key; of what has a kind those of its kind."""
-    if len(key) > 2 and key[0] == form.named:
-        return keys_beside(form.kinds[kind], key[2:]) if kind else ["kind"]
-    return keys_beside(form.model, key)
+    parts: list[str] = []
+    value: Any = table
+    for part in loc:
+        if isinstance(value, dict):
+            parts.append(str(part))
+            value = value.get(part)
+        elif isinstance(value, list) and isinstance(part, int):
+            parts.append(str(part))
+            value = value[part] if part < len(value) else None  # a list may lack the part whose absence is the fault
+    return tuple(parts), fault
 
 
 def keys_beside(of: Any, key: Key) -> list[str]:
@@ -397,20 +396,7 @@ def keys_beside(of: Any, key: Key) -> list[str]:
         return list(of.model_fields) if len(key) == 1 else keys_beside(field.annotation if field else None, key[1:])
     if get_origin(of) in (list, dict):  # the first part is the place or the name
         return keys_beside(get_args(of)[-1], key[1:]) if len(key) > 1 else []
-    return list(dict.fromkeys(found for one in get_args(of) for found in keys_beside(one, key)))
-
-
-def _key(loc: tuple[int | str, ...], table: Any) -> Key:
-    """The key of a fault, without pydantic's names for the types that a value may have."""
-    parts: list[str] = []
-    for part in loc:
-        if isinstance(table, dict) or (isinstance(table, list) and isinstance(part, int)):
-            parts.append(str(part))
-            if isinstance(table, dict):
-                table = table.get(part)
-            else:  # a list may lack the part whose absence is the fault
-                table = table[int(part)] if int(part) < len(table) else None
-    return tuple(parts)
+    return list(dict.fromkeys(name for kind in get_args(of) for name in keys_beside(kind, key)))
 
 
 def _no_survey(path: Path, table: dict[str, Any]) -> None:
@@ -420,6 +406,11 @@ def _no_survey(path: Path, table: dict[str, Any]) -> None:
 
 _WRITES = "`holokin new` writes a complete example"
 _JOB = Form(
-    Job, "strategies", KINDS, "check the path; `holokin jobs` lists the packaged ones",
-    f"check its spelling: {{}}; {_WRITES}", f"add it; {_WRITES}", _no_survey,
-)  # fmt: skip
+    Job,
+    "strategies",
+    KINDS,
+    "check the path; `holokin jobs` lists the packaged ones",
+    f"check its spelling: {{}}; {_WRITES}",
+    f"add it; {_WRITES}",
+    _no_survey,
+)

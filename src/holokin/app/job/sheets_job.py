@@ -13,7 +13,7 @@ from ...base.errors import ArgumentError, JobError
 from ..report.job_result import SheetsResult
 from .advice_job import Question
 from .job_parts import build_paths
-from .runner import ONE_TOOL, path_motion, searched
+from .runner import sheets_result
 from .schema import SheetsTable, job_of
 from .tables import filled
 
@@ -36,7 +36,9 @@ def sheets_command(
         WriteError, JobError: the file exists; said before anything is looked at. As `sheets`.
     """
     table = filled(SheetsTable, "sheets", {**asked.keys.get("sheets", {}), **options})
-    file = out or _named(name, table, asked)
+    file = out or FilePath(f"sheets-{FilePath(name).stem}.npz")
+    if out is None and table.file is not None and asked.file is not None:
+        file = asked.file.parent / table.file
     if file.suffix != ".npz":
         raise ArgumentError("--out", str(file), "give a name that ends in .npz")
     if os.path.lexists(file):
@@ -45,17 +47,10 @@ def sheets_command(
     if space is None:
         space = proposed_workspace(asked.task, first_start(asked.task) if asked.q0 is None else asked.q0)
     announce(f"{asked.chain}: {space}. This takes up to {table.seconds + 60:.0f} s.")
-    found = sheets(asked.task, space, scene=asked.scene, progress=progress, **searched(table))
-    write_sheets(found, file)
+    search = table.model_dump(exclude={"file"})
+    sheet_map = sheets(asked.task, space, scene=asked.scene, progress=progress, **search)
+    write_sheets(sheet_map, file)
     if asked.file is None or asked.q0 is None:
-        return SheetsResult(found, table.share), file
+        return SheetsResult(sheet_map, table.share), file
     path = build_paths(job_of(asked.file, dict(asked.keys)).path, asked.task, asked.q0, asked.file)
-    along = path_motion(found, path, asked.q0)
-    return SheetsResult(found, table.share, along, "" if along is not None else ONE_TOOL), file
-
-
-def _named(name: str, table: SheetsTable, asked: Question) -> FilePath:
-    """The file of a job's [sheets], or one called after what was asked about."""
-    if table.file is not None and asked.file is not None:
-        return asked.file.parent / table.file
-    return FilePath(f"sheets-{FilePath(name).stem}.npz")
+    return sheets_result(sheet_map, table.share, path, asked.q0), file

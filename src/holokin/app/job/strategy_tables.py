@@ -1,12 +1,12 @@
 """[strategies.NAME]: one model a kind. Its fields are the keys of the job file, `build` makes the strategy.
 
-A new kind is one more class here: `kind` and its keys, each with a default unless it is needed, and `build`.
+A new kind is one more class here, in `AnyStrategy`: `kind`, its keys, each with a default unless needed, and `build`.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -21,16 +21,13 @@ from ...strategies import HolonomicStrategy, Strategy, constraints
 from ...strategies.constraints import Constraint
 from ...strategies.tasks.task import Task
 from ...symbolic import Function, symbol
-from .tables import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, filled, kinds, matrix
+from .tables import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, by_kind, column, filled, matrix
 
+# Runge-Kutta steps of a radial strategy: each lengthens the expressions; beyond these the error is round-off
 MOST_RADIAL_STEPS = 100
-"""Runge-Kutta steps of a radial strategy: each lengthens the expressions; beyond these the error is round-off."""
-
+# degree of a fitted polynomial, and postures that it is fitted to: in 7 variables degree 6 has 1,715 terms
 MOST_DEGREE, MOST_FITTED = 6, 10_000
-"""Degree of a fitted polynomial, and postures that it is fitted to: in 7 variables degree 6 has 1,715 terms."""
-
-MOST_TERMS = 500
-"""Terms of a designed law's polynomial: of degree 4 in six coordinates it has 210."""
+MOST_TERMS = 500  # terms of a designed strategy's polynomial: of degree 4 in six coordinates it has 210
 
 
 def _rectangular(rows: Any) -> Any:
@@ -273,10 +270,9 @@ class Stationary(ConstraintTable):
         return constraints.stationary(cost, free=None if self.free is None else tuple(self.free))
 
 
-if TYPE_CHECKING:
-    AnyConstraint = ConstraintTable
-else:
-    AnyConstraint = Annotated[Union[tuple(kinds(ConstraintTable).values())], Field(discriminator="kind")]  # noqa: UP007
+AnyConstraint = Annotated[
+    Custom | Linear | Lock | Coupled | ArmAngle | Height | Stationary, Field(discriminator="kind")
+]
 
 
 class Stack(ConstraintTable):
@@ -354,19 +350,37 @@ class Fitted(StrategyTable):
             return strategies.fitted(given, Q, degree=self.degree, rows=rows, name=name)
         except SingularityError as problem:
             turned = f", tools turned by up to {self.turn_deg:g} degrees" if self.turn_deg else ""
-            at = posture_text(problem.q, task.robot.joint_names)
-            fact = f"{self.of!r} is singular within {self.radius:g} m of the start{turned}: at {at}"
+            posture = posture_text(problem.q, task.robot.joint_names)
+            fact = f"{self.of!r} is singular within {self.radius:g} m of the start{turned}: at {posture}"
             smaller = "radius, turn_deg or along" if self.turn_deg else "radius or along"
             raise BranchError(fact, f"fit it to a smaller region: give a smaller {smaller}") from problem
 
 
-KINDS = kinds(StrategyTable)
-"""Every kind of strategy that a job may hold, and its model."""
+AnyStrategy = Annotated[
+    MoorePenrose
+    | Weighted
+    | InertiaWeighted
+    | Impedance
+    | NullBasis
+    | RightInverse
+    | Pfaffian
+    | CoupledTwist
+    | Radial
+    | Fitted
+    | Custom
+    | Linear
+    | Lock
+    | Coupled
+    | ArmAngle
+    | Height
+    | Stationary
+    | Stack
+    | Designed,
+    Field(discriminator="kind"),
+]
 
-if TYPE_CHECKING:
-    AnyStrategy = StrategyTable
-else:
-    AnyStrategy = Annotated[Union[tuple(KINDS.values())], Field(discriminator="kind")]  # noqa: UP007
+KINDS: dict[str, type[StrategyTable]] = by_kind(get_args(get_args(AnyStrategy)[0]))
+"""Every kind of strategy that a job may hold, and its model."""
 
 
 def keys_of(model: type[StrategyTable]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -377,8 +391,8 @@ def keys_of(model: type[StrategyTable]) -> tuple[tuple[str, ...], tuple[str, ...
     return needed, tuple(key for key in own if key not in needed)
 
 
+# the key that words without one are for
 FIRST = {"lock": "joints", "height": "joints", "linear": "matrix", "stationary": "cost", "radial": "steps"}
-"""The key that words without one are for."""
 
 EXAMPLE = (
     'write a kind and its keys as in a job, such as "lock joint3", "linear 1 0 -1 0 0 0 0", "arm-angle", '
@@ -387,28 +401,30 @@ EXAMPLE = (
 """What may be typed."""
 
 
-def _strategy_of_words(text: str, task: Task, q0: Vector) -> Strategy:
-    """The strategy of a text like "lock joint3": its kind, and behind it values, or keys with values as TOML has them.
+def strategy_of_keys(keys: dict[str, Any], task: Task, q0: Vector, name: str) -> Strategy:
+    """The strategy of the keys of a table, with its kind. Raises: UnknownNameError; ArgumentError; as it raises."""
+    kind = str(keys.get("kind"))
+    known = {name: model for name, model in KINDS.items() if model is not Fitted}
+    if kind not in known:
+        raise UnknownNameError("kind of strategy", kind, known)
+    return filled(known[kind], "strategy", keys).build(task, q0, name)
+
+
+def leaf_of_words(text: str, task: Task, q0: Vector) -> Strategy:
+    """The strategy with leaves of a text like "lock joint3": its kind, and behind it values, or keys as TOML has them.
+
+    Where nothing is redundant any strategy serves.
 
     Args:
         text: words of `lock` and `height` are joints, by name or number; of `linear` one row of numbers; of
             `stationary` the cost. Other keys: `height joints=[4]`, `arm-angle definition="conventional"`.
 
     Raises:
-        UnknownNameError: no such kind. ArgumentError: words that are not understood; as the strategy raises.
+        UnknownNameError: no such kind. ArgumentError: words that are not understood, no leaves; as the strategy raises.
     """
     kind, _, rest = text.strip().partition(" ")
-    known = {name: model for name, model in KINDS.items() if model is not Fitted}
-    if kind not in known:
-        raise UnknownNameError("kind of strategy", kind, known)
-    values = _keys(text, kind, rest.strip())
-    table = filled(known[kind], "strategy", {"kind": kind, **values})
-    return table.build(task, q0, text.strip())
-
-
-def leaf_of_words(text: str, task: Task, q0: Vector) -> Strategy:
-    """The same, of a strategy with leaves; where nothing is redundant any serves. Raises: ArgumentError besides."""
-    strategy = _strategy_of_words(text, task, q0)
+    keys = {"kind": kind} | (_keys(text, kind, rest.strip()) if kind in KINDS else {})
+    strategy = strategy_of_keys(keys, task, q0, text.strip())
     if task.n > task.m and not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("--strategy", text, "it has no leaves, so a pose has many joints: name one such as lock")
     return strategy

@@ -45,20 +45,18 @@ from ...symbolic import SX, horzcat, parse, vertcat
 
 # --- What the tables of a job share: numbers and lists of a bounded size, and formulas of the joints.
 
-LARGEST = 1e12
-"""Largest number of a job: products of a few such numbers and their squares stay far from overflow."""
+LARGEST = 1e12  # largest number of a job: products of a few such numbers and their squares stay far from overflow
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Length = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Formula = str | Number
-Few = Field(max_length=MOST_JOINTS)
-"""A list of at most as many as a robot may have joints."""
+Few = Field(max_length=MOST_JOINTS)  # A list of at most as many as a robot may have joints
 
 Formulas = Annotated[list[Formula], Few]
 Numbers = Annotated[list[Number], Few]
+# joints by name, or by index in q, counted from 0
 Joints = Annotated[list[str | int], Field(min_length=1, max_length=MOST_JOINTS)]
-"""Joints by name, or by index in q, counted from 0."""
 
 
 class Table(BaseModel):
@@ -106,11 +104,11 @@ class KindTable(Table):
         return self
 
 
-def check_of(tables: Mapping[str, Table], kind: type[Table], key: str, said: str) -> None:
+def check_of(tables: Mapping[str, Table], kind: type[Table], key: str, noun: str) -> None:
     """That what is made of another one names one that is not itself of this kind.
 
     Args:
-        tables: by name. kind: of those that have `of`. key: of the tables in the file. said: what they are in it.
+        tables: by name. kind: of those that have `of`. key: of the tables in the file. noun: what they are in it.
 
     Raises:
         ValueError: it begins with the key.
@@ -118,7 +116,7 @@ def check_of(tables: Mapping[str, Table], kind: type[Table], key: str, said: str
     others = [name for name, table in tables.items() if not isinstance(table, kind)]
     for name, table in tables.items():
         if isinstance(table, kind) and (of := vars(table)["of"]) not in others:
-            fact = f"{key}.{brief(name, 60)}.of: {brief(of, 100)} is no other {said}"
+            fact = f"{key}.{brief(name, 60)}.of: {brief(of, 100)} is no other {noun}"
             raise ValueError(f"{fact}; {closest(of, others)}")
 
 
@@ -128,15 +126,6 @@ Filled = TypeVar("Filled", bound=Table)
 def by_kind(models: Iterable[type[Filled]]) -> dict[str, type[Filled]]:
     """Kind -> model; a model may have several kinds."""
     return {str(word): model for model in models for word in get_args(model.model_fields["kind"].annotation)}
-
-
-def kinds(parent: type[Filled]) -> dict[str, type[Filled]]:
-    """Kind -> model of every table below one, in the order of their file; those below these come last."""
-    models = parent.__subclasses__()
-    found = by_kind(model for model in models if "kind" in model.model_fields)
-    for model in models:
-        found |= kinds(model)
-    return found
 
 
 def filled(table: type[Filled], key: str, values: dict[str, Any]) -> Filled:
@@ -168,14 +157,13 @@ def matrix(rows: list[list[Formula]], robot: Robot) -> Callable[[SX], SX]:
 
 # --- [robot] of a job file: a robot by name, its tool and mounting, or parts put together; and the robot of it.
 
-MOST_PARTS = 32
-"""Robots of which one is put together."""
+MOST_PARTS = 32  # robots of which one is put together
 
 Three = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Names = Annotated[list[str], Field(max_length=1000)]
 Tips = Annotated[list[str], Field(min_length=1, max_length=MOST_PARTS)]
+# of all joints, of each, or of some by name
 Limit = Number | Numbers | Annotated[dict[str, Number], Field(max_length=1000)]
-"""Of all joints, of each, or of some by name."""
 
 
 class FrameTable(Table):
@@ -264,7 +252,6 @@ class RobotTable(ModelTable):
 
 def robot_of_job(table: RobotTable, file: Path) -> Robot:
     """The robot of a job; a path counts from the job file's folder. Raises: as `load` and `compose`."""
-
     if table.coordinates is not None:
         return coordinates(**table.coordinates.model_dump(exclude_none=True), name=table.name or "coordinates")
 
@@ -279,11 +266,8 @@ def robot_of_job(table: RobotTable, file: Path) -> Robot:
 
 # --- [checks] of a job file: what is looked at in the motion of every strategy.
 
-MOST_OBSTACLES = 100
-"""Shapes round a robot; each is looked at with each link."""
-
-MOST_ALLOWED = 1000
-"""Pairs of links that may touch."""
+MOST_OBSTACLES = 100  # shapes round a robot; each is looked at with each link
+MOST_ALLOWED = 1000  # pairs of links that may touch
 
 NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
@@ -330,10 +314,8 @@ class ChecksTable(Table):
     @cached_property
     def scene(self) -> Scene:
         """What the robot is to keep clear of."""
-        return Scene(
-            [table.standing() for table in self.obstacles if table.on is None], self.floor, self.clearance,
-            self.self_collision, [(a, b) for a, b in self.allowed],
-        )  # fmt: skip
+        standing = [table.standing() for table in self.obstacles if table.on is None]
+        return Scene(standing, self.floor, self.clearance, self.self_collision, [(a, b) for a, b in self.allowed])
 
     def checked(self, motion: Trajectory | TimedTrajectory, task: Task) -> CheckReport:
         """What is found of a motion, of a robot that is `shaped`. Raises: as `check`."""
@@ -412,36 +394,30 @@ class TaskTable(KindTable):
             formulas = column(self.expressions or [], robot)
             return [custom_task(robot, formulas, units=self.units or (), names=self.names, name="task")]
         if self.kind == "pose":
-            at = robot.pose(q0, self.tip)[:3, :3]
+            R = robot.pose(q0, self.tip)[:3, :3]
             return [
-                pose(robot, kind, reference=at, axis=self.axis, tip=self.tip, rows=self.rows)
+                pose(robot, kind, reference=R, axis=self.axis, tip=self.tip, rows=self.rows)
                 for kind in self._orientations
             ]
         if self.kind == "stacked":
             return [stacked(*(part.tasks(robot, q0)[0] for part in self.parts or []))]
         tip, other = self.tip or "", self.other or ""
-        at = relative_pose(robot, tip, other).pose(q0)[:3, :3]
+        R = relative_pose(robot, tip, other).pose(q0)[:3, :3]
         return [
-            relative_pose(robot, tip, other, kind, reference=at, axis=self.axis, rows=self.rows)
+            relative_pose(robot, tip, other, kind, reference=R, axis=self.axis, rows=self.rows)
             for kind in self._orientations
         ]
 
 
 # --- [path] of a job file: which curve, in which frame, and what is made of it.
 
+# points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us
 MOST_POINTS = 10_000
-"""Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""
-
-MOST_SAMPLES = 100_000
-"""Steps a cycle: 10 um apart on a metre."""
-
-MOST_CYCLES = 10_000
-"""Cycles: a day's work of an arm that takes ten seconds for one."""
-
+MOST_SAMPLES = 100_000  # steps a cycle: 10 um apart on a metre
+MOST_CYCLES = 10_000  # cycles: a day's work of an arm that takes ten seconds for one
+# samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them;
+# these fit into a gigabyte
 MOST_STEPS = 400_000
-"""Samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them; these
-fit into a gigabyte."""
-
 MOST_PASSES = 1_000
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
@@ -451,13 +427,9 @@ Turns = Annotated[list[Three], Field(max_length=MOST_POINTS)]
 Times = Annotated[list[Length], Field(max_length=MOST_POINTS)]
 Poses = Annotated[list[FrameTable], Field(max_length=MOST_POINTS)]
 Count = Annotated[int, Field(ge=1, le=MOST_POINTS)]
-Kind = Literal[
-    "circle", "arc", "polyline", "spline", "poses", "waypoints", "svg", "figure-eight", "raster", "spiral"
-]  # fmt: skip
+Kind = Literal["circle", "arc", "polyline", "spline", "poses", "waypoints", "svg", "figure-eight", "raster", "spiral"]
 
-_OF_ALL = {"samples", "cycles", "entry", "others"}
-"""Keys of [path] that `others` do not have."""
-
+_OF_ALL = {"samples", "cycles", "entry", "others"}  # keys of [path] that `others` do not have
 _OPEN = ("arc", "raster", "spiral")
 
 
@@ -538,27 +510,22 @@ class PathTable(KindTable):
         return np.eye(4) if self.frame is None else self.frame.matrix
 
 
-JointLimit = Positive | Annotated[list[Positive], Few]
-"""One for all joints, or one a joint."""
+JointLimit = Positive | Annotated[list[Positive], Few]  # one for all joints, or one a joint
 
-Speed = Annotated[float, Field(gt=0)]
-"""A positive number, or `inf` for no limit."""
+Speed = Annotated[float, Field(gt=0)]  # A positive number, or `inf` for no limit
 
-Lines = Annotated[list[str], Field(max_length=100)]
-"""Lines of a robot program."""
+Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 
+# keys of [program] that some languages take, each in its own kind
 OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters")
-"""Keys of [program] that some languages take, each in its own kind."""
 
-HELD_IN = {
-    "wiring": ("axes", "external", "signs", "offsets", "offsets_deg"),
-    "lines": ("before", "on", "off", "after"),
-    "tolerance": ("tolerance", "tool_tolerance", "linear"),
-}
-"""Arguments of writers that hold several keys of [program]."""
-
-ALL_JOINTS = 2e-3
-"""Tolerance of the joints [rad or m] for tasks of several tools."""
+# Key of [program] -> the argument of writers that holds it together with others.
+ARGUMENT_OF = (
+    dict.fromkeys(("axes", "external", "signs", "offsets", "offsets_deg"), "wiring")
+    | dict.fromkeys(("before", "on", "off", "after"), "lines")
+    | dict.fromkeys(("tool_tolerance", "linear"), "tolerance")
+)
+ALL_JOINTS = 2e-3  # tolerance of the joints [rad or m] for tasks of several tools
 
 
 class TimingTable(Table):
@@ -637,25 +604,20 @@ class ProgramTable(Table):
         turned = {joint: float(np.deg2rad(value)) for joint, value in self.offsets_deg.items()}
         return Wiring(axes, tuple(self.external), dict(self.signs), dict(self.offsets) | turned)
 
-    @property
-    def given_keys(self) -> tuple[str, ...]:
-        """The keys that the job gives."""
-        return tuple(key for key in type(self).model_fields if key in self.model_fields_set)
-
     def lines(self, window: tuple[float, float] | None) -> ProcessLines:
         """The process lines as a value. Raises: ArgumentError: a line that no program can hold."""
         return ProcessLines(tuple(self.before), tuple(self.on), tuple(self.off), tuple(self.after), window)
 
     def given(self, task: Task, streams: bool) -> dict[str, Any]:
-        """Arguments of a writer for a task; `streams`: unless told otherwise it sends every sample."""
+        """Arguments of a writer for a task; `streams`: by default it sends every sample."""
         own = {key: getattr(self, key) for key in OF_SOME if getattr(self, key) is not None}
-        return own | {"wiring": self.wiring, "tolerance": self._kept(task, streams)}
+        return own | {"wiring": self.wiring, "tolerance": self._tolerance(task, streams)}
 
-    def _kept(self, task: Task, streams: bool) -> float | ToolTolerance | None:
+    def _tolerance(self, task: Task, streams: bool) -> float | ToolTolerance | None:
         """Of the tool, unless the job gives one of the joints or the task has several tools."""
-        kept = self.tool_tolerance
-        if self.tolerance is not None or (kept is None and not self.linear and (streams or task.frames > 1)):
+        table = self.tool_tolerance
+        if self.tolerance is not None or (table is None and not self.linear and (streams or task.frames > 1)):
             return self.tolerance or (None if streams else ALL_JOINTS)
-        kept = kept or ToolToleranceTable()
-        rotation = float(np.deg2rad(kept.degrees))
-        return ToolTolerance(task, kept.mm / 1e3, rotation, kept.percent / 100, kept.joints, self.linear)
+        table = table or ToolToleranceTable()
+        rotation = float(np.deg2rad(table.degrees))
+        return ToolTolerance(task, table.mm / 1e3, rotation, table.percent / 100, table.joints, self.linear)

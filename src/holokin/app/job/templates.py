@@ -15,10 +15,12 @@ import numpy as np
 from ...analysis.coverage import fitting_task, locked_joints, regular_starts
 from ...base.errors import ArgumentError, HolokinError, JobError, UnknownNameError
 from ...base.files import aside, write_text, writing
+from ...base.types import Vector
 from ...robot import load
+from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task
 from .runner import packaged_jobs, run_job
-from .schema import Job
+from .schema import LONGEST_TITLE, Job
 
 # --- Writing job files: TOML values, robot files as a job names them, and files that must be new.
 
@@ -34,7 +36,7 @@ def toml(value: Any) -> str:
     if isinstance(value, float | np.floating):
         return repr(float(value))
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{toml_key(key)} = {toml(one)}" for key, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{toml_key(key)} = {toml(entry)}" for key, entry in value.items()) + " }"
     values: Sequence[Any] = value
     return "[" + ", ".join(map(toml, values)) + "]"
 
@@ -76,56 +78,73 @@ def write_new(path: FilePath, text: str) -> None:
     write_text(path, text, new=True)
 
 
+# --- A job of a circle, for a robot and its task.
+
+SAMPLES, CYCLES = 100, 2  # of the circle
+
+
+def circle_job(
+    title: str,
+    about: str,
+    robot: Mapping[str, Any],
+    task: Task,
+    q0: Vector,
+    radius: float,
+    tables: Mapping[str, Mapping[str, Any]],
+) -> str:
+    """The text of a job: a circle of a radius [m] from the tool at q0 (n,) towards the base.
+
+    Args:
+        robot: the keys of [robot]. tables: name -> keys of the tables behind [path], as of the strategies.
+    """
+    inward = -radius if task.pose(q0)[0, 3] > 0 else radius
+    circle = {"kind": "circle", "center": [inward, 0.0, 0.0], "relative": True, "speed": 0.1}
+    joints = ", ".join(task.robot.joint_names).replace("\n", " ")
+    parts = [
+        f"title = {toml(title[:LONGEST_TITLE])}\nabout = {toml(about)}\n",
+        table("robot", robot),
+        table("task", task_keys(task)),
+        f"# {joints}\n{table('start', {'q': q0.tolist()})}",
+        table("path", circle | {"samples": SAMPLES, "cycles": CYCLES}),
+        *(table(name, keys) for name, keys in tables.items()),
+    ]
+    return "\n".join(parts)
+
+
+def task_keys(task: Task) -> dict[str, Any]:
+    """[task] of a job, for a task that was chosen for a robot."""
+    if task.frames > 1:
+        return {"kind": "stacked", "parts": [{"kind": "pose", "tip": tip.name} for tip in task.robot.tips]}
+    if task.orientation is not None:
+        axis = {"axis": task.axis.tolist()} if isinstance(task, FrameTask) and task.orientation == "axis" else {}
+        return {"kind": "pose", "orientation": task.orientation} | axis
+    whole = tuple(range(2 if task.robot.planar else 3))
+    return {"kind": "position"} | ({} if task.rows == whole else {"rows": list(task.rows)})
+
+
+def passes(text: str, path: FilePath) -> bool:
+    """Whether all strategies of a job follow its path to the end and show what is expected of them."""
+    keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # verdicts and coverage take long, and are not asked for
+    keys.pop("workspace", None)
+    try:
+        return run_job(path.stem, Job.model_validate(keys), path).passed
+    except HolokinError:
+        return False
+
+
+# --- `holokin new`.
+
+# What a copied job says above its expectations.
 _COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
 # (delete this part, run, read the table), then write here what must stay true.
 """
-"""What a copied job says above its expectations."""
-
-_TRIED = 4
-"""Starts that are tried; each with circles of three sizes."""
-
-_JOB = """title = {title}
-about = \"\"\"
-A circle of {radius:g} m, {cycles} times, {task}. The start posture is a regular one, well inside the
-joint limits; all strategies below were followed to the end of the path when this file was written. Collisions were
-not looked at.
-\"\"\"
-
-[robot]
-name = {name}
-{chain}
-[task]
-{kind}
-
-[start]
-# {joints}
-q = {q}
-
-[path]
-kind = "circle"
-center = [{center:g}, 0, 0]
-relative = true
-speed = 0.1
-samples = {samples}
-cycles = {cycles}
-
-[strategies.moore-penrose]
-kind = "moore-penrose"
-
-[strategies.lock]
-kind = "lock"
-joints = [{locked}]
-
-[strategies.radial]
-kind = "radial"
-
+_EXPECT = """
 # Run it and read the table, then write here what must stay true, for instance:
 # [expect.lock]
 # holonomic = true
-# drift_total = {{ below = 1e-9 }}
+# drift_total = { below = 1e-9 }
 """
-
-_SAMPLES, _CYCLES = 100, 2
+_TRIED = 4  # starts that are tried; each with circles of three sizes
 
 
 def packaged_text(name: str) -> str:
@@ -158,55 +177,39 @@ def new_job_for(
         JobError: the file exists. RobotFileError, UnknownNameError: of the robot. ArgumentError: a robot without
         redundancy, or one for which no such circle was found. WriteError: the system refuses the file.
     """
+    # The robot and its task.
     check_new(path)
     arm = load(robot, tip=tip, base=base, trust_units=trust_units)
     task = fitting_task(arm)
-    words, kind = _kind(task)
-    name = robot_name(robot, path) if FilePath(robot).suffix else robot
+    keys = {"name": robot_name(robot, path) if FilePath(robot).suffix else robot}
+    keys |= {key: link for key, link in (("tip", tip), ("base", base)) if link is not None}
+    keys |= {"trust_units": True} if trust_units else {}
+    if task.orientation is not None:
+        held = "with the tool's orientation held"
+    elif task.m == (2 if arm.planar else 3):
+        held = "with the tool's orientation free"
+    else:
+        held = f"in {' and '.join('xy'[i] for i in task.rows)} alone"
+    # The first circle that all strategies follow, of a few starts and sizes.
     scale = arm.n**-0.5 * sum(np.linalg.norm(joint.step) for joint in arm.joints) + 0.05
     for start in regular_starts(task)[:_TRIED]:
+        locked = [arm.joint_names[i] for i in locked_joints(task, start)]
+        strategies = {
+            "strategies.moore-penrose": {"kind": "moore-penrose"},
+            "strategies.lock": {"kind": "lock", "joints": locked},
+            "strategies.radial": {"kind": "radial"},
+        }
         for share in (0.1, 0.03, 0.01):
             radius = float(f"{min(0.1, share * scale):.1g}")
-            inward = -radius if arm.pose(start, task.tip)[0, 3] > 0 else radius
-            text = _JOB.format(
-                title=toml(f"{arm.name}, a circle of {radius:g} m"),
-                radius=radius,
-                cycles=_CYCLES,
-                samples=_SAMPLES,
-                task=words,
-                name=toml(name),
-                chain="".join(
-                    f"{key} = {toml(link)}\n" for key, link in (("tip", tip), ("base", base)) if link is not None
-                )
-                + trust_units * "trust_units = true\n",
-                kind=kind,
-                joints=", ".join(arm.joint_names).replace("\n", " "),
-                q=start.tolist(),
-                center=inward,
-                locked=", ".join(toml(arm.joint_names[i]) for i in locked_joints(task, start)),
+            title = f"{arm.name}, a circle of {radius:g} m"
+            about = (
+                f"A circle of {radius:g} m, {CYCLES} times, {held}. The start posture is a regular one, well inside "
+                "the joint limits; all strategies below were followed to the end of the path when this file was "
+                "written. Collisions were not looked at."
             )
-            if _completes(text, path):
+            text = circle_job(title, about, keys, task, start, radius, strategies) + _EXPECT
+            if passes(text, path):
                 write_new(path, text)
                 return
-    raise ArgumentError(
-        f"the circle for {arm.name!r}", None, "none was found that all strategies follow: copy a job with --from"
-    )
-
-
-def _completes(text: str, path: FilePath) -> bool:
-    """Whether all strategies of a job follow its path to the end."""
-    table = tomllib.loads(text) | {"verdict": {"samples": 1}}  # verdicts are not asked for here, and take longest
-    try:
-        return run_job(path.stem, Job.model_validate(table), path).passed
-    except HolokinError:
-        return False
-
-
-def _kind(task: Task) -> tuple[str, str]:
-    """A task in words, and in TOML."""
-    if task.orientation is not None:
-        return "with the tool's orientation held", 'kind = "pose"\norientation = "twist"'
-    if task.m == (2 if task.robot.planar else 3):
-        return "with the tool's orientation free", 'kind = "position"'
-    words = f"in {' and '.join('xy'[i] for i in task.rows)} alone"
-    return words, f'kind = "position"\nrows = {list(task.rows)}'
+    cure = "none was found that all strategies follow: copy a job with --from"
+    raise ArgumentError(f"the circle for {arm.name!r}", None, cure)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -28,17 +29,32 @@ from ...path.workspaces import PoseRange
 from ...proof import Certificate, certify, unique_region
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task
-from .job_parts import build_begin, build_entry, build_path, build_paths, build_strategy, build_tasks, naming
+from .job_parts import (
+    build_begin,
+    build_entry,
+    build_path,
+    build_paths,
+    build_strategy,
+    build_tasks,
+    naming,
+    reason,
+    title_of,
+)
 from .runner import OF_ONE_STRATEGY, ONE_TOOL, build_workspace, path_motion, sheets_of_job
 from .schema import Job
-from .tables import HELD_IN, ProgramTable, TimingTable, filled
+from .tables import ARGUMENT_OF, ProgramTable, TimingTable, filled
 
 
 def certify_job(
-    job: Job, file: FilePath, *, workspace: bool = False, part: bool = False, budget: int | None = None,
+    job: Job,
+    file: FilePath,
+    *,
+    workspace: bool = False,
+    part: bool = False,
+    budget: int | None = None,
     cells_file: Callable[[str], FilePath | None] = lambda _title: None,
     progress: Callable[[str], None] = lambda _text: None,
-) -> Iterator[tuple[str, Certificate | str]]:  # fmt: skip
+) -> Iterator[tuple[str, Certificate | str]]:
     """(name, certificate, or why there is none) of each strategy of a job, one after the other.
 
     What its [checks] ask for is to be proven, too: shapes apart, joints within their limits.
@@ -53,50 +69,48 @@ def certify_job(
     Raises:
         HolokinError: bad input.
     """
+    # Where it is to be proven, and what besides.
     robot, start, tasks = build_tasks(job, file)
     if not workspace:
         with naming(file, "path"):
-            where = build_path(job.path, tasks[0], start, file)
+            domain = build_path(job.path, tasks[0], start, file)
     elif job.workspace is None:
         raise JobError(file, "workspace", "is missing", 'add a table [workspace] of kind "box"')
     elif job.workspace.kind != "box":
         raise JobError(file, "workspace.kind", f"is {job.workspace.kind!r}", 'only a "box" can be certified')
     else:
-        where = build_workspace(job.workspace, robot.pose(start)[:3, :3], file)
+        domain = build_workspace(job.workspace, robot.pose(start)[:3, :3], file)
     more: dict[str, Any] = {} if budget is None else {"budget": budget}
     if job.checks is not None:
         with naming(file, "checks"):
             more |= {"limits": job.checks.limits, "scene": job.checks.keeps_clear(robot)}
-    for label, table in job.strategies.items():
-        for task in tasks:
-            title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
-            progress(title)
-            try:
-                with naming(file, "strategies", label):
-                    strategy = build_strategy(job, label, task, start, title)
-                    if not isinstance(strategy, HolonomicStrategy):
-                        raise NoProofError(title, f"it has no leaves: {HolonomicStrategy.cure}")
-                    begin, _ = build_begin(table, strategy, start)
-                    if isinstance(where, Path):
-                        begin = build_entry(job, strategy, where, begin).q0
-                    told = {
-                        "progress": lambda text, title=title: progress(f"{title}: {text}"),
-                        "keep_in": cells_file(title),
-                    }
-                    if part and isinstance(where, PoseRange):
-                        found = unique_region(strategy, begin, where, **told, **more).certificate
-                    else:
-                        found = certify(strategy, where, begin, **told, **more)
-            except HolokinError as problem:
-                cause = problem.__cause__ or problem
-                if isinstance(cause, NoProofError):
-                    yield title, cause.cure
-                    continue
-                if not isinstance(cause, (*OF_ONE_STRATEGY, ExpressionError)):
-                    raise
-                yield title, f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem)
-            else:
-                yield title, found
+    # Each strategy, from where it begins.
+    for (label, table), task in product(job.strategies.items(), tasks):
+        title = title_of(label, task, tasks)
+        progress(title)
+        more |= {"progress": lambda text, title=title: progress(f"{title}: {text}"), "keep_in": cells_file(title)}
+        try:
+            with naming(file, "strategies", label):
+                strategy = build_strategy(job, label, task, start, title)
+                if not isinstance(strategy, HolonomicStrategy):
+                    raise NoProofError(title, f"it has no leaves: {HolonomicStrategy.cure}")
+                begin, _ = build_begin(table, strategy, start)
+                if isinstance(domain, Path):
+                    begin = build_entry(job, strategy, domain, begin).q0
+                if part and isinstance(domain, PoseRange):
+                    certificate = unique_region(strategy, begin, domain, **more).certificate
+                else:
+                    certificate = certify(strategy, domain, begin, **more)
+        except HolokinError as problem:
+            cause = problem.__cause__ or problem
+            if isinstance(cause, NoProofError):
+                yield title, cause.cure
+                continue
+            if not isinstance(cause, (*OF_ONE_STRATEGY, ExpressionError)):
+                raise
+            yield title, reason(problem)
+        else:
+            yield title, certificate
 
 
 # --- A strategy of a job as C for a controller.
@@ -126,16 +140,20 @@ def job_strategy(
     if orientation is not None and orientation not in known:
         raise UnknownNameError(f"orientation of {file.name}", orientation, known)
     task = tasks[0 if orientation is None else known.index(orientation)]
-    table = job.strategies[label]
     with naming(file, "strategies", label):
         strategy = build_strategy(job, label, task, start, label)
-        return label, strategy, build_begin(table, strategy, start)[0]
+        return label, strategy, build_begin(job.strategies[label], strategy, start)[0]
 
 
 def exported_strategy(
-    name: str, job: Job, file: FilePath, label: str | None = None, *, orientation: str | None = None,
+    name: str,
+    job: Job,
+    file: FilePath,
+    label: str | None = None,
+    *,
+    orientation: str | None = None,
     prefix: str | None = None,
-) -> tuple[Strategy, dict[str, Any]]:  # fmt: skip
+) -> tuple[Strategy, dict[str, Any]]:
     """A strategy of a job, and what all exports are told of it: its start, its C name, where it comes from.
 
     Raises:
@@ -148,11 +166,19 @@ def exported_strategy(
 
 # --- A strategy of a job as a robot program: followed, timed, and written in a controller's language.
 
+SAME_TIME = 1e-9  # share of a path's duration by which a motion over sheets may be longer and have the path's own times
+
 
 def program_of_job(
-    name: str, job: Job, file: FilePath, language: str, label: str | None = None, *, short: str | None = None,
+    name: str,
+    job: Job,
+    file: FilePath,
+    language: str,
+    label: str | None = None,
+    *,
+    short: str | None = None,
     changes: dict[str, Any] | None = None,
-) -> tuple[Program, TimedTrajectory, CheckReport | None]:  # fmt: skip
+) -> tuple[Program, TimedTrajectory, CheckReport | None]:
     """(program, the timed motion, what the job's [checks] find of it) of a strategy of a job, with its cycles.
 
     Args:
@@ -169,88 +195,24 @@ def program_of_job(
     with naming(file, "path"):
         path = build_paths(job.path, strategy.task, start, file)
         entry = build_entry(job, strategy, path, start)
-    walk = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)
-    timed = entry.before(timing.timed(walk), timing)
-    found = checked(job, file, timed, strategy.task)
-    told = label, strategy.name
-    return written(name, job, file, language, told, strategy.task, window(job, path), timed, short), timed, found
-
-
-def _timing_of(job: Job, changes: Mapping[str, Any] | None) -> TimingTable:
-    """[timing] of a job with keys that were given instead. Raises: ArgumentError: limits are missing."""
-    table = job.timing.model_dump(exclude_unset=True) if job.timing is not None else {}
-    table |= changes or {}
-    if table.get("acceleration") is None and table.get("profile") != "quintic":
-        raise ArgumentError(
-            "the acceleration of the joints", None, "give --acceleration, or a table [timing] in the job"
-        )
-    return filled(TimingTable, "timing", table)
-
-
-def checked(job: Job, file: FilePath, timed: TimedTrajectory, task: Task) -> CheckReport | None:
-    """What the job's [checks] find of a timed motion, None in a job without. Raises: JobError, as `check`."""
-    if job.checks is None:
-        return None
-    with naming(file, "checks"):
-        return job.checks.checked(timed, task)
-
-
-def written(
-    name: str, job: Job, file: FilePath, language: str, told: tuple[str, str], task: Task,
-    window: tuple[float, float] | None, timed: TimedTrajectory, short: str | None,
-) -> Program:  # fmt: skip
-    """The program of a timed motion; `told`: the label in its name, and what moves the joints in words."""
-    robot, speeds = task.robot.name, task.robot.max_velocity
-    writer, how = LANGUAGES[language], job.program or ProgramTable()
-    with naming(file, "program"):
-        given = how.given(task, timed.dt in writer.streams) | {
-            "name": short or _word(f"{robot}_{told[0]}", writer.longest),
-            "about": f"Job {name}: {told[1]} on {robot}, {job.title}",
-            "lines": how.lines(window),
-            "speeds": speeds.tolist() if np.isfinite(speeds).all() else None,
-        }
-        for key in writer.needs:
-            if key not in given:
-                raise ArgumentError(f"{key} of [program]", None, f"{language} needs it: add it to [program]")
-        if how.linear and "tool" in writer.takes and how.tool is None:
-            cure = "linear moves lead the tool that the controller has: give its name or number, or that of the flange"
-            raise ArgumentError("tool of [program]", None, cure)
-        left = [key for key in how.given_keys if _argument(key) not in writer.takes]
-        program = writer.write(timed, **{key: value for key, value in given.items() if key in writer.takes})
-    notes = (f"{language} takes no {' and no '.join(left)} of [program]: left out",) if left else ()
-    return replace(program, notes=(*notes, *program.notes))
-
-
-def _argument(key: str) -> str:
-    """The argument of a writer that holds a key of [program]."""
-    found = (argument for argument, keys in HELD_IN.items() if key in keys)
-    return next(found, key)
-
-
-def window(job: Job, path: AnyPath) -> tuple[float, float] | None:
-    """The path's times at which its lead in ends and its lead out begins [s]; None where it has none."""
-    table = job.path
-    ways = [bool(length) + bool(table.retract) for length in (table.lead_in, table.lead_out)]
-    if not isinstance(path, Path) or not any(ways):
-        return None
-    return float(path.durations[: ways[0]].sum()), float(path.durations[: len(path.durations) - ways[1]].sum())
-
-
-def _word(text: str, longest: int) -> str:
-    """A name of letters, digits and underscores."""
-    letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
-    letters = letters if letters[:1].isalpha() else f"p_{letters}"
-    return letters[:longest].rstrip("_")
-
-
-SAME_TIME = 1e-9
-"""Share of a path's duration by which a motion over sheets may be longer and still have the path's own times."""
+    trajectory = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)
+    timed = entry.before(timing.timed(trajectory), timing)
+    report = _report(job, file, timed, strategy.task)
+    short = short or _word(f"{strategy.task.robot.name}_{label}", LANGUAGES[language].longest)
+    about = f"Job {name}: {strategy.name} on {strategy.task.robot.name}, {job.title}"
+    return _written(job, file, language, strategy.task, path, timed, short, about), timed, report
 
 
 def program_of_sheets(
-    name: str, job: Job, file: FilePath, language: str, *, short: str | None = None,
-    changes: Mapping[str, Any] | None = None, progress: Callable[[str], None] = lambda _text: None,
-) -> tuple[Program, TimedTrajectory, CheckReport | None]:  # fmt: skip
+    name: str,
+    job: Job,
+    file: FilePath,
+    language: str,
+    *,
+    short: str | None = None,
+    changes: Mapping[str, Any] | None = None,
+    progress: Callable[[str], None] = lambda _text: None,
+) -> tuple[Program, TimedTrajectory, CheckReport | None]:
     """(program, the timed motion, what the job's [checks] find of it) of a job's path over its sheets, once along it.
 
     Args:
@@ -262,27 +224,91 @@ def program_of_sheets(
     """
     if job.sheets is None:
         raise ArgumentError("[sheets] of the job", None, "add the table, or give --strategy in place of --sheets")
+    # The motion over the sheets: in the times of the path, where the program switches its process on and off.
     timing = _timing_of(job, changes)
-    _, start, tasks = build_tasks(job, file)
+    _, start, (task, *_) = build_tasks(job, file)
     with naming(file, "path"):
-        path = build_paths(job.path, tasks[0], start, file)
-    found = sheets_of_job(job, tasks[0], start, file, progress)
+        path = build_paths(job.path, task, start, file)
+    sheet_map = sheets_of_job(job, task, start, file, progress)
     progress("sheets: the path")
-    motion = path_motion(found, path, start)
+    motion = path_motion(sheet_map, path, start)
     if motion is None:
         raise ArgumentError("the path of the job", file.name, f"{ONE_TOOL}: give --strategy in place of --sheets")
-    walk, way = motion.trajectory, window(job, path)
-    if way is not None and abs(float(walk.t[-1]) - path.duration) > SAME_TIME * path.duration:
+    trajectory = motion.trajectory
+    late = abs(float(trajectory.t[-1]) - path.duration) > SAME_TIME * path.duration
+    if late and _process_window(job, path) is not None:
         cure = "the motion over sheets has times of its own: leave lead_in, lead_out and retract out"
         raise ArgumentError("the leads of [path]", job.path.lead_in or job.path.lead_out, cure)
-    timed = timing.timed(walk)
-    report = checked(job, file, timed, tasks[0])
-    many = f"{motion.changes} change{'' if motion.changes == 1 else 's'}"
-    told = ("sheets", f"{len({one.sheet for one in motion.pieces})} of {len(found)} sheets with {many}")
-    program = written(name, job, file, language, told, tasks[0], way, timed, short)
+    # Timed, checked and written.
+    timed = timing.timed(trajectory)
+    report = _report(job, file, timed, task)
+    used = f"{len({piece.sheet for piece in motion.pieces})} of {len(sheet_map)} sheets"
+    about = f"{used} with {motion.changes} change{'' if motion.changes == 1 else 's'} on {task.robot.name}"
+    short = short or _word(f"{task.robot.name}_sheets", LANGUAGES[language].longest)
+    program = _written(job, file, language, task, path, timed, short, f"Job {name}: {about}, {job.title}")
     notes = [f"over sheets: {motion.sentence}"]
-    if not np.allclose(walk.q[0], start, atol=1e-6):
-        notes.append(f"the motion begins at {posture_text(walk.q[0], tasks[0].robot.joint_names)}, not at [start]")
+    if not np.allclose(trajectory.q[0], start, atol=1e-6):
+        notes.append(f"the motion begins at {posture_text(trajectory.q[0], task.robot.joint_names)}, not at [start]")
     if job.path.cycles > 1:
         notes.append(f"the path is gone along once, not {job.path.cycles} times: sheets tell no cycles")
     return replace(program, notes=(*program.notes, *notes)), timed, report
+
+
+def _timing_of(job: Job, changes: Mapping[str, Any] | None) -> TimingTable:
+    """[timing] of a job with keys that were given instead. Raises: ArgumentError: limits are missing."""
+    table = job.timing.model_dump(exclude_unset=True) if job.timing is not None else {}
+    table |= changes or {}
+    if table.get("acceleration") is None and table.get("profile") != "quintic":
+        cure = "give --acceleration, or a table [timing] in the job"
+        raise ArgumentError("the acceleration of the joints", None, cure)
+    return filled(TimingTable, "timing", table)
+
+
+def _report(job: Job, file: FilePath, timed: TimedTrajectory, task: Task) -> CheckReport | None:
+    """What the job's [checks] find of a timed motion, None in a job without. Raises: JobError, as `check`."""
+    if job.checks is None:
+        return None
+    with naming(file, "checks"):
+        return job.checks.checked(timed, task)
+
+
+def _written(
+    job: Job, file: FilePath, language: str, task: Task, path: AnyPath, timed: TimedTrajectory, name: str, about: str
+) -> Program:
+    """The program of a timed motion by the writer of a language, of the keys of [program] that it takes."""
+    writer, table = LANGUAGES[language], job.program or ProgramTable()
+    speeds = task.robot.max_velocity
+    with naming(file, "program"):
+        arguments = table.given(task, timed.dt in writer.streams) | {
+            "name": name,
+            "about": about,
+            "lines": table.lines(_process_window(job, path)),
+            "speeds": speeds.tolist() if np.isfinite(speeds).all() else None,
+        }
+        for key in writer.needs:
+            if key not in arguments:
+                raise ArgumentError(f"{key} of [program]", None, f"{language} needs it: add it to [program]")
+        if table.linear and "tool" in writer.takes and table.tool is None:
+            cure = "linear moves lead the tool that the controller has: give its name or number, or that of the flange"
+            raise ArgumentError("tool of [program]", None, cure)
+        program = writer.write(timed, **{key: value for key, value in arguments.items() if key in writer.takes})
+    given = [key for key in ProgramTable.model_fields if key in table.model_fields_set]
+    unused = [key for key in given if ARGUMENT_OF.get(key, key) not in writer.takes]
+    notes = (f"{language} takes no {' and no '.join(unused)} of [program]: left out",) if unused else ()
+    return replace(program, notes=(*notes, *program.notes))
+
+
+def _process_window(job: Job, path: AnyPath) -> tuple[float, float] | None:
+    """The path's times at which its lead in ends and its lead out begins [s]; None where it has none."""
+    table = job.path
+    leads = [bool(length) + bool(table.retract) for length in (table.lead_in, table.lead_out)]
+    if not isinstance(path, Path) or not any(leads):
+        return None
+    return float(path.durations[: leads[0]].sum()), float(path.durations[: len(path.durations) - leads[1]].sum())
+
+
+def _word(text: str, longest: int) -> str:
+    """A name of letters, digits and underscores."""
+    letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
+    letters = letters if letters[:1].isalpha() else f"p_{letters}"
+    return letters[:longest].rstrip("_")

@@ -1,29 +1,26 @@
-"""The studio: a page with laws of one robot side by side, with a tool that is dragged or run round a loop.
+"""The studio: a page with strategies of one robot side by side, with a tool that is dragged or run round a loop.
 
 Uses `app/job` and `motion`. Read first: `session.py`, `studio_page.py`.
 """
 
 from .followers import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
-from .laws import Law, LawPaths, Slider, TwoPaths, default_laws
 from .new_session import open_session, session_of_job, session_of_robot
 from .playback import Motion, Recording, record, record_session
 from .server import DEFAULT, Studio, studio
 from .session import Session, to_job
 from .standalone_page import PageLoop, PagePlan, WebPage, cusp_loop, page_plan, web_page
-from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, LeafCusps, Origin, Phase, Snapshot
+from .states import Cloud, CloudStatus, Judgement, LeafCusps, Origin, Phase, Snapshot, StrategyState, StrategyStatus
+from .strategies import NamedStrategy, Slider, StrategyPaths, TwoPaths, default_strategies
 
 __all__ = [
     "DEFAULT",
     "Cloud",
     "CloudStatus",
     "Judgement",
-    "Law",
-    "LawPaths",
-    "LawState",
-    "LawStatus",
     "LeafCusps",
     "Loop",
     "Motion",
+    "NamedStrategy",
     "Origin",
     "PageLoop",
     "PagePlan",
@@ -32,12 +29,15 @@ __all__ = [
     "Session",
     "Slider",
     "Snapshot",
+    "StrategyPaths",
+    "StrategyState",
+    "StrategyStatus",
     "Studio",
     "TwoPaths",
     "WebPage",
     "circle_loop",
     "cusp_loop",
-    "default_laws",
+    "default_strategies",
     "eight_loop",
     "open_session",
     "page_plan",

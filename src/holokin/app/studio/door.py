@@ -13,14 +13,9 @@ import secrets
 import socket
 from collections.abc import Sequence
 
-BYTES = 24
-"""Of a token: 192 bits, which nobody guesses."""
-
-HERE = "127.0.0.1"
-"""This machine alone."""
-
-LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})
-"""Names by which a browser of this machine calls it."""
+BYTES = 24  # of a token: 192 bits, which nobody guesses
+HERE = "127.0.0.1"  # this machine alone
+LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})  # names by which a browser of this machine calls it
 
 PAGE = (
     ("Referrer-Policy", "no-referrer"),  # the address has the token in it: no link may carry it out

@@ -1,4 +1,4 @@
-"""How a law of a session follows: dragged, or round a loop; and what is known of it now."""
+"""How a strategy of a session follows: dragged, or round a loop; and what is known of it now."""
 
 from __future__ import annotations
 
@@ -27,16 +27,13 @@ from ...robot import start_posture
 from ...strategies import HolonomicStrategy, SelfMotion, Strategy, moore_penrose
 from ...strategies.tasks.frame_task import completed
 from ...strategies.tasks.task import Task
-from .laws import Law, Slider
-from .states import History, Judgement, LawState, LawStatus
+from .states import History, Judgement, StrategyState, StrategyStatus
+from .strategies import NamedStrategy, Slider
 
-# --- The loop that all laws of a session run round: a path, and the [path] table of a job that says it.
+# --- The loop that all strategies of a session run round: a path, and the [path] table of a job that says it.
 
-SAMPLES = 500
-"""Steps a cycle, as of `hk.drift`."""
-
-SPEED = 0.1
-"""Of the tool [m/s]."""
+SAMPLES = 500  # steps a cycle, as of `hk.drift`
+SPEED = 0.1  # of the tool [m/s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +60,15 @@ class Loop(Value):
 
 
 def circle_loop(
-    center: ArrayLike, radius: float, normal: ArrayLike = (0.0, 0.0, 1.0), *, near: ArrayLike | None = None,
-    clockwise: bool = False, speed: float = SPEED, samples: int = SAMPLES,
-) -> Loop:  # fmt: skip
+    center: ArrayLike,
+    radius: float,
+    normal: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    near: ArrayLike | None = None,
+    clockwise: bool = False,
+    speed: float = SPEED,
+    samples: int = SAMPLES,
+) -> Loop:
     """A circle about a center (3,) [m]; it begins at its point nearest to `near` (3,), such as the tool's place.
 
     Raises:
@@ -99,9 +102,16 @@ def polygon_loop(points: ArrayLike, *, speed: float = SPEED, samples: int = SAMP
 
 
 def eight_loop(
-    crossing: ArrayLike, width: float, height: float | None = None, normal: ArrayLike = (0.0, 0.0, 1.0), *,
-    along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False,
-) -> Loop:  # fmt: skip
+    crossing: ArrayLike,
+    width: float,
+    height: float | None = None,
+    normal: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    along: ArrayLike | None = None,
+    speed: float = SPEED,
+    samples: int = SAMPLES,
+    clockwise: bool = False,
+) -> Loop:
     """A figure eight that begins where it crosses itself, as `hk.path.figure_eight`."""
     at, n = finite("crossing", crossing, (3,)), _unit(normal)
     flat = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0]) if along is None else _unit(along)
@@ -159,7 +169,7 @@ def _shifted(keys: Mapping[str, Any], by: Vector) -> dict[str, Any]:
 
 
 def entered(loop: Loop, task: Task, home: Vector) -> Loop:
-    """The loop as laws begin it at a posture (n,): with the entry of a job where it begins away from the tool.
+    """The loop as strategies begin it at a posture (n,): with the entry of a job where it begins away from the tool.
 
     A task of several tools has no entry: the curve begins where each of them is.
     """
@@ -179,45 +189,35 @@ def entered(loop: Loop, task: Task, home: Vector) -> Loop:
     return replace(loop, keys={**loop.keys, "entry": "joints" if away else None})
 
 
-# --- One law after a dragged tool: from a posture to the joints of a tool pose, or where it stays and why.
+# --- One strategy after a dragged tool: from a posture to the joints of a tool pose, or where it stays and why.
 
+# step of a strategy that follows by velocity [s]: no joint goes farther in a step than at its full speed in this
+# time
 PERIOD = 0.1
-"""Step of a law that follows by velocity [s]: no joint goes farther in a step than at its full speed in this time."""
-
+# longest step of the target [m], [rad]: a Panda's joints then move by 0.02 rad, and errors stay below 1e-4
 LONG, TURN = 0.01, 0.05
-"""Longest step of the target [m], [rad]: a Panda's joints then move by 0.02 rad, and errors stay below 1e-4."""
-
-CORRECTIONS = 12
-"""Steps at the end of the way that take the tool to its target: Newton's method needs three."""
-
-MOST = 400
-"""Steps of one way at most: four metres."""
-
-PIECES = 60
-"""Pieces of one path along a leaf where there is no native code: 0.1 s of a Panda's joint locked, at most."""
-
+CORRECTIONS = 12  # steps at the end of the way that take the tool to its target: Newton's method needs three
+MOST = 400  # steps of one way at most: four metres
+PIECES = 60  # pieces of one path along a leaf where there is no native code: 0.1 s of a Panda's joint locked, at most
+# smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is stretched or
+# folded, and its strategy no reason: on ways out of a Panda's workspace it was at most 0.02, where it is ready it is
+# 0.1
 STRETCHED = 0.03
-"""Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is stretched or
-folded, and its law no reason: on ways out of a Panda's workspace it was at most 0.02, where it is ready it is 0.1."""
-
-EXACT = 1e-9
-"""Error [m or rad] at which a tool is at its target."""
-
-DOUBTFUL = 1e-4
-"""The same of a control law, which may have no feedback."""
+EXACT = 1e-9  # error [m or rad] at which a tool is at its target
+DOUBTFUL = 1e-4  # the same of a control law, which may have no feedback
 
 
 @dataclass(frozen=True, eq=False)
 class Move(Value):
-    """Where a law stands after a target: joints (n,), its status, and a sentence where it does not follow."""
+    """Where a strategy stands after a target: joints (n,), its status, and a sentence where it does not follow."""
 
     q: Vector
-    status: LawStatus
+    status: StrategyStatus
     sentence: str = ""
 
 
+# (posture, poses (F, 4, 4), whether to wait for the compiler) -> the move to them
 Follower = Callable[[Vector, Array, bool], Move]
-"""(posture, poses (F, 4, 4), whether to wait for the compiler) -> the move to them."""
 
 
 def poses_of(task: Task, pose: PoseLike) -> Array:
@@ -234,17 +234,17 @@ def poses_of(task: Task, pose: PoseLike) -> Array:
     return poses
 
 
-def follower(law: Law, q0: Vector, limits: bool) -> Follower:
-    """What takes a law from a posture to a tool pose; a holonomic one on the leaf through `q0` (n,).
+def follower(strategy: NamedStrategy, q0: Vector, limits: bool) -> Follower:
+    """What takes a strategy from a posture to a tool pose; a holonomic one on the leaf through `q0` (n,).
 
     Raises:
-        HolokinError: the law is not defined there.
+        HolokinError: the strategy is not defined there.
     """
-    if isinstance(law.rule, HolonomicStrategy):
-        return _by_leaf(law.rule, q0, limits)
-    if isinstance(law.rule, Strategy):
-        return _by_velocity(law.rule, limits)
-    return _by_steps(law.rule, law.task, limits)
+    if isinstance(strategy.rule, HolonomicStrategy):
+        return _by_leaf(strategy.rule, q0, limits)
+    if isinstance(strategy.rule, Strategy):
+        return _by_velocity(strategy.rule, limits)
+    return _by_steps(strategy.rule, strategy.task, limits)
 
 
 def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
@@ -252,24 +252,24 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
     solver, task = ik(strategy, q0, limits), strategy.task
     level = leaf_value(strategy, q0)
 
-    def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
+    def follow(q: Vector, poses: Array, wait: bool) -> Move:
+        # By the compiled solver; without a compiler, or until it is done, along the straight path in pieces.
         pose = poses[0] if task.frames == 1 else poses
         if wait and is_native(solver):
             try:
-                return solver.near(pose, q), InverseStatus.REACHED
+                last, status = solver.near(pose, q), InverseStatus.REACHED
             except HolokinError:
-                return how_far(solver, pose, q)
-        walk, level_now = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
-        levels = level_now, level_now + strategy.constraint.nearest(level - level_now)
-        last, ended = walk(q, straight_path(task, task._place(q), task.target(poses), levels))
-        return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
-
-    def follow(q: Vector, poses: Array, wait: bool) -> Move:
-        last, status = go(q, poses, wait)
+                last, status = how_far(solver, pose, q)
+        else:
+            walk, begin = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)
+            levels = begin, begin + strategy.constraint.nearest(level - begin)
+            last, ended = walk(q, straight_path(task, task._place(q), task.target(poses), levels))
+            status = InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
+        # What became of it.
         if status is InverseStatus.LIMIT or (limits and status is InverseStatus.REACHED and _beyond(task, last)):
-            return Move(q, LawStatus.LIMIT, _limit_sentence(task, last))
+            return Move(q, StrategyStatus.LIMIT, _limit_sentence(task, last))
         if status is InverseStatus.REACHED:
-            return Move(last, LawStatus.FOLLOWING)
+            return Move(last, StrategyStatus.FOLLOWING)
         return Move(q, *stopped(task, strategy.name, last))
 
     return follow
@@ -283,24 +283,24 @@ def _beyond(task: Task, q: Vector) -> bool:
 def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
     """Small steps along the straight path, each slowed where a joint would be too fast, then Newton's method."""
     task = strategy.task
-    law = controller(strategy, dt=PERIOD, gain=1 / PERIOD, limits=limits)
+    control = controller(strategy, dt=PERIOD, gain=1 / PERIOD, limits=limits)
     still = np.zeros(6) if task.frames == 1 else np.zeros((task.frames, 6))
     error = task._error_function
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         path, steps = _straight_way(task, q, poses)
-        seen, status = [q], StepStatus.OK
+        postures, status = [q], StepStatus.OK
         for k in range(1, steps + CORRECTIONS + 1):
             target = path.at(k / steps) if k < steps else task.target(poses)
-            seen.append(seen[-1] + PERIOD * law.step(seen[-1], _pose(task, target), still))
-            status = law.status
+            postures.append(postures[-1] + PERIOD * control.step(postures[-1], _pose(task, target), still))
+            status = control.status
             if status >= StepStatus.LIMIT:
                 break
-            if k >= steps and np.abs(error(seen[-1], *target)).max() < EXACT:
-                return Move(seen[-1], LawStatus.FOLLOWING)
+            if k >= steps and np.abs(error(postures[-1], *target)).max() < EXACT:
+                return Move(postures[-1], StrategyStatus.FOLLOWING)
         if status is StepStatus.LIMIT:
-            return Move(q, LawStatus.LIMIT, _limit_sentence(task, seen[-1]))
-        return Move(q, *stopped(task, strategy.name, *seen))
+            return Move(q, StrategyStatus.LIMIT, _limit_sentence(task, postures[-1]))
+        return Move(q, *stopped(task, strategy.name, *postures))
 
     return follow
 
@@ -309,29 +309,29 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
     """A control law along the straight path, as `simulate` runs it."""
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
+        # Along the path at an even speed; then the tool rests at its target.
         path, steps = _straight_way(task, q, poses)
-        F = task.frames
+        F, posture = task.frames, q
         twist = np.hstack([path.move.reshape(F, 3), path.turn.reshape(F, 3)]) / (steps * PERIOD)
-        posture = q
         try:
             step = rule.begin(q.copy())
             for k in range(1, steps + CORRECTIONS + 1):
                 target = _pose(task, path.at(min(1.0, k / steps)))
-                rates = twist if k <= steps else np.zeros((F, 6))
-                posture = posture + PERIOD * np.asarray(
-                    step(posture.copy(), target, rates[0] if F == 1 else rates, PERIOD)
-                )
+                twists = twist if k <= steps else np.zeros((F, 6))
+                dq = step(posture.copy(), target, twists[0] if F == 1 else twists, PERIOD)
+                posture = posture + PERIOD * np.asarray(dq)
         except HolokinError as problem:
-            return Move(q, LawStatus.STOPPED, str(problem))
+            return Move(q, StrategyStatus.STOPPED, str(problem))
         except Exception as problem:  # noqa: BLE001  a control law of somebody's own may throw anything
-            return Move(q, LawStatus.STOPPED, f"{rule.name} threw {type(problem).__name__}: {problem}; correct it")
+            fact = f"{rule.name} threw {type(problem).__name__}: {problem}; correct it"
+            return Move(q, StrategyStatus.STOPPED, fact)
+        # What became of it.
         if posture.shape != q.shape or not np.isfinite(posture).all():
-            return Move(q, LawStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
+            return Move(q, StrategyStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
         if limits and _beyond(task, posture):
-            return Move(q, LawStatus.LIMIT, _limit_sentence(task, posture))
-        off = float(np.abs(task._error_function(posture, *task.target(poses))).max())
-        if off < DOUBTFUL:
-            return Move(posture, LawStatus.FOLLOWING)
+            return Move(q, StrategyStatus.LIMIT, _limit_sentence(task, posture))
+        if float(np.abs(task._error_function(posture, *task.target(poses))).max()) < DOUBTFUL:
+            return Move(posture, StrategyStatus.FOLLOWING)
         return Move(q, *stopped(task, rule.name, posture))
 
     return follow
@@ -348,22 +348,22 @@ def _straight_way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, in
 
 def _pose(task: Task, target: tuple[Vector, Array]) -> Array:
     """(4, 4), or (F, 4, 4), of positions (3F,) and rotations (3F, 3)."""
-    F = task.frames
-    poses = pose_from(target[0].reshape(F, 3), target[1].reshape(F, 3, 3))
-    return poses[0] if F == 1 else poses
+    poses = pose_from(target[0].reshape(-1, 3), target[1].reshape(-1, 3, 3))
+    return poses[0] if task.frames == 1 else poses
 
 
-def stopped(task: Task, name: str, *seen: Vector) -> tuple[LawStatus, str]:
-    """Why a law got no farther: on the postures (n,) of its way the arm is stretched, or the law alone is singular."""
-    J, margin = task.jacobian_batch(np.array(seen))
+def stopped(task: Task, name: str, *postures: Vector) -> tuple[StrategyStatus, str]:
+    """Why a strategy got no farther: on its way (k, n) the arm is stretched, or the strategy alone is singular."""
+    J, margin = task.jacobian_batch(np.array(postures))
     if margin.min() < 2 * TOLERANCES.representation:
         cure = "turn the tool less, or choose a task with another orientation"
-        return LawStatus.SINGULAR, f"The angles of the {task.name} are singular on the way; {cure}."
+        return StrategyStatus.SINGULAR, f"The angles of the {task.name} are singular on the way; {cure}."
     s = np.linalg.svd(J[np.isfinite(J).all(axis=(1, 2))], compute_uv=False)
     if (s[:, -1] / s[:, 0]).min(initial=1.0) < STRETCHED:
-        return LawStatus.OUT_OF_REACH, "The arm is stretched or folded, and reaches no farther this way; drag it back."
-    cure = "drag it back, or choose another law or leaf"
-    return LawStatus.SINGULAR, f"{name} is singular on the way, the arm itself is not; {cure}."
+        fact = "The arm is stretched or folded, and reaches no farther this way"
+        return StrategyStatus.OUT_OF_REACH, f"{fact}; drag it back."
+    cure = "drag it back, or choose another strategy or leaf"
+    return StrategyStatus.SINGULAR, f"{name} is singular on the way, the arm itself is not; {cure}."
 
 
 def _limit_sentence(task: Task, q: Vector) -> str:
@@ -371,95 +371,94 @@ def _limit_sentence(task: Task, q: Vector) -> str:
     robot = task.robot
     i = int(np.argmax(robot.beyond(q)))
     bound = robot.lower[i] if robot.lower[i] - q[i] >= q[i] - robot.upper[i] else robot.upper[i]
-    unit = robot.coordinates[i].unit
-    return f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {unit}; drag it back, or choose another law."
+    fact = f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {robot.coordinates[i].unit}"
+    return f"{fact}; drag it back, or choose another strategy."
 
 
-# --- One law round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the page asks for.
+# --- One strategy round the loop of a session: the steps of `hk.follow`, as many at a time as a picture asks for.
 
+# pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before
 LOOP_PIECES = 200
-"""Pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before."""
-
-LOOK = 60
-"""Steps of a cycle with which it is tried whether a law gets round a loop: 30 ms in Python."""
+LOOK = 60  # steps of a cycle with which it is tried whether a strategy gets round a loop: 30 ms in Python
 
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A law on its way round a loop: its plan, and what makes its steps."""
+    """A strategy on its way round a loop: its plan, and what makes its steps."""
 
-    law: Law
+    strategy: NamedStrategy
     plan: Plan
     limits: bool
     stepper: Stepper
 
-    def run(self, q: Vector, first: int, last: int) -> tuple[Matrix, tuple[LawStatus, str]]:
+    def run(self, q: Vector, first: int, last: int) -> tuple[Matrix, tuple[StrategyStatus, str]]:
         """Steps [first, last) of a cycle from a posture: the postures (k, n) after each, fewer where it stops; why."""
-        rows = np.empty((last - first, len(q)))
+        rows, strategy = np.empty((last - first, len(q))), self.strategy
         native = self.stepper.native
         done = native.run(q, first, last, rows) if native is not None else 0
         posture = rows[done - 1] if done else q
-        robot = self.law.task.robot
-        try:
+        try:  # what native code refuses is tried in Python, which says why
             for i in range(first + done, last):
                 posture = self.stepper.step(posture, i)
                 if self.limits:
-                    robot.check_limits(posture)
+                    strategy.task.robot.check_limits(posture)
                 rows[done] = posture
                 done += 1
         except JointLimitError:
-            return rows[:done], (LawStatus.LIMIT, _limit_sentence(self.law.task, posture))
+            return rows[:done], (StrategyStatus.LIMIT, _limit_sentence(strategy.task, posture))
         except HolokinError as problem:
-            if self.law.strategy is None:
-                return rows[:done], (LawStatus.STOPPED, str(problem))
-            return rows[:done], stopped(self.law.task, self.law.name, rows[done - 1] if done else q)
-        return rows, (LawStatus.FOLLOWING, "")
+            if strategy.G is None:
+                return rows[:done], (StrategyStatus.STOPPED, str(problem))
+            return rows[:done], stopped(strategy.task, strategy.name, rows[done - 1] if done else q)
+        return rows, (StrategyStatus.FOLLOWING, "")
 
 
-def leaf_start(law: Law, home: Vector) -> Vector:
-    """The posture (n,) with the tool of `home`, on the leaf that a law asks for; `home` where it asks for none.
+def leaf_start(strategy: NamedStrategy, home: Vector) -> Vector:
+    """The posture (n,) with the tool of `home`, on the leaf that a strategy asks for; `home` where it asks for none.
 
     Raises:
         SingularityError, BranchError: the self-motion does not lead there.
     """
-    if law.level is None or not isinstance(law.rule, HolonomicStrategy):
+    if strategy.level is None or not isinstance(strategy.rule, HolonomicStrategy):
         return home
-    return move_to_leaf(law.rule, home, law.level, limits=False)
+    return move_to_leaf(strategy.rule, home, strategy.level, limits=False)
 
 
-def loop_start(law: Law, loop: Loop, home: Vector) -> Vector:
-    """The posture (n,) at which a law begins a loop: that of its leaf, led to the loop's start as a job's entry does.
+def loop_start(strategy: NamedStrategy, loop: Loop, home: Vector) -> Vector:
+    """The posture (n,) at which a strategy begins a loop: on its leaf, led to the loop's start as by a job's entry.
 
     Raises:
-        HolokinError: the law does not lead there.
+        HolokinError: the strategy does not lead there.
     """
-    begin = leaf_start(law, home)
+    begin = leaf_start(strategy, home)
     if not isinstance(loop.path, Path) or loop.keys.get("entry") is None:
         return begin
-    leading = law.strategy or moore_penrose(law.task)
+    leading = strategy.G or moore_penrose(strategy.task)
     return approach(leading, loop.path, begin, by=loop.keys["entry"]).q[-1]
 
 
-def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False) -> Walk:
-    """A law that begins a loop at a posture (n,) with the tool at its start.
+def walk(strategy: NamedStrategy, loop: Loop, q0: Vector, limits: bool, *, build: bool = False) -> Walk:
+    """A strategy that begins a loop at a posture (n,) with the tool at its start.
 
     Args:
         build: compile native steps if there are none yet, which takes a second; else they are made in Python.
 
     Raises:
-        HolokinError: the tool is elsewhere, the law is not defined there, or the posture is beyond the limits.
+        HolokinError: the tool is elsewhere, the strategy is not defined there, or the posture is beyond the limits.
     """
-    task = law.task
+    task = strategy.task
     start_posture(task.robot, q0, limits)
-    if law.strategy is not None:
-        law.strategy(q0)
+    if strategy.G is not None:
+        strategy.G(q0)
     plan = make_plan(task, loop.path, loop.samples, task._place(q0)[1])
     check_start(task, q0, *plan.first)
-    if isinstance(law.rule, Strategy):
-        leaf = by_leaf(law.rule)
-        return Walk(law, plan, limits, stepper(law.rule, leaf, plan, q0, limits, LOOP_PIECES, load=True, build=build))
-    rates = control_step(law.rule, plan, q0)
-    return Walk(law, plan, limits, Stepper(lambda q, i: q + plan.h[i] * np.asarray(rates(q, i), dtype=float)))
+    if isinstance(strategy.rule, Strategy):
+        leaf = by_leaf(strategy.rule)
+        return Walk(
+            strategy, plan, limits, stepper(strategy.rule, leaf, plan, q0, limits, LOOP_PIECES, load=True, build=build)
+        )
+    rates = control_step(strategy.rule, plan, q0)
+    return Walk(strategy, plan, limits, Stepper(lambda q, i: q + plan.h[i] * np.asarray(rates(q, i), dtype=float)))
 
 
 def poses_at(plan: Plan, step: int) -> Array:
@@ -468,51 +467,50 @@ def poses_at(plan: Plan, step: int) -> Array:
     return pose_from(p.reshape(-1, 3), R.reshape(-1, 3, 3))
 
 
-def compiled(law: Law, q0: Vector) -> None:
-    """Build, or load, the native code with which a law follows drags and loops; without a compiler nothing happens."""
+def compiled(strategy: NamedStrategy, q0: Vector) -> None:
+    """Build, or load, the native code with which a strategy follows; without a compiler nothing happens."""
     try:
-        if isinstance(law.rule, HolonomicStrategy):
-            _ = ik(law.rule, q0, limits=False).engine
-        if law.strategy is not None:
-            build_native(law.strategy)
-    except HolokinError:  # told when the law is asked to follow
+        if isinstance(strategy.rule, HolonomicStrategy):
+            _ = ik(strategy.rule, q0, limits=False).engine
+        if strategy.G is not None:
+            build_native(strategy.G)
+    except HolokinError:  # told when the strategy is asked to follow
         return
 
 
-def loop_fault(law: Law, loop: Loop, home: Vector, limits: bool) -> str:
-    """Why a law does not get round a loop that begins at a posture (n,), and where; empty where it does.
+def loop_fault(strategy: NamedStrategy, loop: Loop, home: Vector, limits: bool) -> str:
+    """Why a strategy does not get round a loop that begins at a posture (n,), and where; empty where it does.
 
     A few coarse steps; of control laws, which have memory, nothing is known.
     """
-    if law.strategy is None:
+    if strategy.G is None:
         return ""
     try:
-        begin = loop_start(law, loop, home)
-        walked = walk(law, replace(loop, samples=LOOK), begin, limits)
+        begin = loop_start(strategy, loop, home)
+        walked = walk(strategy, replace(loop, samples=LOOK), begin, limits)
     except HolokinError as problem:
-        return f"{law.name} cannot begin this loop: {problem}."
+        return f"{strategy.name} cannot begin this loop: {problem}."
     steps = len(walked.plan.h)
     rows, (status, sentence) = walked.run(begin, 0, steps)
-    if status is LawStatus.FOLLOWING:
+    if status is StrategyStatus.FOLLOWING:
         return ""
-    return f"{law.name} gets round {100 * len(rows) / steps:.0f} % of this loop only. {sentence}"
+    return f"{strategy.name} gets round {100 * len(rows) / steps:.0f} % of this loop only. {sentence}"
 
 
-MOVED = 0.02
-"""Joint motion [joint units] from which the curvature at a posture is asked for again."""
+MOVED = 0.02  # joint motion [joint units] from which the curvature at a posture is asked for again
 
 
 @dataclass(eq=False)
 class Run:
-    """One law of a session: where it stands, what moves it, and what was recorded. Only its session changes it."""
+    """One strategy of a session: where it stands, what moves it, and what was recorded. Only its session changes it."""
 
-    law: Law
+    strategy: NamedStrategy
     q: Vector
     follow: Follower
     level: Vector
     history: History
     drifts: Matrix  # (cycles, n)
-    status: LawStatus = LawStatus.FOLLOWING
+    status: StrategyStatus = StrategyStatus.FOLLOWING
     sentence: str = ""
     q0: Vector | None = None  # of the loop
     walk: Walk | None = None
@@ -521,13 +519,13 @@ class Run:
     curves: dict[int, tuple[SelfMotion, float]] = field(default_factory=dict)  # of sliders, with the place on each
     levels: dict[int, Slider] = field(default_factory=dict)  # sliders across the leaves
     ready: bool = False  # native code was built, or tried
-    state: LawState | None = None
+    state: StrategyState | None = None
 
     @property
     def due(self) -> bool:
         """Whether its judgement is missing, or of a posture that it has left."""
         known = self.judgement
-        return self.law.strategy is not None and (known is None or bool(np.abs(self.q - known.q).max() > MOVED))
+        return self.strategy.G is not None and (known is None or bool(np.abs(self.q - known.q).max() > MOVED))
 
     def put(self, move: Move) -> None:
         """Where it stands from now on."""
@@ -540,41 +538,45 @@ class Run:
         self.history, self.drifts = History(len(self.q)), frozen(np.zeros((0, len(self.q))))
 
 
-def new_run(law: Law, q: Vector, limits: bool) -> Run:
-    """A law that stands at a posture (n,), on the leaf through it. Raises: HolokinError: it is not defined there."""
-    if law.strategy is not None:
-        law.strategy(q)
-    return Run(
-        law, frozen(q), follower(law, q, limits), _level_of(law, q), History(len(q)), frozen(np.zeros((0, len(q))))
-    )
+def new_run(strategy: NamedStrategy, q: Vector, limits: bool) -> Run:
+    """A strategy that stands at a posture (n,), on the leaf through it. Raises: HolokinError: not defined there."""
+    if strategy.G is not None:
+        strategy.G(q)
+    follow, drifts = follower(strategy, q, limits), frozen(np.zeros((0, len(q))))
+    return Run(strategy, frozen(q), follow, strategy.level_at(q), History(len(q)), drifts)
 
 
-def _level_of(law: Law, q: Vector) -> Vector:
-    """g(q) (r,) of a holonomic law; empty for others."""
-    return leaf_value(law.rule, q) if isinstance(law.rule, HolonomicStrategy) else np.zeros(0)
-
-
-def state_of(run: Run) -> LawState:
+def state_of(run: Run) -> StrategyState:
     """What a page is told of it."""
     if run.state is None:
-        strategy, largest = run.law.strategy, np.abs(run.drifts).max(axis=1, initial=0.0)
-        rcond = np.nan if strategy is None else float(strategy.gain(run.q)[1])
-        t, history = run.history.view()
-        run.state = LawState(
-            run.law.name, run.law.colour, run.law.holonomic, run.q, run.status, run.sentence, rcond, frozen(run.level),
-            frozen(largest), run.drifts, t, history, run.judgement,
-        )  # fmt: skip
+        strategy, (t, history) = run.strategy, run.history.view()
+        run.state = StrategyState(
+            name=strategy.name,
+            colour=strategy.colour,
+            holonomic=strategy.holonomic,
+            q=run.q,
+            status=run.status,
+            sentence=run.sentence,
+            rcond=np.nan if strategy.G is None else float(strategy.G.gain(run.q)[1]),
+            level=frozen(run.level),
+            drift=frozen(np.abs(run.drifts).max(axis=1, initial=0.0)),
+            drift_joints=run.drifts,
+            t=t,
+            history=history,
+            judgement=run.judgement,
+        )
     return run.state
 
 
 def put_on_leaf(run: Run, q: Vector, limits: bool) -> None:
-    """A law at another posture (n,) with its tool pose; a holonomic one on the leaf through it from now on.
+    """A strategy at another posture (n,) with its tool pose; a holonomic one on the leaf through it from now on.
 
     Raises:
-        HolokinError: the law is not defined there; nothing changes then.
+        HolokinError: the strategy is not defined there; nothing changes then.
     """
-    if run.law.holonomic:
-        law = replace(run.law, level=_level_of(run.law, q))
-        run.follow = follower(law, q, limits)
-        run.law, run.level = law, _level_of(law, q)
+    if run.strategy.holonomic:
+        level = run.strategy.level_at(q)
+        strategy = replace(run.strategy, level=level)
+        run.follow = follower(strategy, q, limits)
+        run.strategy, run.level = strategy, level
     run.put(Move(q, run.status, run.sentence))

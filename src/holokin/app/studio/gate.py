@@ -16,7 +16,6 @@ import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import singledispatch
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -36,27 +35,14 @@ from .page_scene import silent_viser
 # needs, with just their known fields; numbers are finite and within the bounds of their control, a choice is one of its
 # options. What does not fit is dropped, and nobody else notices.
 
-LONGEST = 200
-"""Characters of a text that is typed into the page, and of names in messages."""
-
-SMALL = 8192
-"""Bytes of a message that is no picture: the longest, of the camera, has 400."""
-
-LARGEST = 16 * 2**20
-"""Bytes of a message: a picture of 8192 x 4096 pixels has 10 MB."""
-
-PIXELS = 8192
-"""Width and height of a picture at most."""
-
+LONGEST = 200  # characters of a text that is typed into the page, and of names in messages
+SMALL = 8192  # bytes of a message that is no picture: the longest, of the camera, has 400
+LARGEST = 16 * 2**20  # bytes of a message: a picture of 8192 x 4096 pixels has 10 MB
+PIXELS = 8192  # width and height of a picture at most
+# largest number [m, or any unit] of a control without bounds of its own, and of a handle's place: no robot is larger
 FAR = 1e3
-"""Largest number [m, or any unit] of a control that has no bounds of its own, and of a handle's place: viser's
-controls have none unless they are given, and no robot of the page is larger."""
-
-AWAY = 1e6
-"""Largest coordinate of a camera [m], which zooms out far beyond what it sees."""
-
-UNIT = 1e-3
-"""How far the length of a quaternion may be from 1: a browser's 32 bits leave 1e-6."""
+AWAY = 1e6  # largest coordinate of a camera [m], which zooms out far beyond what it sees
+UNIT = 1e-3  # how far the length of a quaternion may be from 1: a browser's 32 bits leave 1e-6
 
 _Name = Annotated[str, Meta(max_length=LONGEST)]
 _Near = Annotated[float, Meta(ge=-FAR, le=FAR)]
@@ -119,11 +105,8 @@ class TransformControlsDragStartMessage(Struct, tag_field="type"):
     owner: _Name = ""
 
 
-class TransformControlsDragEndMessage(Struct, tag_field="type"):
+class TransformControlsDragEndMessage(TransformControlsDragStartMessage, tag_field="type"):
     """A handle is let go."""
-
-    name: _Name
-    owner: _Name = ""
 
 
 class GetRenderResponseMessage(Struct, tag_field="type"):
@@ -159,16 +142,19 @@ class Incoming:
     def __init__(self) -> None:
         self.server: Any = None
 
-    def passed(self, said: bytes | str) -> bytes | None:
+    def passed(self, sent: bytes | str) -> bytes | None:
         """What viser shall hear of a message: the same, a number in its bounds and no field more, or nothing."""
-        if not isinstance(said, bytes) or len(said) > LARGEST:
+        if not isinstance(sent, bytes) or len(sent) > LARGEST:
             return None
         try:
-            message = (_SMALL if len(said) <= SMALL else _PICTURE).decode(said)
+            message = (_SMALL if len(sent) <= SMALL else _PICTURE).decode(sent)
             if isinstance(message, GuiUpdateMessage):
                 message.updates.value = fitted(self._control(message.uuid), message.updates.value)
-            else:
-                look(message)
+            elif isinstance(message, TransformControlsUpdateMessage | ViewerCameraMessage):
+                if abs(math.hypot(*message.wxyz) - 1.0) > UNIT:
+                    return None
+            elif isinstance(message, GetRenderResponseMessage) and message.payload:
+                _check_picture(message.payload)
         except (msgspec.MsgspecError, ValueError, RecursionError, Refused):
             return None
         return msgspec.msgpack.encode(message)
@@ -182,51 +168,24 @@ class Incoming:
         return control
 
 
-@singledispatch
 def fitted(control: Any, value: Any) -> Any:
     """A value as a control of the page may have it. Raises: Refused: it is no value of such a control."""
+    match control:
+        case viser.GuiButtonHandle():
+            return True
+        case viser.GuiCheckboxHandle() if isinstance(value, bool):
+            return value
+        case viser.GuiDropdownHandle() if isinstance(value, str) and value in control.options:
+            return value
+        case viser.GuiTextHandle() if isinstance(value, str):
+            return "".join(c for c in value if unicodedata.category(c)[0] != "C")[:LONGEST]
+        case viser.GuiNumberHandle() | viser.GuiSliderHandle():
+            number = between(value, control.min, control.max)
+            return round(number) if isinstance(control.value, int) else number
+        case viser.GuiVector3Handle() if isinstance(value, list) and len(value) == 3:
+            low, high = control.min or (None,) * 3, control.max or (None,) * 3
+            return [between(number, *ends) for number, *ends in zip(value, low, high, strict=True)]
     raise Refused
-
-
-@fitted.register(viser.GuiButtonHandle)
-def _(control: Any, value: Any) -> bool:
-    return True
-
-
-@fitted.register(viser.GuiCheckboxHandle)
-def _(control: Any, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise Refused
-    return value
-
-
-@fitted.register(viser.GuiDropdownHandle)
-def _(control: Any, value: Any) -> str:
-    if not isinstance(value, str) or value not in control.options:
-        raise Refused
-    return value
-
-
-@fitted.register(viser.GuiTextHandle)
-def _(control: Any, value: Any) -> str:
-    if not isinstance(value, str):
-        raise Refused
-    return "".join(c for c in value if unicodedata.category(c)[0] != "C")[:LONGEST]
-
-
-@fitted.register(viser.GuiNumberHandle)
-@fitted.register(viser.GuiSliderHandle)
-def _(control: Any, value: Any) -> int | float:
-    number = between(value, control.min, control.max)
-    return round(number) if isinstance(control.value, int) else number
-
-
-@fitted.register(viser.GuiVector3Handle)
-def _(control: Any, value: Any) -> list[float]:
-    if not isinstance(value, list) or len(value) != 3:
-        raise Refused
-    low, high = control.min or (None,) * 3, control.max or (None,) * 3
-    return [between(one, *ends) for one, *ends in zip(value, low, high, strict=True)]
 
 
 def between(value: Any, low: float | None, high: float | None) -> float:
@@ -236,41 +195,23 @@ def between(value: Any, low: float | None, high: float | None) -> float:
     return float(min(max(float(value), -FAR if low is None else low), FAR if high is None else high))  # NumPy ends, too
 
 
-@singledispatch
-def look(message: Any) -> None:
-    """At what bounds of single numbers do not tell. Raises: Refused."""
-
-
-@look.register
-def _(message: TransformControlsUpdateMessage) -> None:
-    if abs(math.hypot(*message.wxyz) - 1.0) > UNIT:
-        raise Refused
-
-
-@look.register
-def _(message: ViewerCameraMessage) -> None:
-    if abs(math.hypot(*message.wxyz) - 1.0) > UNIT:
-        raise Refused
-
-
-@look.register
-def _(message: GetRenderResponseMessage) -> None:
-    """It is read as a picture later: only of the kind, and of the size, that is asked for."""
-    if not message.payload:
-        return
+def _check_picture(payload: bytes) -> None:
+    """Raises: Refused: bytes are no picture of the kind and size that is asked for; they are read as one later."""
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(io.BytesIO(message.payload), formats=["JPEG"]) as picture:
-            width, height = picture.size
+        with Image.open(io.BytesIO(payload), formats=["JPEG"]) as picture:
+            size = picture.size
     except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError):
         raise Refused from None
-    if max(width, height) > PIXELS:
+    if max(size) > PIXELS:
         raise Refused
 
 
+# --- The server: viser behind a door.
+
+# messages of a browser that are heard in a second: a drag sends 60. The others wait, for all share one thread
 RATE = 400
-"""Messages of a browser that are heard in a second: a drag sends 60. The others wait, for all share one thread."""
 
 _replacing = threading.Lock()
 

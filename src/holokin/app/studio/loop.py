@@ -1,4 +1,4 @@
-"""The loop of a session as it runs: its clock, and the steps that all laws make in a time."""
+"""The loop of a session as it runs: its clock, and the steps that all strategies make in a time."""
 
 from __future__ import annotations
 
@@ -10,13 +10,10 @@ import numpy as np
 from ...base.errors import HolokinError
 from ...base.types import Array, Vector, frozen
 from .followers import Loop, Move, Run, Walk, loop_start, poses_at, walk
-from .states import LawStatus, Phase
+from .states import Phase, StrategyStatus
 
-GATHER = 0.8
-"""Seconds in which the joints go to where a loop begins."""
-
-RETRY = 8
-"""Frames after which a law that stopped tries to take part again."""
+GATHER = 0.8  # seconds in which the joints go to where a loop begins
+RETRY = 8  # frames after which a strategy that stopped tries to take part again
 
 
 @dataclass(eq=False)
@@ -44,16 +41,16 @@ class Playing:
 
 
 def begin(playing: Playing, runs: Iterable[Run], loop: Loop, home: Vector, limits: bool) -> str:
-    """Get the laws ready for a loop. A law that cannot begin says why; the sentence of the first where none can."""
+    """Get the strategies ready for a loop; one that cannot begin says why. The first one's sentence if none can."""
     plans, first = [], ""
     for run in runs:
         run.forget()
         try:
-            start: Vector = frozen(loop_start(run.law, loop, home))
-            run.q0, run.walk = start, walk(run.law, loop, start, limits)
+            start: Vector = frozen(loop_start(run.strategy, loop, home))
+            run.q0, run.walk = start, walk(run.strategy, loop, start, limits)
             plans.append(run.walk.plan)
         except HolokinError as problem:
-            run.status, run.sentence, run.whole = LawStatus.STOPPED, f"It cannot begin the loop: {problem}.", False
+            run.status, run.sentence, run.whole = StrategyStatus.STOPPED, f"It cannot begin the loop: {problem}.", False
             first = first or run.sentence
     if not plans:
         return first
@@ -64,7 +61,7 @@ def begin(playing: Playing, runs: Iterable[Run], loop: Loop, home: Vector, limit
 
 
 def target_of(playing: Playing, runs: Iterable[Run]) -> Array | None:
-    """Where the tools are wanted now (F, 4, 4); None where no law takes part."""
+    """Where the tools are wanted now (F, 4, 4); None where no strategy takes part."""
     plan = next((run.walk.plan for run in runs if run.walk is not None), None)
     if plan is None:
         return None
@@ -72,13 +69,13 @@ def target_of(playing: Playing, runs: Iterable[Run]) -> Array | None:
 
 
 def gather(playing: Playing, runs: Iterable[Run], dt: float) -> None:
-    """The joints go evenly to where each law begins the loop; then it runs."""
+    """The joints go evenly to where each strategy begins the loop; then it runs."""
     before, playing.gathered = playing.gathered, min(GATHER, playing.gathered + dt)
     there = playing.gathered >= GATHER
     share = 1.0 if there else (playing.gathered - before) / (GATHER - before)
     for run in runs:
         if run.walk is not None and run.q0 is not None:
-            run.put(Move(run.q0 if there else run.q + share * (run.q0 - run.q), LawStatus.FOLLOWING))
+            run.put(Move(run.q0 if there else run.q + share * (run.q0 - run.q), StrategyStatus.FOLLOWING))
             if there:
                 run.history.add(np.zeros(1), run.q0[None])
     if there:
@@ -86,19 +83,24 @@ def gather(playing: Playing, runs: Iterable[Run], dt: float) -> None:
 
 
 def go(playing: Playing, runs: Iterable[Run], dt: float, wait: bool) -> None:
-    """All laws go on by a time of the loop [s], in whole steps; `wait`: as of a `Follower`, of laws not compiled."""
+    """All strategies go on by a time of the loop [s], in whole steps.
+
+    wait: as of a `Follower`, of strategies that are not compiled.
+    """
+    # The step that is due by now, at most the last one.
     steps, length = len(playing.ends), float(playing.ends[-1])
     playing.time += dt
     playing.frames += 1
     lap, rest = divmod(playing.time, length)
-    goal = int(lap) * steps + int(np.searchsorted(playing.ends, rest + 1e-9 * length, side="right"))
+    due = int(lap) * steps + int(np.searchsorted(playing.ends, rest + 1e-9 * length, side="right"))
     last = np.inf if playing.cycles is None else playing.cycles * steps
-    if goal >= last:
-        goal, playing.time = int(last), length * last / steps
+    if due >= last:
+        due, playing.time = int(last), length * last / steps
+    # All strategies up to it, cycle by cycle.
     done = playing.cycle * steps + playing.step
-    while done < goal:
+    while done < due:
         first = done % steps
-        until = min(steps, first + goal - done)
+        until = min(steps, first + due - done)
         for run in runs:
             if run.walk is not None:
                 _steps(playing, run, run.walk, (first, until), wait)
@@ -109,15 +111,15 @@ def go(playing: Playing, runs: Iterable[Run], dt: float, wait: bool) -> None:
 
 
 def _steps(playing: Playing, run: Run, walked: Walk, steps: tuple[int, int], wait: bool) -> None:
-    """Steps of one law in one cycle, and its drift where the cycle ends."""
+    """Steps of one strategy in one cycle, and its drift where the cycle ends."""
     first, until = steps
     run.curves, run.levels, run.state = {}, {}, None
-    if run.status is LawStatus.FOLLOWING:
+    if run.status is StrategyStatus.FOLLOWING:
         rows, (run.status, run.sentence) = walked.run(run.q, first, until)
         if len(rows):
             run.q = frozen(rows[-1])
             run.history.add(playing.cycle * playing.ends[-1] + playing.ends[first : first + len(rows)], rows)
-        run.whole &= run.status is LawStatus.FOLLOWING
+        run.whole &= run.status is StrategyStatus.FOLLOWING
     elif playing.frames % RETRY == 0:
         run.put(run.follow(run.q, poses_at(walked.plan, until), wait or run.ready))
     if until == len(playing.ends) and run.q0 is not None:

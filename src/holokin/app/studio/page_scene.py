@@ -1,4 +1,4 @@
-"""What stands in the page: the robot, a translucent ghost for each law, the loop, traces, frames, floor and camera."""
+"""What stands in the page: the robot, a translucent ghost for each strategy, lines, traces, floor and camera."""
 
 from __future__ import annotations
 
@@ -36,20 +36,12 @@ from ..report.robot_view import pieces_of
 
 # --- The links of a robot as triangles to look at: its own meshes, or capsules where it has none that can be read.
 
-SOLID = 200_000
-"""Triangles of all links together that are drawn of one robot at most."""
-
-GHOST = 20_000
-"""The same of each ghost: 60 of them are drawn at once."""
-
+SOLID = 200_000  # triangles of all links together that are drawn of one robot at most
+GHOST = 20_000  # the same of each ghost: 60 of them are drawn at once
+# colours of the rods that stand for links, and of all else that has no mesh: light and dark grey
 LINK, JOINT = (226, 229, 234), (96, 104, 117)
-"""Colours of the rods that stand for links, and of all else that has no mesh: light and dark grey."""
-
-TOOL, THING = (74, 80, 92), (196, 180, 150)
-"""Colours of the tools that robots carry, and of what stands around them."""
-
-_SHARP = np.deg2rad(30.0)
-"""Edges that are sharper than this are drawn as edges, others as round."""
+TOOL, THING = (74, 80, 92), (196, 180, 150)  # colours of the tools that robots carry, and of what stands around them
+_SHARP = np.deg2rad(30.0)  # edges that are sharper than this are drawn as edges, others as round
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,17 +118,30 @@ def quaternions(rotations: Array) -> Array:
 
 
 def _mesh(shape: Shape | Surface, color: Any = None) -> Any:
-    """A shape as a trimesh.Trimesh with a colour for each point. Raises: RobotFileError."""
+    """A shape as a trimesh.Trimesh with a colour for each point. Raises: RobotFileError, also of what is not read."""
     tm = trimesh_package()
-    if isinstance(shape, Mesh):
-        mesh = _file_mesh(shape)
-    elif isinstance(shape, Surface):
-        mesh = tm.Trimesh(shape.points, shape.triangles, process=True)
-    else:
-        mesh = _solid(shape)
+    match shape:
+        case Mesh():
+            mesh = _file_mesh(shape)
+        case Surface():
+            mesh = tm.Trimesh(shape.points, shape.triangles, process=True)
+        case Box():
+            mesh = tm.creation.box(extents=shape.sides)
+        case Cylinder():
+            mesh = tm.creation.cylinder(radius=shape.radius, height=shape.length, sections=32)
+        case Capsule():
+            mesh = tm.creation.capsule(height=shape.length, radius=shape.radius, count=[24, 24])
+            mesh.apply_translation(-mesh.bounds.mean(axis=0))
+        case Ellipsoid():
+            mesh = tm.creation.icosphere(subdivisions=3)
+            mesh.apply_scale(shape.radii)
+        case Hull():
+            mesh = tm.convex.convex_hull(shape.corners)
+        case _:
+            raise RobotFileError("the robot", "a shape that is not read", "draw it without")
     if color is not None or not isinstance(shape, Mesh):
-        rgb = LINK if color is None else tuple(int(255 * min(max(c, 0.0), 1.0)) for c in color[:3])
-        mesh.visual = tm.visual.ColorVisuals(mesh, vertex_colors=np.tile([*rgb, 255], (len(mesh.vertices), 1)))
+        tint = LINK if color is None else tuple(int(255 * min(max(c, 0.0), 1.0)) for c in color[:3])
+        mesh.visual = tm.visual.ColorVisuals(mesh, vertex_colors=np.tile([*tint, 255], (len(mesh.vertices), 1)))
     return mesh
 
 
@@ -168,31 +173,10 @@ def _own_colors(piece: Any) -> Any:
     """A colour for each point of a mesh as it was loaded; light grey where the file has none."""
     visual = piece.visual
     if getattr(visual, "defined", False):
-        colors = visual.to_color() if hasattr(visual, "to_color") else visual
-        rgba = np.asarray(colors.vertex_colors)
+        rgba = np.asarray((visual.to_color() if hasattr(visual, "to_color") else visual).vertex_colors)
         if rgba.shape == (len(piece.vertices), 4):
             return rgba
     return np.tile([*LINK, 255], (len(piece.vertices), 1))
-
-
-def _solid(shape: Shape) -> Any:
-    """Primitives and hulls. Raises: RobotFileError, from shapes that nobody can look at."""
-    make, tm = trimesh_package().creation, trimesh_package()
-    if isinstance(shape, Box):
-        return make.box(extents=shape.sides)
-    if isinstance(shape, Cylinder):
-        return make.cylinder(radius=shape.radius, height=shape.length, sections=32)
-    if isinstance(shape, Capsule):
-        mesh = make.capsule(height=shape.length, radius=shape.radius, count=[24, 24])
-        mesh.apply_translation(-mesh.bounds.mean(axis=0))
-        return mesh
-    if isinstance(shape, Ellipsoid):
-        mesh = make.icosphere(subdivisions=3)
-        mesh.apply_scale(shape.radii)
-        return mesh
-    if isinstance(shape, Hull):
-        return tm.convex.convex_hull(shape.corners)
-    raise RobotFileError("the robot", "a shape that is not read", "draw it without")
 
 
 def _capsules(robot: Robot) -> dict[int, list[Any]]:
@@ -261,23 +245,15 @@ def _clustered(mesh: Any, cell: float) -> tuple[tuple[Indices, Indices], Indices
     return (first, inverse.reshape(-1)), faces[np.sort(keep)]
 
 
+# of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart
 OPACITY = 0.62
-"""Of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart."""
-
-ALONE = 0.4
-"""Of the only ghost that there is: the robot is seen through it."""
-
-APART = 0.03
-"""Distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen."""
-
+ALONE = 0.4  # of the only ghost that there is: the robot is seen through it
+APART = 0.03  # distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen
+# distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker
 TOUCHING = 0.003
-"""Distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker."""
-
+# distance [m] below which of two ghosts' links only the first is drawn; up to TOUCHING the other comes in softly
 SAME = 0.001
-"""Distance [m] below which of two ghosts' links only the first is drawn; up to TOUCHING the other comes in softly."""
-
-FOV = np.deg2rad(40.0)
-"""Of the camera, upright: as of a 50 mm lens."""
+FOV = np.deg2rad(40.0)  # of the camera, upright: as of a 50 mm lens
 
 _PLAIN_ADDRESS = (
     'const at = new URL(location.href); at.searchParams.delete("websocket"); history.replaceState(null, "", at.href);'
@@ -352,8 +328,8 @@ class Scene:
         self._floor()
         self._draw_robot()
 
-    def set_laws(self, names: Sequence[str], colors: Sequence[str] = (), lead: int = 0) -> None:
-        """A ghost for each law, in its colour (#RRGGBB); that of the `lead` is the robot itself, in its own colours."""
+    def set_strategies(self, names: Sequence[str], colors: Sequence[str] = (), lead: int = 0) -> None:
+        """A ghost for each strategy in its colour (#RRGGBB); that of the `lead` is the robot, in its own colours."""
         self.names, self.lead = tuple(names), lead
         self.colors = tuple(colors) or tuple(color_of(i) for i in range(len(names)))
         for handle in [*self._ghosts, *self._labels, *(line for line, _ in self._lines.values())]:
@@ -385,12 +361,10 @@ class Scene:
         self.show(np.tile(self.q0, (count, 1)))
 
     def show(self, Q: ArrayLike) -> None:
-        """The robots of all laws at their postures Q (k, n) [rad or m]."""
-        postures = np.asarray(Q, dtype=float)
+        """The robots of all strategies at their postures Q (k, n) [rad or m]."""
+        postures, lead = np.asarray(Q, dtype=float), self.lead
         if not len(postures):
             postures, lead = self.q0[None], 0
-        else:
-            lead = self.lead
         positions, turns = frames_of(self.robot, postures)
         elbows = positions[self._elbow + 1]
         with self.server.atomic():
@@ -406,7 +380,7 @@ class Scene:
                 label.position = elbows[index] + [0.0, 0.0, _ABOVE]
 
     def show_start(self, q: ArrayLike | None) -> None:
-        """A grey ghost at the posture from which the laws started (n,), or none."""
+        """A grey ghost at the posture from which the strategies started (n,), or none."""
         for handle in self._start:
             handle.remove()
         self._start = []
@@ -415,10 +389,16 @@ class Scene:
         positions, turns = frames_of(self.robot, np.asarray(q, dtype=float)[None])
         for look in looks_of(self.robot, GHOST)[0]:
             handle = self.server.scene.add_mesh_simple(
-                f"/start/{look.joint + 1}", look.points, look.triangles, color=rgb(GREY), opacity=0.25,
-                position=positions[look.joint + 1, 0], wxyz=turns[look.joint + 1, 0], cast_shadow=False,
+                f"/start/{look.joint + 1}",
+                look.points,
+                look.triangles,
+                color=rgb(GREY),
+                opacity=0.25,
+                position=positions[look.joint + 1, 0],
+                wxyz=turns[look.joint + 1, 0],
+                cast_shadow=False,
                 receive_shadow=False,
-            )  # fmt: skip
+            )
             self._start.append(handle)
 
     def stand(self, things: Sequence[LinkShape]) -> Matrix:
@@ -439,9 +419,9 @@ class Scene:
         """The line that the tool shall follow, through points (k, 3) [m]; fewer than two take it away."""
         self._line(f"/paths/{name}", np.asarray(points, dtype=float).reshape(-1, 3), color, 0.006)
 
-    def trace(self, law: int, points: ArrayLike, part: str = "tool") -> None:
-        """The line that a part of a law's robot went, through points (k, 3) [m]."""
-        self._line(f"/traces/{part}/{law}", np.asarray(points, dtype=float), self.colors[law], 0.004)
+    def trace(self, strategy: int, points: ArrayLike, part: str = "tool") -> None:
+        """The line that a part of a strategy's robot went, through points (k, 3) [m]."""
+        self._line(f"/traces/{part}/{strategy}", np.asarray(points, dtype=float), self.colors[strategy], 0.004)
 
     def points_of(self, Q: ArrayLike, tip: Tip | None = None) -> tuple[Matrix, Matrix]:
         """Where a tool (k, 3) and the elbow (k, 3) are at postures Q (k, n); the elbow moves most while tools stand."""
@@ -467,11 +447,6 @@ class Scene:
         tints = np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
         self.server.scene.add_point_cloud("/cloud", places, tints, point_size=size, point_shape="circle")
 
-    def box(self, q: ArrayLike | None = None) -> tuple[Vector, Vector]:
-        """The least and largest x, y, z (3,) [m] of what is drawn of the robot at a posture, by default the first."""
-        points = self.drawn(q)
-        return points.min(axis=0), points.max(axis=0)
-
     def drawn(self, q: ArrayLike | None = None) -> Matrix:
         """Points (k, 3) [m] round what is drawn of the robot at a posture, by default the first: corners of boxes."""
         posture = self.q0 if q is None else np.asarray(q, dtype=float)
@@ -484,14 +459,13 @@ class Scene:
 
     def look_at_all(self, more: ArrayLike = ()) -> None:
         """The camera sees the whole arm from the side, and more points (k, 3) [m]."""
-        low, high = self.box()
-        points = np.vstack([self.drawn(), np.asarray(more, dtype=float).reshape(-1, 3)])
+        arm = self.drawn()
+        low, high = arm.min(axis=0), arm.max(axis=0)
+        points = np.vstack([arm, np.asarray(more, dtype=float).reshape(-1, 3)])
         tool = self.robot.pose(self.q0)[:3, 3] if self.robot.tips else (low + high) / 2
-        reached = tool[:2] - low[:2]
-        ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
-        side = ahead - np.deg2rad(62.0)
-        up = np.deg2rad(72.0 if self.robot.planar else 20.0)
-        away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
+        ahead = float(np.arctan2(tool[1], tool[0])) if np.linalg.norm(tool[:2] - low[:2]) > 1e-6 else 0.0
+        elevation = np.deg2rad(72.0 if self.robot.planar else 20.0)
+        away = camera_axes(ahead - np.deg2rad(62.0), elevation)[2]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         radius = float(np.linalg.norm(points - middle, axis=1).max())
         self.look_from(middle + radius / np.sin(FOV / 2) * away, middle)
@@ -514,10 +488,19 @@ class Scene:
         scene.add_light_directional("/lights/key", intensity=1.7, cast_shadow=True, position=(1.5, -2.0, 4.0))
         scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
         scene.add_grid(
-            "/floor", size, size, cell_size=0.1, cell_color=_CELL, section_size=0.5, section_color=_SECTION,
-            plane_color=_FLOOR, plane_opacity=1.0, shadow_opacity=0.2, fade_distance=6.0 * size,
-            position=(0.0, 0.0, min(0.0, float(self.box()[0][2])) if self.robot.planar else 0.0),
-        )  # fmt: skip
+            "/floor",
+            size,
+            size,
+            cell_size=0.1,
+            cell_color=_CELL,
+            section_size=0.5,
+            section_color=_SECTION,
+            plane_color=_FLOOR,
+            plane_opacity=1.0,
+            shadow_opacity=0.2,
+            fade_distance=6.0 * size,
+            position=(0.0, 0.0, min(0.0, float(self.drawn()[:, 2].min())) if self.robot.planar else 0.0),
+        )
 
     def _draw_robot(self) -> None:
         tm = trimesh_package()
@@ -546,11 +529,15 @@ class Scene:
             handle[0].points = segments
 
 
-_LABELLED = 6
-"""Laws at most that have their names beside their elbows: more names hide the robots."""
+_LABELLED = 6  # strategies at most that have their names beside their elbows: more names hide the robots
+_ABOVE = 0.09  # how far a name stands above its elbow [m]
 
-_ABOVE = 0.09
-"""How far a name stands above its elbow [m]."""
+
+def camera_axes(azimuth: float, elevation: float) -> Matrix:
+    """The axes (3, 3) of a camera, in rows: to the right, upwards, and away from what it looks at."""
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    away = np.array([*(np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])), np.sin(elevation)])
+    return np.stack([right, np.cross(away, right), away])
 
 
 def elbow_joint(robot: Robot, q: Vector) -> int:

@@ -1,7 +1,7 @@
 """Recordings: motions of one robot in one HTML file that any browser plays, without a server and without network.
 
 The scene is that of the studio. A recording has no sliders to ask, so what it shows is written into it: a title, what
-to see, the colour of each law, and its joint error after each cycle, which appears when the cycle ends.
+to see, the colour of each strategy, and its joint error after each cycle, which appears when the cycle ends.
 """
 
 from __future__ import annotations
@@ -26,42 +26,23 @@ from ...robot import LinkShape, Robot
 from ..report.plots import law_colors
 from ..report.robot_view import best_view
 from .door import HERE, Door
-from .page_scene import FOV, Scene, silent_viser, viser_package
+from .page_scene import FOV, Scene, camera_axes, silent_viser, viser_package
 from .session import Session
 
-RATE = 25.0
-"""Postures a second of a recording: the player does not blend them, and more cost more than they show."""
-
-HOLD = 2.5
-"""Seconds for which the end is held, to be read."""
-
-TRACE = 40
-"""Points of an elbow's line at most in a cycle: a line smooth enough, in few bytes."""
-
-PIECES = 8
-"""Pieces in which the elbow's line of a cycle appears."""
-
+RATE = 25.0  # postures a second of a recording: the player does not blend them, and more cost more than they show
+HOLD = 2.5  # seconds for which the end is held, to be read
+TRACE = 40  # points of an elbow's line at most in a cycle: a line smooth enough, in few bytes
+PIECES = 8  # pieces in which the elbow's line of a cycle appears
+# width of the picture over its height, and where the robots are in it: from LEFT to RIGHT of half its width, the
+# caption being on the left, and up to UPRIGHT of half its height
 ASPECT, LEFT, RIGHT, UPRIGHT = 1.6, -0.2, 0.96, 0.86
-"""Width of the picture over its height, and where the robots are in it: from LEFT to RIGHT of half its width, the
-caption being on the left, and up to UPRIGHT of half its height."""
-
+# from where to where of half the picture's height wide scenes are, which have its whole width, below the caption
 BELOW = (-0.8, 0.04)
-"""From where to where of half the picture's height wide scenes are, which have its whole width, below the caption."""
-
-ASIDE = np.deg2rad(20.0)
-"""Of the camera, from the middle between two hands that it looks at from the front."""
-
-ELEVATION = np.deg2rad(18.0)
-"""Of the camera; planar robots are seen from above."""
-
-RETURNED = 1e-6
-"""Largest error [joint unit] of a motion that is said to return: what integration leaves is below it."""
-
-TRIANGLES = 60_000
-"""Of the robot at most: a megabyte."""
-
-ABOVE = np.array([0.0, 0.0, 0.06])
-"""How far [m] lines are drawn above the floor in which a planar robot moves."""
+ASIDE = np.deg2rad(20.0)  # of the camera, from the middle between two hands that it looks at from the front
+ELEVATION = np.deg2rad(18.0)  # of the camera; planar robots are seen from above
+RETURNED = 1e-6  # largest error [joint unit] of a motion that is said to return: what integration leaves is below it
+TRIANGLES = 60_000  # of the robot at most: a megabyte
+ABOVE = np.array([0.0, 0.0, 0.06])  # how far [m] lines are drawn above the floor in which a planar robot moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +99,8 @@ class Recording(Value):
     def html(self) -> str:
         """One HTML document that holds everything and plays without a server."""
         scene = base64.b64encode(self.scene).decode("ascii")
-        return _page(f'window.__VISER_EMBED_DATA__="{scene}";window.HOLOKIN_CAPTION={_script_json(self.caption)};')
+        caption = json.dumps(self.caption).replace("<", "\\u003c")  # no text may end the script, or hide its end
+        return _page(f'window.__VISER_EMBED_DATA__="{scene}";window.HOLOKIN_CAPTION={caption};')
 
     @typed
     def save(self, file: str | FilePath) -> FilePath:
@@ -137,19 +119,27 @@ def player() -> str:
 
 @typed
 def record(
-    robot: Robot, motions: Mapping[str, Any], file: str | FilePath | None = None, *, title: str = "", text: str = "",
-    path: ArrayLike | None = None, lead: str | None = None, seconds: float = 20.0,
+    robot: Robot,
+    motions: Mapping[str, Any],
+    file: str | FilePath | None = None,
+    *,
+    title: str = "",
+    text: str = "",
+    path: ArrayLike | None = None,
+    lead: str | None = None,
+    seconds: float = 20.0,
     obstacles: Sequence[LinkShape] = (),
-) -> Recording:  # fmt: skip
+) -> Recording:
     """Record motions of one robot, side by side in one place, to an HTML file that plays without a server.
 
     Args:
-        motions: name of each law -> its `Trajectory`, `TimedTrajectory` or `Motion`. One that ends early stays there.
+        motions: name of each strategy -> its `Trajectory`, `TimedTrajectory` or `Motion`; one that ends early stays
+            there.
         file: where to write it; None writes nothing.
         title, text: what it shows and what to see, for people.
         path: points (k, 3) [m] of the line that the tool shall follow, or (F, k, 3) of the lines of several tools; by
             default where the tools of the lead went.
-        lead: the law whose robot is drawn solid, by default the last one; the others are translucent ghosts.
+        lead: the strategy whose robot is drawn solid, by default the last one; the others are translucent ghosts.
         seconds: for how long it plays at most; longer motions are played faster.
         obstacles: what stands around the robot, such as the part that it works on: shapes of `hk.obstacle`.
             Tools that the robot carries are drawn, too: see `hk.robot.with_shape`.
@@ -177,41 +167,27 @@ def record(
 
 @typed
 def record_session(session: Session, file: str | FilePath | None = None, *, text: str = "") -> Recording:
-    """Record what the laws of a session did on its loop since it began, as `record` does.
+    """Record what the strategies of a session did on its loop since it began, as `record` does.
 
     Raises:
         ArgumentError: the loop has not run yet. MissingExtraError, WriteError.
     """
     snapshot, loop = session.snapshot(), session.loop
-    if loop is None or not any(len(law.t) > 1 for law in snapshot.laws):
+    if loop is None or not any(len(strategy.t) > 1 for strategy in snapshot.strategies):
         raise ArgumentError(
             "the loop to record", None, "none has run yet: press Start first, or call play() and advance()"
         )
     motions = {}
-    for law in snapshot.laws:
-        if len(law.t) < 2:
+    for strategy in snapshot.strategies:
+        if len(strategy.t) < 2:
             continue
-        ends = law.t[0] + np.arange(len(law.drift) + 1) * loop.path.duration
-        marks = np.unique(np.searchsorted(law.t, ends - 1e-9 * loop.path.duration).clip(max=len(law.t) - 1))
-        motions[law.name] = Motion(law.t, law.history, tuple(int(mark) for mark in marks))
-    holonomic = [law.name for law in snapshot.laws if law.holonomic and law.name in motions]
+        ends = strategy.t[0] + np.arange(len(strategy.drift) + 1) * loop.path.duration
+        marks = np.unique(np.searchsorted(strategy.t, ends - 1e-9 * loop.path.duration).clip(max=len(strategy.t) - 1))
+        motions[strategy.name] = Motion(strategy.t, strategy.history, tuple(int(mark) for mark in marks))
+    holonomic = [strategy.name for strategy in snapshot.strategies if strategy.holonomic and strategy.name in motions]
     points = loop.points(200)
     lead = holonomic[0] if holonomic else list(motions)[-1]
     return record(session.robot, motions, file, title=session.title, text=text, path=points, lead=lead)
-
-
-def _hidden(points: Matrix, things: Matrix, ahead: Vector, up: float) -> int:
-    """How many of the points (k, 3) are behind things, by the eight corners of their boxes, for a distant camera."""
-    away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
-    right = np.array([-ahead[1], ahead[0], 0.0])
-    axes = np.stack([right, np.cross(away, right), away], axis=1)
-    behind = np.zeros(len(points), dtype=bool)
-    for corners in things.reshape(-1, 8, 3) @ axes:
-        low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
-        seen = points @ axes
-        across = ((seen[:, :2] > low) & (seen[:, :2] < high)).all(axis=1)
-        behind |= across & (seen[:, 2] < corners[:, 2].mean())
-    return int(behind.sum())
 
 
 class _Film:
@@ -220,8 +196,7 @@ class _Film:
     def __init__(
         self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float, things: tuple[LinkShape, ...] = ()
     ):
-        self.robot, self.clips, self.lead = robot, clips, list(clips).index(lead)
-        self.things = things
+        self.robot, self.clips, self.lead, self.things = robot, clips, list(clips).index(lead), things
         self.start = min(float(clip.t[0]) for clip in clips.values())
         self.length = max(float(clip.t[-1]) for clip in clips.values()) - self.start
         self.pace = max(1.0, self.length / seconds)
@@ -241,19 +216,21 @@ class _Film:
         Q = np.stack([clip.at(times) for clip in self.clips.values()], axis=1)
         server = _quiet_server()
         try:
+            # The robots, the lines of the tools, what stands around, and the camera.
             scene = Scene(server, self.robot, Q[0, self.lead], TRIANGLES)
-            scene.set_laws([""] * len(self.clips), self.colors, self.lead)
-            loops = [loop + self.lift for loop in self._loops(scene, Q, path)]
-            for index, loop in enumerate(loops):
-                scene.path(loop, f"loop{index or ''}")
+            scene.set_strategies([""] * len(self.clips), self.colors, self.lead)
+            lines = [line + self.lift for line in self._lines(scene, Q, path)]
+            for index, line in enumerate(lines):
+                scene.path(line, f"loop{index or ''}")
             things = scene.stand(self.things)
-            scene.look_from(*self.view(scene, Q, np.vstack(loops), things))
+            scene.look_from(*self._camera(scene, Q, np.vstack(lines), things))
+            # Picture by picture.
             pieces = self._pieces(scene)
             tape = server.get_scene_serializer()
             for frame in range(self.count):
                 scene.show(Q[frame])
-                for law, name, points in pieces.get(frame, ()):
-                    scene.trace(law, points, name)
+                for index, name, points in pieces.get(frame, ()):
+                    scene.trace(index, points, name)
                 tape.insert_sleep(1 / RATE)
             tape.insert_sleep(HOLD)
             return tape.serialize()
@@ -261,55 +238,51 @@ class _Film:
             with silent_viser():
                 server.stop()
 
-    def _loops(self, scene: Scene, Q: Array, path: ArrayLike | None) -> list[Matrix]:
+    def _lines(self, scene: Scene, Q: Array, path: ArrayLike | None) -> list[Matrix]:
         """The lines (k, 3) of the tools: given ones, else where those of the lead went."""
         if path is not None:
             given = finite("path", path)
             return [*given] if given.ndim == 3 else [given]
         return [scene.points_of(Q[:, self.lead], tip)[0] for tip in self.tools]
 
-    def view(self, scene: Scene, Q: Array, loop: Matrix, things: Matrix) -> tuple[Vector, Vector]:
-        """(place of the camera, point it looks at): from where the laws are seen best apart, beside the caption."""
+    def _camera(self, scene: Scene, Q: Array, line: Matrix, things: Matrix) -> tuple[Vector, Vector]:
+        """(place of the camera, point it looks at): from where the strategies are seen best apart, by the caption."""
         frames = Q[np.linspace(0, len(Q) - 1, 13).round().astype(int)]
         bodies = [[np.vstack(self.robot.skeleton(q)) for q in row] for row in frames]
         pairs = [(body, row[self.lead]) for row in bodies for body in row]
-        up = np.deg2rad(78.0) if self.robot.planar else ELEVATION
-        side = (
-            -np.pi / 2
-            if self.robot.planar
-            else np.deg2rad(best_view([body for body, _ in pairs], [loop], pairs).azimuth)
-        )
+        # From the side; planar robots from above, two hands from the front.
+        if self.robot.planar:
+            azimuth, elevation = -np.pi / 2, float(np.deg2rad(78.0))
+        else:
+            azimuth = float(np.deg2rad(best_view([body for body, _ in pairs], [line], pairs).azimuth))
+            elevation = float(ELEVATION)
         if len(self.tools) > 1:
             hands = np.mean([scene.points_of(Q[:1, self.lead], tip)[0][0] for tip in self.tools], axis=0)
-            side = float(np.arctan2(hands[1], hands[0])) - ASIDE
+            azimuth = float(np.arctan2(hands[1], hands[0])) - ASIDE
+        # From the other side where the ghosts are behind the robot, or where more is hidden behind things.
         gap = sum((ghost - solid).sum(axis=0) for ghost, solid in pairs)
-        ahead = np.array([np.cos(side), np.sin(side), 0.0])
-        if (
-            not self.robot.planar and len(self.tools) == 1 and ahead @ gap < -1e-9
-        ):  # the ghosts in front of the robot, not behind it
-            ahead, side = -ahead, side + np.pi
-        body = np.vstack([loop, *(ghost for ghost, _ in pairs)])
-        if _hidden(body, things, ahead, up) > _hidden(body, things, -ahead, up):
-            ahead, side = -ahead, side + np.pi
-        away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
-        right = np.array([-np.sin(side), np.cos(side), 0.0])
-        above = np.cross(away, right)
-        points = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), loop, things])
-        seen = points @ np.stack([right, above, away], axis=1)
+        behind = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) @ gap < -1e-9
+        if not self.robot.planar and len(self.tools) == 1 and behind:
+            azimuth += np.pi
+        body = np.vstack([line, *(ghost for ghost, _ in pairs)])
+        views = [camera_axes(side, elevation) for side in (azimuth, azimuth + np.pi)]
+        axes = min(views, key=lambda axes: _hidden(body, things, axes))
+        # So far away that all is in the picture, beside the caption or below it.
+        seen = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), line, things]) @ axes.T
         low, high = seen.min(axis=0), seen.max(axis=0)
         tan, wide, tall = np.tan(FOV / 2), (high[0] - low[0]) / ASPECT, high[1] - low[1]
-        places = (((LEFT, RIGHT), (-UPRIGHT, UPRIGHT)), ((-RIGHT, RIGHT), BELOW))  # beside the caption, or below it
-        sizes = [max(wide / (x[1] - x[0]), tall / (y[1] - y[0])) / tan for x, y in places]
-        near, (x, y) = min(zip(sizes, places, strict=True), key=lambda ghost: ghost[0])
-        far = near + (high[2] - low[2]) / 2
-        middle = (low + high) / 2 @ np.stack([right, above, away])
+        places = (((LEFT, RIGHT), (-UPRIGHT, UPRIGHT)), ((-RIGHT, RIGHT), BELOW))
+        distances = [max(wide / (x[1] - x[0]), tall / (y[1] - y[0])) / tan for x, y in places]
+        near, (x, y) = min(zip(distances, places, strict=True), key=lambda option: option[0])
+        right, above, away = axes
+        middle = (low + high) / 2 @ axes
         look_at = middle - tan * near * (sum(x) / 2 * ASPECT * right + sum(y) / 2 * above)
-        return look_at + far * away, look_at
+        return look_at + (near + (high[2] - low[2]) / 2) * away, look_at
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
-        """Frame -> (law, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
+        """Frame -> (strategy, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
         pieces: dict[int, list[tuple[int, str, Matrix]]] = {}
-        for law, clip in enumerate(self.clips.values()):
+        for strategy, clip in enumerate(self.clips.values()):
             ends = [*clip.marks] if len(clip.marks) > 1 else [0, len(clip.t) - 1]
             for cycle, (first, last) in enumerate(pairwise(ends)):
                 rows: Indices = np.unique(np.linspace(first, last, TRACE + 1).round().astype(int))
@@ -318,21 +291,36 @@ class _Film:
                     if len(part):
                         frame = round(self.clock(float(clip.t[rows[part[-1] + 1]])) * RATE)
                         line = points[part[0] : part[-1] + 2]
-                        pieces.setdefault(frame, []).append((law, f"elbow/{cycle}-{piece}", line))
+                        pieces.setdefault(frame, []).append((strategy, f"elbow/{cycle}-{piece}", line))
         return pieces
 
     def caption(self, title: str, text: str) -> dict[str, Any]:
-        """What the overlay writes: title, text, and of each law its colour, and (second, error) of each cycle."""
-        laws = []
+        """What the overlay writes: title, text, and of each strategy its colour, and (second, error) of each cycle."""
+        strategies = []
         for index, (name, clip) in enumerate(self.clips.items()):
-            errors = clip.errors
-            shown = [[self.clock(float(clip.t[m])), float(e)] for m, e in zip(clip.marks[1:], errors, strict=True)]
-            ended = [] if clip.status is Status.COMPLETE else [self.clock(float(clip.t[-1])), clip.status.cause]
-            laws.append({
-                "name": name, "color": self.colors[index], "solid": index == self.lead, "errors": shown, "ended": ended,
-            })  # fmt: skip
+            ends = zip(clip.marks[1:], clip.errors, strict=True)
+            complete = clip.status is Status.COMPLETE
+            strategies.append(
+                {
+                    "name": name,
+                    "color": self.colors[index],
+                    "solid": index == self.lead,
+                    "errors": [[self.clock(float(clip.t[mark])), float(error)] for mark, error in ends],
+                    "ended": [] if complete else [self.clock(float(clip.t[-1])), clip.status.cause],
+                }
+            )
         unit = "rad" if all(self.robot.hinges) else "rad or m"
-        return {"title": title, "text": text, "laws": laws, "unit": unit, "pace": round(self.pace, 1)}
+        return {"title": title, "text": text, "strategies": strategies, "unit": unit, "pace": round(self.pace, 1)}
+
+
+def _hidden(points: Matrix, things: Matrix, axes: Matrix) -> int:
+    """How many of the points (k, 3) are behind things, by the eight corners of their boxes, for a distant camera."""
+    behind, seen = np.zeros(len(points), dtype=bool), points @ axes.T
+    for corners in things.reshape(-1, 8, 3) @ axes.T:
+        low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+        across = ((seen[:, :2] > low) & (seen[:, :2] < high)).all(axis=1)
+        behind |= across & (seen[:, 2] < corners[:, 2].mean())
+    return int(behind.sum())
 
 
 def _motion(name: str, motion: Any, robot: Robot) -> Motion:
@@ -361,8 +349,3 @@ def _page(script: str) -> str:
     overlay = files("holokin.app.studio").joinpath("caption.html").read_text("utf-8")
     head, mark, rest = client.read_text("utf-8").partition("</head>")
     return f"{head}<script>{script}</script>{overlay}{mark}{rest}"
-
-
-def _script_json(value: Any) -> str:
-    """JSON that may stand in a script of a page: without "<", by which a text could end the script, or hide its end."""
-    return json.dumps(value).replace("<", "\\u003c")

@@ -24,20 +24,16 @@ from .door import HERE, Door, loopback, wildcard
 from .new_session import open_session, session_of_robot
 from .page_scene import GHOST, SOLID, looks_of, name_tab, silent_viser, trimesh_package, viser_package
 from .session import Session
-from .studio_page import Page
+from .side_panels import Panels
+from .stage import Page
 from .work import failure
 
-PORT = 8080
-"""Where the page is, unless it is in use."""
-
-TRIED = 50
-"""Ports that are tried."""
-
+PORT = 8080  # where the page is, unless it is in use
+TRIED = 50  # ports that are tried
+# seconds for the last words to reach browsers: the server ends its sending threads without waiting for them
 FAREWELL = 1.0
-"""Seconds for the last words to reach browsers: the server ends its sending threads without waiting for them."""
-
+# what browsers are told in the end
 ENDED = "Nothing moves any more on this page. Start the studio again: it prints a new address."
-"""What browsers are told in the end."""
 
 OPEN = (
     "the page is open to the network at {host}, and nothing is encrypted: whoever knows its address, {url}, can move "
@@ -46,15 +42,10 @@ OPEN = (
 )
 """What is said of a host that other machines reach."""
 
+# the file with which the browser is started
 LEADS_ON = '<!DOCTYPE html><meta http-equiv="refresh" content="0; url={url}"><a href="{url}">The studio</a>'
-"""The file with which the browser is started."""
-
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
-
-
-What = str | Path | Robot | Session | None
-"""What can be shown."""
 
 
 class Studio:
@@ -139,7 +130,7 @@ class Studio:
     def _shown(self, session: Session, units: PrintedUnits = SI) -> Page:
         self.server.scene.reset()
         self.server.gui.reset()
-        page = Page(self.server, session, self._reopen, units)
+        page = Page(self.server, session, Panels, self._reopen, units)
         session.start_work()
         page.start()
         name_tab(self.server, f"{session.source or session.title} - holokin studio")
@@ -172,23 +163,6 @@ class Studio:
             self.open(name)
         except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
             self.page.say(failure(f"{name} was not opened", problem))
-
-
-def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
-    """Open a page; as `hk.studio` says."""
-    if not 0 <= port <= 65535:
-        raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
-    viser_package()
-    trimesh_package()
-    made = Studio(_session(what), port, host)
-    for note in made.notes:
-        tell(note)
-    tell(f"the studio is at {made.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
-    if browser:
-        made.browse()
-    if wait:
-        made.wait()
-    return made
 
 
 def _free_port(host: str, port: int) -> int:
@@ -226,14 +200,6 @@ def _host_name(host: str) -> str:
     return socket.gethostname() or host if wildcard(host) else host
 
 
-def _session(what: What) -> Session:
-    if isinstance(what, Session):
-        return what
-    if isinstance(what, Robot):
-        return session_of_robot(what, source=what.name)
-    return open_session(str(what or DEFAULT))
-
-
 @typed
 def studio(
     what: Any = None,
@@ -242,7 +208,7 @@ def studio(
     host: str = "127.0.0.1",
     browser: bool = True,
     wait: bool = True,
-    tell: Callable[[str], Any] = print,
+    progress: Callable[[str], Any] = print,
 ) -> Studio:
     """Open a page in the browser: the robot, a loop to drag, and control laws side by side. Extra `studio`.
 
@@ -256,7 +222,7 @@ def studio(
             all who know its address.
         browser: False opens none.
         wait: serve until Ctrl-C; False returns at once, and `close()` ends it.
-        tell: hears where the page is, and what else is to be known of it, a sentence at a time. The address has a
+        progress: hears where the page is, and what else is to be known of it, a sentence at a time. The address has a
             token in it: who has it can open the page.
 
     Returns:
@@ -267,10 +233,28 @@ def studio(
         ArgumentError: a port or host that cannot be; a robot without a joint to spare.
         HolokinError: what reading the job or robot raises.
     """
-    if not callable(tell):
-        raise ArgumentError("tell", tell, "give a function of one text")
-    from .session import Session
-
-    if what is not None and not isinstance(what, str | Path | Robot | Session):
+    if not callable(progress):
+        raise ArgumentError("progress", progress, "give a function of one text")
+    if not 0 <= port <= 65535:
+        raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
+    viser_package()
+    trimesh_package()
+    # What is shown.
+    if isinstance(what, Session):
+        session = what
+    elif isinstance(what, Robot):
+        session = session_of_robot(what, source=what.name)
+    elif what is None or isinstance(what, str | Path):
+        session = open_session(str(what or DEFAULT))
+    else:
         raise ArgumentError("what the studio shows", what, "give a job, a robot, a file of one, or a studios.Session")
-    return serve(what, port, host, browser, wait, tell)
+    # The page, and where it is.
+    served = Studio(session, port, host)
+    for note in served.notes:
+        progress(note)
+    progress(f"the studio is at {served.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
+    if browser:
+        served.browse()
+    if wait:
+        served.wait()
+    return served

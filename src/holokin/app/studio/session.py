@@ -1,4 +1,4 @@
-"""`Session`: a robot, several laws, and one target or loop that all of them follow. The page of the studio draws it.
+"""`Session`: a robot, several strategies, and one target or loop that all of them follow, for the page to draw.
 
 All that changes is in a `Session`, behind one lock; what it tells are frozen values. It knows nothing of browsers.
 """
@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from ...base.poses import PoseLike
 from ...base.types import Array, ArrayLike, Vector, frozen, not_negative, positive, whole
 from ...path.workspaces import Workspace
 from ...robot import Robot, start_posture
-from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task
 from ..job.tables import MOST_STEPS
 from ..job.templates import table, toml
@@ -37,9 +36,25 @@ from .followers import (
     reversed_loop,
     state_of,
 )
-from .laws import (
+from .loop import Playing, begin, gather, go, target_of
+from .states import (
+    Cloud,
+    CloudStatus,
+    LeafCusps,
+    Origin,
+    Phase,
+    Snapshot,
+    StrategyStatus,
+    covered,
+    default_workspace,
+    failed_cloud,
+    judged,
+    largest_curvature,
+    leaf_cusps,
+)
+from .strategies import (
     WIDTH,
-    Law,
+    NamedStrategy,
     Slider,
     TwoPaths,
     across,
@@ -50,59 +65,50 @@ from .laws import (
     self_slider,
     two_paths,
 )
-from .loop import Playing, begin, gather, go, target_of
-from .states import (
-    Cloud,
-    CloudStatus,
-    LawStatus,
-    LeafCusps,
-    Origin,
-    Phase,
-    Snapshot,
-    covered,
-    default_workspace,
-    failed_cloud,
-    judged,
-    largest_curvature,
-    leaf_cusps,
-)
 from .work import Search, SheetFollower, Worker, failure
 
-SAMPLES = 512
-"""Poses of a cloud."""
+SAMPLES = 512  # poses of a cloud
+REST = 0.3  # seconds between two looks at the postures: no number on a page need change faster than one can read it
 
-REST = 0.3
-"""Seconds between two looks at the postures: no number on a page need change faster than one can read it."""
+T = TypeVar("T")
 
 
 class Session:
-    """Several laws of one robot on one tool target. Make one with `open_session`.
+    """Several strategies of one robot on one tool target. Make one with `open_session`.
 
     Threads may share it: every method takes its lock, and `snapshot` gives a value that never changes. What changes
     something returns the new snapshot.
 
     Attributes:
         title, source: for people; `source` is the job or robot that it was opened with.
-        robot: whose joints they are. task: of the first law. home: the posture (n,) at which all laws begin.
-        limits: whether joint limits stop laws. origin: what a job says of robot and task, None where none can.
+        robot: whose joints they are. task: of the first strategy. home: the posture (n,) at which all strategies begin.
+        limits: whether joint limits stop strategies. origin: what a job says of robot and task, None where none can.
     """
 
     def __init__(
-        self, laws: Iterable[Law], home: ArrayLike, loop: Loop | None = None, *, title: str = "", source: str = "",
-        limits: bool = True, cycles: int | None = None, origin: Origin | None = None,
-    ) -> None:  # fmt: skip
-        """A session of laws (of one robot) at a posture.
+        self,
+        strategies: Iterable[NamedStrategy],
+        home: ArrayLike,
+        loop: Loop | None = None,
+        *,
+        title: str = "",
+        source: str = "",
+        limits: bool = True,
+        cycles: int | None = None,
+        origin: Origin | None = None,
+    ) -> None:
+        """A session of strategies (of one robot) at a posture.
 
         Args:
-            home: where all laws begin (n,). loop, cycles: as of `set_loop`, `set_cycles`.
+            home: where all strategies begin (n,). loop, cycles: as of `set_loop`, `set_cycles`.
 
         Raises:
-            ArgumentError: no law, laws of several robots, or two of one name. HolokinError: a law is not defined at
-                `home`, or it is beyond the limits.
+            ArgumentError: no strategy, strategies of several robots, or two of one name. HolokinError: a strategy is
+                not defined at `home`, or it is beyond the limits.
         """
-        given = tuple(laws)
+        given = tuple(strategies)
         if not given:
-            raise ArgumentError("the laws of a session", 0, "give at least one")
+            raise ArgumentError("the strategies of a session", 0, "give at least one")
         self._lock = threading.RLock()
         self.task: Task = given[0].task
         self.robot: Robot = self.task.robot
@@ -124,37 +130,37 @@ class Session:
         self._worker: Worker | None = None
         self._covering: Worker | None = None
         self._seeking: list[Worker] = []  # of which the last one is listened to; the others end soon
-        for law in given:
-            self.add_law(law)
+        for strategy in given:
+            self.add_strategy(strategy)
         if loop is not None:
             self.set_loop(loop)
 
     @property
-    def laws(self) -> tuple[Law, ...]:
-        """The laws, in order."""
+    def strategies(self) -> tuple[NamedStrategy, ...]:
+        """The strategies, in order."""
         with self._lock:
-            return tuple(run.law for run in self._runs.values())
+            return tuple(run.strategy for run in self._runs.values())
 
-    def add_law(self, law: Law) -> Snapshot:
-        """One more law, from home; the loop stops. Raises: ArgumentError: its name, its robot. HolokinError."""
+    def add_strategy(self, strategy: NamedStrategy) -> Snapshot:
+        """One more strategy, from home; the loop stops. Raises: ArgumentError: its name, its robot. HolokinError."""
         with self._lock:
-            if law.name in self._runs:
-                raise ArgumentError("the name of a law", law.name, "it is taken: give another one")
-            if law.task.robot is not self.robot:
-                raise ArgumentError("the robot of the law", law.task.robot.name, "take that of the session")
+            if strategy.name in self._runs:
+                raise ArgumentError("the name of a strategy", strategy.name, "it is taken: give another one")
+            if strategy.task.robot is not self.robot:
+                raise ArgumentError("the robot of the strategy", strategy.task.robot.name, "take that of the session")
             self._playing.stop()
-            run = self._runs[law.name] = new_run(law, leaf_start(law, self.home), self.limits)
+            run = self._runs[strategy.name] = new_run(strategy, leaf_start(strategy, self.home), self.limits)
             if not np.array_equal(self._target, self._home_target()):
                 run.put(run.follow(run.q, self._target, self._native(run)))
             return self._changed()
 
     def drag(self, pose: PoseLike) -> Snapshot:
-        """All laws follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
+        """All strategies follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
 
-        Holonomic laws go where `InverseKinematics.near` leads, others by small velocity steps along the straight path.
-        A law that cannot get there stays where it is, and its status and sentence say why; it goes on as soon as the
-        target is within its reach again. Nothing is raised for such a pose. Where no arm follows the sheets it is told
-        which of them serves.
+        Holonomic strategies go where `InverseKinematics.near` leads, others by small velocity steps along the straight
+        path. A strategy that cannot get there stays where it is, and its status and sentence say why; it goes on as
+        soon as the target is within its reach again. Nothing is raised for such a pose. Where no arm follows the sheets
+        it is told which of them serves.
 
         Raises:
             ShapeError, NotFiniteError, ArgumentError: what is no pose.
@@ -170,20 +176,20 @@ class Session:
             return self._changed()
 
     def reset(self) -> Snapshot:
-        """All laws at their home again, each on its leaf; the loop stops, and what was recorded is forgotten."""
+        """All strategies at their home again, each on its leaf; the loop stops, and what was recorded is forgotten."""
         with self._lock:
             self._playing.stop()
             self._target, self._message = frozen(self._home_target()), ""
             for run in self._runs.values():
                 try:
-                    run.put(Move(leaf_start(run.law, self.home), LawStatus.FOLLOWING))
+                    run.put(Move(leaf_start(run.strategy, self.home), StrategyStatus.FOLLOWING))
                 except HolokinError as problem:
-                    run.put(Move(run.q, LawStatus.STOPPED, f"Its leaf has no posture at home: {problem}."))
+                    run.put(Move(run.q, StrategyStatus.STOPPED, f"Its leaf has no posture at home: {problem}."))
                 run.forget()
             return self._changed()
 
     def two_paths(self, pose: PoseLike, *, width: float = WIDTH, samples: int = 200) -> TwoPaths:
-        """Each law by two paths from its posture to a tool pose (4, 4), and how far its joints end apart.
+        """Each strategy by two paths from its posture to a tool pose (4, 4), and how far its joints end apart.
 
         As `hk.motion.path_spread` along polylines with a corner `width` [m] to either side; the session stays as it is.
 
@@ -192,11 +198,11 @@ class Session:
         """
         wanted = poses_of(self.task, pose)[0]
         with self._lock:
-            runs = [(run.law, run.q, run.status) for run in self._runs.values()]
+            runs = [(run.strategy, run.q, run.status) for run in self._runs.values()]
         return two_paths(runs, wanted, positive("width", width), whole("samples", samples), self.limits)
 
     def self_motion(self, name: str, direction: int = 0) -> Slider:
-        """The slider of one law along its self-motion, from where it stands; see `move_self`.
+        """The slider of one strategy along its self-motion, from where it stands; see `move_self`.
 
         direction: which one, from 0 to n - m - 1, where several joints are to spare.
 
@@ -205,16 +211,17 @@ class Session:
         with self._lock:
             run = self._run(name)
             if direction not in run.curves:
-                run.curves[direction] = self_motion_curve(run.law.task, run.q, self.limits, direction), 0.0
-            return self_slider(run.law, *run.curves[direction], direction)
+                run.curves[direction] = self_motion_curve(run.strategy.task, run.q, self.limits, direction), 0.0
+            return self_slider(run.strategy, *run.curves[direction], direction)
 
     def move_self(self, name: str, s: float, direction: int = 0) -> Snapshot:
-        """One law goes to the place s of its slider (arc length from where it stood when the slider was made).
+        """One strategy goes to the place s of its slider (arc length from where it stood when the slider was made).
 
-        The tool stays where it is, to 1e-9. A holonomic law is then on another leaf, and keeps it. The loop stops.
+        The tool stays where it is, to 1e-9. A holonomic strategy is then on another leaf, and keeps it. The loop stops.
 
         Raises:
-            UnknownNameError; ArgumentError: the slider does not go so far. HolokinError: the law is not defined there.
+            UnknownNameError; ArgumentError: the slider does not go so far. HolokinError: the strategy is not defined
+                there.
         """
         with self._lock:
             self.self_motion(name, direction)
@@ -226,27 +233,27 @@ class Session:
             return self._changed()
 
     def level_slider(self, name: str, row: int = 0) -> Slider:
-        """The slider of a row of the level of a holonomic law, with the tool still; degrees for an angle of the arm.
+        """The slider of a row of the level of a holonomic strategy, the tool still; degrees for an angle of the arm.
 
         Raises:
-            UnknownNameError; ArgumentError: a law without leaves, or no such row.
+            UnknownNameError; ArgumentError: a strategy without leaves, or no such row.
         """
         with self._lock:
             run = self._run(name)
             if row not in run.levels:  # angles count on through whole turns from here
-                run.levels[row] = level_slider(run.law, run.q, self.limits, row)
+                run.levels[row] = level_slider(run.strategy, run.q, self.limits, row)
             return run.levels[row]
 
     def move_level(self, name: str, value: float, row: int = 0) -> Snapshot:
-        """One law goes to a value of its slider, in the slider's unit, through all between, and keeps that leaf.
+        """One strategy goes to a value of its slider, in the slider's unit, through all between, and keeps that leaf.
 
         Raises:
-            UnknownNameError; ArgumentError: a law without leaves. SingularityError, BranchError, JointLimitError: the
-                self-motion does not lead there; nothing changes then.
+            UnknownNameError; ArgumentError: a strategy without leaves. SingularityError, BranchError, JointLimitError:
+                the self-motion does not lead there; nothing changes then.
         """
         with self._lock:
             slider, run = self.level_slider(name, row), self._run(name)
-            q = across(run.law, run.q, slider, value, row)
+            q = across(run.strategy, run.q, slider, value, row)
             if self.limits:
                 self.robot.check_limits(q)
             put_on_leaf(run, q, self.limits)
@@ -256,7 +263,7 @@ class Session:
 
     def _run(self, name: str) -> Run:
         if name not in self._runs:
-            raise UnknownNameError("law", name, list(self._runs))
+            raise UnknownNameError("strategy", name, list(self._runs))
         return self._runs[name]
 
     def _home_target(self) -> Array:
@@ -269,7 +276,7 @@ class Session:
             return self._loop
 
     def set_loop(self, loop: Loop | None) -> Snapshot:
-        """Another loop; one that runs stops. It may begin away from home: laws enter it as a job's `entry` does.
+        """Another loop; one that runs stops. It may begin away from home: strategies enter it as a job's `entry` does.
 
         The message says what was left out of its path.
         """
@@ -286,8 +293,8 @@ class Session:
     def play(self) -> Snapshot:
         """Begin the loop, or go on with it after `pause`.
 
-        The joints first go to where each law begins it (`Phase.GATHERING`), in under a second. A law that does not get
-        there, or stops on the way, says why, and the others go on.
+        The joints first go to where each strategy begins it (`Phase.GATHERING`), in under a second. A strategy that
+        does not get there, or stops on the way, says why, and the others go on.
 
         Raises:
             ArgumentError: there is no loop. OpenPathError: more than one cycle of an open path.
@@ -312,7 +319,7 @@ class Session:
             return self._changed()
 
     def stop(self) -> Snapshot:
-        """End the loop; the laws stay where they are, and what was recorded stays to be seen."""
+        """End the loop; the strategies stay where they are, and what was recorded stays to be seen."""
         with self._lock:
             self._playing.stop()
             return self._changed()
@@ -336,9 +343,9 @@ class Session:
             return self.snapshot() if loop.clockwise == clockwise else self.set_loop(reversed_loop(loop))
 
     def advance(self, dt: float) -> Snapshot:
-        """All laws go on along the loop by a time [s], in whole steps of its `samples`; see `Loop`.
+        """All strategies go on along the loop by a time [s], in whole steps of its `samples`; see `Loop`.
 
-        These are the steps of `hk.follow`, so the drift of each cycle is that of `hk.drift` of the same law, path,
+        These are the steps of `hk.follow`, so the drift of each cycle is that of `hk.drift` of the same strategy, path,
         posture and samples. Where nothing runs nothing happens. Raises: ArgumentError: a bad time.
         """
         not_negative("dt", dt)
@@ -364,7 +371,7 @@ class Session:
             return self._changed()
 
     def follow_sheets(self, name: str | None) -> Snapshot:
-        """The arm of a law takes the joints of the sheets when the tool is dragged; of None every arm those of its law.
+        """The arm of a strategy follows the sheets when the tool is dragged; of None every arm its own strategy.
 
         Raises:
             ArgumentError: the session has no sheets. UnknownNameError.
@@ -384,9 +391,10 @@ class Session:
         return self.sheets
 
     def start_work(self) -> None:
-        """Compile and judge the laws in a thread, and keep the curvature at their postures: `LawState.judgement`.
+        """Compile and judge the strategies in a thread, and keep the curvature at their postures.
 
-        Until a law is compiled it follows more slowly. Call `close` in the end.
+        What is found is in `StrategyState.judgement`. Until a strategy is compiled it follows more slowly. Call
+        `close` in the end.
         """
         with self._lock:
             if self._worker is None:
@@ -397,37 +405,29 @@ class Session:
                 )
 
     def start_cloud(self, name: str, region: Workspace | None = None, *, samples: int = SAMPLES) -> Snapshot:
-        """The coverage of a workspace by the leaf on which a holonomic law stands, in a thread: `Snapshot.cloud`.
+        """The coverage of a workspace by the leaf on which a holonomic strategy stands, in a thread: `Snapshot.cloud`.
 
         Args:
             region: by default a box about the tool at home, with the rotation that it has there.
 
         Raises:
-            UnknownNameError; ArgumentError: a law without leaves, or a bad number of samples.
+            UnknownNameError; ArgumentError: a strategy without leaves, or a bad number of samples.
         """
         with self._lock:
             run = self._run(name)
-            strategy, count = leaves_of(run.law), whole("samples", samples)
-            where = default_workspace(run.law.task, self.home) if region is None else region
-            q = leaf_start(run.law, self.home)
+            G, count = leaves_of(run.strategy), whole("samples", samples)
+            space = default_workspace(run.strategy.task, self.home) if region is None else region
+            q = leaf_start(run.strategy, self.home)
             self.cancel_cloud()
 
-            def work(closed: threading.Event) -> None:
-                def tell(cloud: Cloud) -> bool:
-                    with self._lock:
-                        if not closed.is_set():
-                            self._cloud = cloud
-                            self._changed()
-                        return not closed.is_set()
-
-                covered(strategy, name, q, where, count, self.limits, tell)
+            def keep(cloud: Cloud) -> None:
+                self._cloud = cloud
 
             def failed(problem: Exception) -> None:
-                with self._lock:
-                    self._cloud = failed_cloud(name, failure("The coverage was not found", problem))
-                    self._changed()
+                self._cloud = failed_cloud(name, failure("The coverage was not found", problem))
 
-            self._covering = Worker("holokin-studio-cloud", work, failed)
+            clouds = covered(G, name, q, space, count, self.limits)
+            self._covering = self._in_thread("holokin-studio-cloud", clouds, keep, failed)
             return self._changed()
 
     def cancel_cloud(self) -> Snapshot:
@@ -442,31 +442,26 @@ class Session:
             return self._changed()
 
     def start_cusps(self, name: str) -> Snapshot:
-        """Look for cusps of the leaf on which a holonomic law stands, in a thread: `Snapshot.cusps`.
+        """Look for cusps of the leaf on which a holonomic strategy stands, in a thread: `Snapshot.cusps`.
 
         Raises:
-            UnknownNameError; ArgumentError: a law without leaves.
+            UnknownNameError; ArgumentError: a strategy without leaves.
         """
         with self._lock:
             run = self._run(name)
-            strategy = leaves_of(run.law)
+            G, q = leaves_of(run.strategy), run.q
             self.cancel_cusps()
             self._cusps = LeafCusps(name, run.level, True, f"{name}: cusps are looked for.", None, np.zeros((0, 3)))
-            q = run.q
 
-            def work(closed: threading.Event) -> None:
-                cusps = leaf_cusps(name, strategy, q)
-                with self._lock:
-                    if not closed.is_set():
-                        self._cusps = cusps
-                        self._changed()
+            def keep(cusps: LeafCusps | None) -> None:
+                self._cusps = cusps
 
             def failed(problem: Exception) -> None:
-                with self._lock:
-                    self._cusps = None
-                    self._tell_failure("The cusps were not found", problem)
+                keep(None)
+                self._tell_failure("The cusps were not found", problem)
 
-            self._seeking.append(Worker("holokin-studio-cusps", work, failed))
+            search = (leaf_cusps(name, G, q) for _ in range(1))  # in the thread
+            self._seeking.append(self._in_thread("holokin-studio-cusps", search, keep, failed))
             return self._changed()
 
     def cancel_cusps(self) -> Snapshot:
@@ -476,6 +471,26 @@ class Session:
                 worker.cancel()
             self._seeking, self._cusps = [worker for worker in self._seeking if worker.alive], None
             return self._changed()
+
+    def _in_thread(
+        self, title: str, results: Iterator[T], keep: Callable[[T], None], failed: Callable[[Exception], None]
+    ) -> Worker:
+        """Results are found in a thread and kept under the lock, one after the other, until the worker is cancelled."""
+
+        def work(closed: threading.Event) -> None:
+            for result in results:
+                with self._lock:
+                    if closed.is_set():
+                        return
+                    keep(result)
+                    self._changed()
+
+        def lost(problem: Exception) -> None:
+            with self._lock:
+                failed(problem)
+                self._changed()
+
+        return Worker(title, work, lost)
 
     def close(self) -> None:
         """End all threads of the session."""
@@ -490,13 +505,24 @@ class Session:
         """All that a page draws, as a value that never changes; the same one until something changes."""
         with self._lock:
             if self._known is None or self._known.number != self._number:
-                playing, loop = self._playing, self._loop
-                states, way = tuple(map(state_of, self._runs.values())), loop is not None and loop.clockwise
                 self._known = Snapshot(
-                    self._number, playing.phase, states, self._target, self._loops, playing.progress, playing.cycle,
-                    playing.time, playing.factor, playing.cycles, way, self._message, self._cloud, self._cusps,
-                    self._loop_fault, self._fault,
-                )  # fmt: skip
+                    number=self._number,
+                    phase=self._playing.phase,
+                    strategies=tuple(map(state_of, self._runs.values())),
+                    target=self._target,
+                    loop=self._loops,
+                    progress=self._playing.progress,
+                    cycle=self._playing.cycle,
+                    time=self._playing.time,
+                    factor=self._playing.factor,
+                    cycles=self._playing.cycles,
+                    clockwise=self._loop is not None and self._loop.clockwise,
+                    message=self._message,
+                    cloud=self._cloud,
+                    cusps=self._cusps,
+                    loop_fault=self._loop_fault,
+                    fault=self._fault,
+                )
             return self._known
 
     def _changed(self) -> Snapshot:
@@ -510,9 +536,9 @@ class Session:
             self._changed()
 
     def _look_after(self, closed: threading.Event) -> None:
-        """Compile the laws, judge them, and keep the curvature at their postures, until the session is closed.
+        """Compile the strategies, judge them, and keep the curvature at their postures, until the session is closed.
 
-        Between these it looks round each new loop: which law does not get round it? A thread reads what it needs under
+        Between these each new loop is tried: which strategy does not get round it? A thread reads what it needs under
         the lock, works without it, and tells under it again.
         """
         while not closed.is_set():
@@ -523,19 +549,20 @@ class Session:
                 run = min(waiting, key=lambda run: (run.ready, run.judgement is not None), default=None)
                 q = self.home if run is None else run.q
             if loop is not None:
-                self._look_round(number, loop, runs)
+                self._try_loop(number, loop, runs)
             elif run is None:
                 closed.wait(REST)
             else:
                 again = run.judgement is not None
                 self._look_at(run, q)
-                if again:  # while laws move there is always one that is due: leave time for what draws them
+                if again:  # while strategies move there is always one that is due: leave time for what draws them
                     closed.wait(REST / len(runs))
 
-    def _look_round(self, number: int, loop: Loop, runs: list[Run]) -> None:
-        """Tell of the first law that does not get round the loop of a number; another may be there by now."""
+    def _try_loop(self, number: int, loop: Loop, runs: list[Run]) -> None:
+        """Tell of the first strategy that does not get round the loop of a number; another may be there by now."""
         try:
-            fault = next(filter(None, (loop_fault(run.law, loop, self.home, self.limits) for run in runs)), "")
+            faults = (loop_fault(run.strategy, loop, self.home, self.limits) for run in runs)
+            fault = next(filter(None, faults), "")
         except Exception as problem:  # noqa: BLE001  its thread goes on
             fault = failure("The loop could not be tried", problem)
         with self._lock:
@@ -544,18 +571,17 @@ class Session:
             self._changed()
 
     def _look_at(self, run: Run, q: Vector) -> None:
-        """Compile a law, or judge it at a posture (n,)."""
+        """Compile a strategy, or judge it at a posture (n,): all are compiled first, the loop is smooth then."""
+        G, judgement = run.strategy.G, run.judgement
         if not run.ready:
             try:
-                compiled(run.law, self.home)
-            except Exception as problem:  # noqa: BLE001  its thread goes on, with the other laws
-                self._tell_failure(f"{run.law.name} could not be compiled, and follows more slowly", problem)
-        strategy, judgement = run.law.strategy, run.judgement
-        if run.ready and strategy is not None:  # compile all laws first: the loop is smooth then
-            if judgement is None:
-                judgement = judged(strategy, self.home, q)
-            else:
-                judgement = replace(judgement, curvature=largest_curvature(strategy, q), q=q)
+                compiled(run.strategy, self.home)
+            except Exception as problem:  # noqa: BLE001  its thread goes on, with the other strategies
+                self._tell_failure(f"{run.strategy.name} could not be compiled, and follows more slowly", problem)
+        elif G is not None and judgement is None:
+            judgement = judged(G, self.home, q)
+        elif G is not None and judgement is not None:
+            judgement = replace(judgement, curvature=largest_curvature(G, q), q=q)
         with self._lock:
             if judgement is not run.judgement:
                 run.judgement, run.state = judgement, None
@@ -568,7 +594,7 @@ class Session:
         return self._loop
 
     def _native(self, run: Run) -> bool:
-        """Whether a law may wait for its compiler: not while the worker is about to do it."""
+        """Whether a strategy may wait for its compiler: not while the worker is about to do it."""
         return run.ready or self._worker is None
 
     def _aim(self) -> None:
@@ -576,57 +602,52 @@ class Session:
         self._target = self._target if target is None else target
 
 
-FILES = ("name", "file")
-"""Keys of a job that may hold the name of a file."""
-
-
 def to_job(session: Session, title: str | None = None) -> str:
-    """The TOML text of a job: the robot, task, home, loop and laws of a session, on their leaves.
+    """The TOML text of a job: the robot, task, home, loop and strategies of a session, on their leaves.
 
     `holokin run` of it follows the same steps from the same postures, so its drifts are those that the session shows.
-    Laws that no job can say, such as control laws of your own, are left out and named in a comment.
+    What no job can say, such as control laws of your own, is left out and named in a comment.
 
     Files of the robot and the path are named by their full names.
 
     Raises:
-        ArgumentError: no loop is set; no law that a job can say; or the robot was made in Python, so that no file or
-            name of the catalogue tells it.
+        ArgumentError: no loop is set; no strategy that a job can say; or the robot was made in Python, so that no file
+            or name of the catalogue tells it.
     """
-    loop, laws, home = session.loop, session.laws, session.home
+    loop, origin = session.loop, session.origin
+    in_job = [strategy for strategy in session.strategies if strategy.keys is not None]
     if loop is None:
         raise ArgumentError("the loop", None, "set one first: a job has a path")
-    if session.origin is None:
+    if origin is None:
         cure = "a job names a robot of the catalogue or a file: open the session with that name"
         raise ArgumentError("the robot of the session", session.robot.name, cure)
-    in_job = [law for law in laws if law.keys is not None]
     if not in_job:
-        raise ArgumentError("the laws that a job can say", 0, "add one of the kinds that jobs have")
-    snapshot = session.snapshot()
-    cycles = snapshot.cycles or max(1, snapshot.cycle)
+        raise ArgumentError("the strategies that a job can say", 0, "add one of the kinds that jobs have")
+    # The path, with as many cycles as are asked for, or were done.
     path = {**loop.keys, "samples": loop.samples}
     if loop.path.closed:
+        snapshot = session.snapshot()
+        cycles = snapshot.cycles or max(1, snapshot.cycle)
         path["cycles"] = max(1, min(cycles, MOST_STEPS // loop.samples))
+    # Its tables; a strategy that is run for several tasks stands once.
     lines = [f"title = {toml(title or session.title)}\n"]
-    lines += [f"# {law.name} is a control law of your own: a job cannot say it." for law in laws if law.keys is None]
-    lines.append(_toml_table("robot", _with_full_names(session.origin.robot, session.origin.folder)))
-    lines.append(_toml_table("task", session.origin.task))
-    lines.append(f"# {', '.join(session.robot.joint_names)}\n{_toml_table('start', {'q': home.tolist()})}")
-    lines.append(_toml_table("path", _with_full_names(path, session.origin.folder)))
-    written: set[str] = set()
-    for law in in_job:
-        label = law.label or law.name
-        if label not in written:
-            lines.append(_toml_table(f"strategies.{toml(label)}", _keys(law)))
-        written.add(label)
+    left_out = [strategy.name for strategy in session.strategies if strategy.keys is None]
+    lines += [f"# {name} is a control law of your own: a job cannot say it." for name in left_out]
+    lines.append(_toml_table("robot", _with_full_names(origin.robot, origin.folder)))
+    lines.append(_toml_table("task", origin.task))
+    lines.append(f"# {', '.join(session.robot.joint_names)}\n{_toml_table('start', {'q': session.home.tolist()})}")
+    lines.append(_toml_table("path", _with_full_names(path, origin.folder)))
+    labelled: dict[str, NamedStrategy] = {}
+    for strategy in in_job:
+        labelled.setdefault(strategy.label or strategy.name, strategy)
+    for label, strategy in labelled.items():
+        keys = dict(strategy.keys or {})
+        if strategy.level is not None and strategy.holonomic:
+            keys["level"] = (
+                float(strategy.level[0]) if len(strategy.level) == 1 else np.asarray(strategy.level).tolist()
+            )
+        lines.append(_toml_table(f"strategies.{toml(label)}", keys))
     return "\n".join(lines)
-
-
-def _keys(law: Law) -> dict[str, Any]:
-    """What a job says of a law, on its leaf."""
-    keys = dict(law.keys or {})
-    if law.level is not None and isinstance(law.rule, HolonomicStrategy):
-        keys["level"] = float(law.level[0]) if len(law.level) == 1 else np.asarray(law.level).tolist()
-    return keys
 
 
 def _toml_table(name: str, keys: Mapping[str, Any]) -> str:
@@ -634,12 +655,12 @@ def _toml_table(name: str, keys: Mapping[str, Any]) -> str:
 
 
 def _with_full_names(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
-    """The keys with the full names of files."""
+    """The keys with the full names of files, which `name` and `file` may hold."""
     placed: dict[str, Any] = {}
     for key, value in keys.items():
         if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
             value = [_with_full_names(entry, source) for entry in value]
-        elif key in FILES and isinstance(value, str) and FilePath(value).suffix:
+        elif key in ("name", "file") and isinstance(value, str) and FilePath(value).suffix:
             value = FilePath(os.path.normpath(source / value)).as_posix()
         placed[key] = value
     return placed

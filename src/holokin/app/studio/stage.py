@@ -1,113 +1,300 @@
-"""What stands beside the scene: handles, plots, texts, and the `Stage` that all of them belong to."""
+"""`Page`: a session and its scene, handles, plots and panels on a server; one thread does all that changes them."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
-from html import escape
-from typing import Any, Protocol
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
+from ...base.errors import HolokinError
 from ...base.poses import pose_from
 from ...base.types import Matrix, Vector
-from ...base.units import PrintedUnits
+from ...base.units import SI, PrintedUnits
 from ...robot import reach
-from ..report.plots import BAD, GOOD, GREY, HOLONOMIC, INK, LOOP, PALE, rgb, thin
+from ..report.plots import BAD, GOOD, INK, LOOP, PALE, law_colors, rgb, thin
 from .followers import Loop, circle_loop, polygon_loop
 from .page_scene import Scene, pose_of, wxyz_of
+from .panel_html import block, marks, plain, put, quiet, short_names, table
 from .session import Session
 from .states import Phase, Snapshot, joint_factors, joint_unit, largest
+from .work import failure
+
+RATE = 30.0  # pictures a second
+SLOW = 0.2  # seconds between two updates of texts, plots and traces, which nobody reads faster
+TRACED = 150  # points of the lines that elbows leave behind
+MANY = 8  # strategies above which no traces are drawn
+
+Action = Callable[[], Any]
 
 
-class Stage(Protocol):
-    """See `Page`, which is the only one.
+class Page:
+    """What all browsers see of a session. One state is shared: whoever drags, drags for all.
+
+    Args:
+        server: a viser.ViserServer.
+        session: what is shown.
+        panels: makes the panels of the page, `Panels`.
+        reopen: called with the name of a job or robot that the page is asked to show instead.
+        units: of what is shown.
 
     Attributes:
-        server: of viser. session, scene: what is shown, and where. lead: the law whose robot is solid.
-        colors: of the laws (#RRGGBB). said: the sentence for everyone. reopen: shows another job, by name.
-        units: of what is shown.
-        drawn: the number of the snapshot that is drawn, -1 to draw it again. handles: of the scene.
+        lead: the index of the strategy whose robot is solid. colors: of the strategies (#RRGGBB).
+        message: the sentence for everyone. drawn: the number of the snapshot that is drawn, -1 to draw it again.
+
+    Raises:
+        MissingExtraError: trimesh is not installed.
     """
 
-    server: Any
-    session: Session
-    scene: Scene
-    lead: int
-    colors: tuple[str, ...]
-    said: str
-    reopen: Callable[[str], None] | None
-    units: PrintedUnits
-    drawn: int
-    handles: Any
+    def __init__(
+        self,
+        server: Any,
+        session: Session,
+        panels: Callable[[Page], Any],
+        reopen: Callable[[str], None] | None = None,
+        units: PrintedUnits = SI,
+    ):
+        self.server, self.session, self.reopen, self.units = server, session, reopen, units
+        self.lead = next((i for i, strategy in enumerate(session.strategies) if strategy.holonomic), 0)
+        self.drawn, self.message = -1, ""
+        self._make_panels = panels
+        self._loop_drawn: tuple[int, str] | None = None
+        self._slow_at, self._turn = 0.0, 0
+        self._waiting: dict[object, Action] = {}
+        self._busy: set[object] = set()
+        self._wake = threading.Condition()
+        self._over = self._held_still = False
+        self.scene = Scene(server, session.robot, session.home)
+        self.handles = Handles(self)
+        self._arrange()
+        self.scene.look_at_all(self._points_of_interest())
+        snap = session.snapshot()
+        for draw in (self.draw, *self._slow):
+            draw(snap)
+        self._thread = threading.Thread(target=self._run, name="holokin studio", daemon=True)
 
-    def attempt(self, action: Callable[[], Any]) -> None:
-        """Do something in this thread; what it raises is said in the page."""
-        ...
+    def _arrange(self) -> None:
+        """A robot, a line in each plot and a place in each list for every strategy that there is."""
+        strategies = self.session.strategies
+        self.lead = min(self.lead, len(strategies) - 1)
+        self.colors = law_colors([strategy.holonomic for strategy in strategies])
+        self.scene.set_strategies([strategy.name for strategy in strategies], self.colors, self.lead)
+        self.charts = Charts(self)
+        self.panels = self._make_panels(self)
 
-    def alone(self, key: object, action: Callable[[], Any]) -> None:
-        """The same, and not while it is being done already, as a key tells."""
-        ...
+    def start(self) -> None:
+        """Begin to move."""
+        self._thread.start()
 
-    def clear_traces(self) -> None:
-        """Take the lines away that elbows drew."""
-        ...
+    def close(self) -> None:
+        """End the thread; the server stays."""
+        with self._wake:
+            self._over = True
+            self._wake.notify()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout=5.0)
 
-    def ask(self, action: Callable[[], Any], key: object = None) -> None:
-        """Have something done by the page's thread; of several with one key only the last is done."""
-        ...
+    def ask(self, action: Action, key: object = None) -> None:
+        """Have something done by the page's thread, soon; of several with one key only the last is done.
+
+        What it raises is said in the page.
+        """
+        with self._wake:
+            self._waiting.pop(key, None)
+            self._waiting[key if key is not None else object()] = action
+            self._wake.notify()
+
+    def attempt(self, action: Action) -> None:
+        """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""
+        try:
+            action()
+        except HolokinError as problem:
+            self.say(str(problem))
+        except Exception as problem:  # noqa: BLE001  one fault must not end the page of everybody
+            if not self._over:
+                self.say(failure("The page", problem))
+
+    def alone(self, key: object, action: Action) -> None:
+        """As `attempt`, and not while it is being done: threads of clicks are few, and all browsers share them."""
+        with self._wake:
+            if key in self._busy:
+                return
+            self._busy.add(key)
+        try:
+            self.attempt(action)
+        finally:
+            with self._wake:
+                self._busy.discard(key)
 
     def say(self, sentence: str) -> None:
-        """A sentence for everyone, until the next."""
-        ...
+        """A sentence for everyone, until the next; an empty one takes it away."""
+        self.message = sentence
 
     def set_units(self, units: PrintedUnits) -> None:
-        """In what numbers are shown."""
-        ...
+        """In what numbers are shown; what they mean stays the same."""
+        before, self.units = self.units, units
+        self.charts.forget()
+        self.panels.rescale(before)
 
     def set_lead(self, index: int) -> None:
         """Whose robot is drawn solid."""
-        ...
+        self.lead = self.scene.lead = index
+        self.drawn = -1
 
-    def own_drawing(self) -> AbstractContextManager[None]:
-        """The page's thread leaves the robots alone."""
-        ...
+    @contextmanager
+    def own_drawing(self) -> Iterator[None]:
+        """The page's thread leaves the robots alone, for a while in which somebody else moves them."""
+        self._held_still = True
+        try:
+            yield
+        finally:
+            self._held_still, self.drawn = False, -1
+
+    def _run(self) -> None:
+        before = time.perf_counter()
+        due = before + 1 / RATE
+        while True:
+            # Wait for an action or the next picture: a wait may end a moment early.
+            with self._wake:
+                while not self._waiting and not self._over and (left := due - time.perf_counter()) > 0:
+                    self._wake.wait(left)
+                if self._over:
+                    return
+                actions, self._waiting = list(self._waiting.values()), {}
+            for action in actions:
+                self.attempt(action)
+            # The loop goes on by the time that has passed.
+            now = time.perf_counter()
+            if now >= due:
+                self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
+                before, due = now, max(due + 1 / RATE, now)
+            self.attempt(lambda now=now: self._picture(now))
+
+    def _picture(self, now: float) -> None:
+        """All that moves; and what is drawn less often by turns, since all of it at once would hold the robots up."""
+        snap = self.session.snapshot()
+        self.draw(snap)
+        if now - self._slow_at >= SLOW / len(self._slow):
+            self._slow_at, self._turn = now, (self._turn + 1) % len(self._slow)
+            self._slow[self._turn](snap)
+
+    @property
+    def _slow(self) -> tuple[Callable[[Snapshot], None], ...]:
+        """What draws texts, plots and traces: less often than robots."""
+        return self.panels.draw, self.charts.draw, self._draw_traces
+
+    def draw(self, snap: Snapshot) -> None:
+        """Bring robots, handles and the loop to a snapshot."""
+        if tuple(state.name for state in snap.strategies) != self.scene.names:  # a program added or removed one
+            self.server.gui.reset()
+            self._arrange()
+            self.drawn, self._loop_drawn = -1, None
+        if snap.number != self.drawn and not self._held_still:
+            self.drawn = snap.number
+            self.scene.show(np.array([state.q for state in snap.strategies]))
+            self.handles.draw(snap)
+        if (snap.loop, snap.loop_fault) != self._loop_drawn:
+            moved = self._loop_drawn is None or self._loop_drawn[0] != snap.loop
+            self._loop_drawn = snap.loop, snap.loop_fault
+            self._draw_loop(moved, bool(snap.loop_fault))
+
+    def _draw_loop(self, moved: bool, red: bool) -> None:
+        """The line of the loop, red where a strategy does not get round it; elbows' lines are of the loop before."""
+        loop = self.session.loop
+        curves = () if loop is None else loop.points(240)
+        for index in range(self.session.task.frames):
+            self.scene.path(curves[index] if len(curves) else [], f"loop{index or ''}", BAD if red else LOOP)
+        if moved:
+            self.handles.place_loop(loop)
+            self.clear_traces()
+
+    def clear_traces(self) -> None:
+        """Take the lines away that elbows drew."""
+        for index in range(len(self.scene.names)):
+            self.scene.trace(index, np.zeros((0, 3)), "elbow")
+
+    def _draw_traces(self, snap: Snapshot) -> None:
+        if snap.phase not in (Phase.RUNNING, Phase.DONE) or len(snap.strategies) > MANY:
+            return
+        for index, state in enumerate(snap.strategies):
+            if len(state.history) > 1:
+                rows = thin(len(state.history), TRACED)
+                self.scene.trace(index, self.scene.points_of(state.history[rows])[1], "elbow")
+
+    def _points_of_interest(self) -> Matrix:
+        """Points (k, 3) [m] that shall be seen besides the robot: the loop, and the handles of the tools."""
+        loop, size = self.session.loop, self.handles.size
+        line: Matrix = np.zeros((0, 3)) if loop is None else loop.points(50).reshape(-1, 3)
+        tools = self.session.snapshot().target
+        grips = [pose[:3, 3] + sign * size * pose[:3, :3].T for pose in tools for sign in (-1, 1)]
+        return np.vstack([line, *grips])
 
 
 # --- What is dragged in the page: the tool, the loop's centre, plane and radius, and the corners of a polygon.
 
-LEAST = 0.005
-"""Smallest radius of a loop that can be dragged [m]."""
-
+LEAST = 0.005  # smallest radius of a loop that can be dragged [m]
+# where corners are [m], and how many: a click near the horizon meets the tool's level far beyond all robots
 FAR, MOST = 100.0, 50
-"""Where corners are [m], and how many: a click near the horizon meets the tool's level far beyond all robots."""
 
 
 class Handles:
     """Transform controls in the scene of a page."""
 
-    def __init__(self, page: Stage):
-        self.page = page
-        self.size = 0.14 * min(max(reach(page.session.robot), 0.3), 3.0) if page.session.robot.tips else 0.2
+    def __init__(self, page: Page):
+        self.page, robot, task = page, page.session.robot, page.session.task
+        self.size = 0.14 * min(max(reach(robot), 0.3), 3.0) if robot.tips else 0.2
         self.corners: list[Vector] = []
-        self._held: set[str] = set()
-        self._tools = [self._tool(index) for index in range(page.session.task.frames)]
-        self._balls = [
-            page.server.scene.add_icosphere(f"/target/{i}", 0.16 * self.size, color=rgb(GOOD), cast_shadow=False)
-            for i in range(page.session.task.frames)
-        ]
-        self._loop, self._radius = self._loop_handles()
         self._clicks: Any = None
-        self.loop_wanted = False
+        self._held: set[str] = set()
+        self._circle_wanted = False
+        # Of each tool a handle, and a ball at its target.
+        scene, axes = page.server.scene, (True, True, not robot.planar)
+        look: dict[str, Any] = {"line_width": 3.0, "depth_test": False}
+        straight = task.orientation is None and task.m <= 3 * task.frames
+        self._tools, self._balls = [], []
+        for index in range(task.frames):
+            name = f"/handles/tool{index or ''}"
+            handle = scene.add_transform_controls(name, self.size, active_axes=axes, disable_rotations=straight, **look)
+            self._on_drag(handle, f"tool{index}", lambda pose, index=index: self._drag_tool(index, pose))
+            self._tools.append(handle)
+            ball = scene.add_icosphere(f"/target/{index}", 0.16 * self.size, color=rgb(GOOD), cast_shadow=False)
+            self._balls.append(ball)
+        # Of a circle its centre and plane, and its radius along one axis.
+        self._loop = scene.add_transform_controls("/handles/loop", 0.8 * self.size, visible=False, **look)
+        one_axis = {"active_axes": (True, False, False), "disable_sliders": True, "disable_rotations": True}
+        self._radius = scene.add_transform_controls(
+            "/handles/radius", 0.7 * self.size, visible=False, **look | one_axis | {"line_width": 5.0}
+        )
+        self._on_drag(self._loop, "loop", self._drag_circle)
+        self._on_drag(self._radius, "radius", self._drag_radius)
+
+    def _on_drag(self, handle: Any, name: str, action: Callable[[Matrix], Any]) -> None:
+        """Something is done with the pose (4, 4) of a handle while it is dragged; of several poses with the last."""
+
+        @handle.on_update
+        async def _(event: Any) -> None:
+            (self._held.discard if event.phase == "end" else self._held.add)(name)
+            if event.phase == "end":
+                self.page.drawn = -1
+            if event.phase != "start":
+                pose = pose_of(event.target.position, event.target.wxyz)
+                self.page.ask(lambda: action(pose), name)
+
+    def let_go(self) -> None:
+        """Nobody drags: of a browser that went away no end of its drag is heard."""
+        self._held.clear()
+        self.page.drawn = -1
 
     def draw(self, snap: Snapshot) -> None:
-        """The tool's handle at its target; its ball is red where a law does not get there."""
+        """The tool's handle at its target; its ball is red where a strategy does not get there."""
         free = snap.phase in (Phase.IDLE, Phase.PAUSED, Phase.DONE)
+        color = rgb(GOOD if snap.following else BAD)
         for index, (handle, ball) in enumerate(zip(self._tools, self._balls, strict=True)):
             pose = snap.target[index]
             ball.position = pose[:3, 3]
-            color = rgb(GOOD if snap.following else BAD)
             if tuple(ball.color) != color:
                 ball.color = color
             if handle.visible != free:
@@ -118,7 +305,7 @@ class Handles:
     def place_loop(self, loop: Loop | None) -> None:
         """The handles of a circle on it; of what is no circle there are none."""
         circle = circle_of(loop)
-        self._loop.visible = self._radius.visible = self.loop_wanted and circle is not None
+        self._loop.visible = self._radius.visible = self._circle_wanted and circle is not None
         if loop is None or circle is None:
             return
         center, normal, radius = circle
@@ -130,8 +317,29 @@ class Handles:
 
     def show_loop_handles(self, wanted: bool) -> None:
         """Whether centre, plane and radius of the loop can be dragged."""
-        self.loop_wanted = wanted
+        self._circle_wanted = wanted
         self.place_loop(self.page.session.loop)
+
+    def _drag_tool(self, index: int, pose: Matrix) -> None:
+        poses = np.array(self.page.session.snapshot().target)
+        poses[index] = pose
+        self.page.say("")
+        self.page.session.drag(poses)
+
+    def _drag_circle(self, pose: Matrix) -> None:
+        if (circle := circle_of(self.page.session.loop)) is not None:
+            self._set_circle(pose[:3, 3], pose[:3, 2], circle[2])
+
+    def _drag_radius(self, pose: Matrix) -> None:
+        if (circle := circle_of(self.page.session.loop)) is not None:
+            center, normal, _ = circle
+            self._set_circle(center, normal, max(float(np.linalg.norm(pose[:3, 3] - center)), LEAST))
+
+    def _set_circle(self, center: Vector, normal: Vector, radius: float) -> None:
+        loop, tool = self.page.session.loop, self.page.session.snapshot().target[0][:3, 3]
+        if loop is not None:
+            way = {"clockwise": loop.clockwise, "samples": loop.samples}
+            self.page.session.set_loop(circle_loop(center, radius, normal, near=tool, **way))
 
     def start_corners(self) -> None:
         """From now on clicks in the scene add corners of a polygon, on the level of the tool."""
@@ -172,66 +380,6 @@ class Handles:
             self.page.scene.ball(None, LOOP, f"corner{index}")
         self.page.scene.path([], "corners")
 
-    def _tool(self, index: int) -> Any:
-        task, flat = self.page.session.task, self.page.session.robot.planar
-        straight = task.orientation is None and task.m <= 3 * task.frames
-        handle = self.page.server.scene.add_transform_controls(
-            f"/handles/tool{index or ''}", self.size, line_width=3.0, depth_test=False,
-            active_axes=(True, True, not flat), disable_rotations=straight,
-        )  # fmt: skip
-        return self._dragged(handle, f"tool{index}", lambda pose: self._drag(index, pose))
-
-    def _dragged(self, handle: Any, name: str, then: Callable[[Matrix], Any]) -> Any:
-        """A handle by whose pose (4, 4) something is done while it is dragged; of several poses by the last."""
-
-        @handle.on_update
-        async def _(event: Any) -> None:
-            (self._held.discard if event.phase == "end" else self._held.add)(name)
-            if event.phase == "end":
-                self.page.drawn = -1
-            if event.phase != "start":
-                pose = pose_of(event.target.position, event.target.wxyz)
-                self.page.ask(lambda: then(pose), name)
-
-        return handle
-
-    def _drag(self, index: int, pose: Matrix) -> None:
-        poses = np.array(self.page.session.snapshot().target)
-        poses[index] = pose
-        self.page.say("")
-        self.page.session.drag(poses)
-
-    def _loop_handles(self) -> tuple[Any, Any]:
-        controls = self.page.server.scene.add_transform_controls
-        loop = controls("/handles/loop", 0.8 * self.size, line_width=3.0, depth_test=False, visible=False)
-        radius = controls(
-            "/handles/radius", 0.7 * self.size, line_width=5.0, active_axes=(True, False, False), disable_sliders=True,
-            disable_rotations=True, depth_test=False, visible=False,
-        )  # fmt: skip
-        self._dragged(loop, "loop", lambda pose: self._set_circle(pose[:3, 3], pose[:3, 2], None))
-        self._dragged(radius, "radius", lambda pose: self._set_radius(pose[:3, 3]))
-        return loop, radius
-
-    def let_go(self) -> None:
-        """Nobody drags: of a browser that went away no end of its drag is heard."""
-        self._held.clear()
-        self.page.drawn = -1
-
-    def _set_circle(self, center: Vector, normal: Vector, radius: float | None) -> None:
-        old = self.page.session.loop
-        circle = circle_of(old)
-        if old is None or circle is None:
-            return
-        size = circle[2] if radius is None else radius
-        near = self.page.session.snapshot().target[0][:3, 3]
-        loop = circle_loop(center, size, normal, near=near, clockwise=old.clockwise, samples=old.samples)
-        self.page.session.set_loop(loop)
-
-    def _set_radius(self, place: Vector) -> None:
-        circle = circle_of(self.page.session.loop)
-        if circle is not None:
-            self._set_circle(circle[0], circle[1], max(float(np.linalg.norm(place - circle[0])), LEAST))
-
 
 def circle_of(loop: Loop | None) -> tuple[Vector, Vector, float] | None:
     """Centre (3,) [m], normal (3,) and radius [m] of a circle, however its job says it; None of another curve."""
@@ -251,195 +399,84 @@ def frame_of(normal: Vector, towards: Vector) -> Matrix:
     return pose_from(np.zeros(3), np.column_stack([-x, np.cross(normal, -x), normal]))
 
 
-# --- Small pieces of HTML for the panels of the page.
+# --- Plots of drift and of one joint, and the joints between their limits.
 
-Cell = str
-"""HTML of a cell: what a user wrote was escaped."""
-
-
-def block(*lines: str) -> str:
-    """Lines below each other, in the type of the page."""
-    return f'<div style="padding:2px 10px;font-size:13px;color:{INK}">{"".join(lines)}</div>'
-
-
-def line(text: str, bold: bool = False) -> str:
-    """A line of plain text."""
-    return f'<div style="font-weight:{600 if bold else 400}">{escape(text)}</div>'
-
-
-def quiet(text: str) -> str:
-    """A line that explains."""
-    return f'<div style="color:{GREY};font-size:12px">{escape(text)}</div>'
-
-
-def warning(text: str) -> str:
-    """A line that says what is wrong; none of an empty text."""
-    return f'<div style="color:{BAD};font-weight:600;margin-top:3px">{escape(text)}</div>' if text else ""
-
-
-def gauge(share: float) -> str:
-    """A thin bar, filled by a share of 0 to 1."""
-    inner = f'<div style="height:4px;background:{HOLONOMIC};width:{100 * share:.0f}%"></div>'
-    return f'<div style="height:4px;background:{PALE};margin:4px 0">{inner}</div>'
-
-
-def swatch(color: str, framed: bool = False) -> Cell:
-    """A square of a colour; `framed` with an edge round it."""
-    edge = f"outline:2px solid {INK};outline-offset:1px;" if framed else ""
-    return f'<div style="width:12px;height:12px;border-radius:3px;background:{color};{edge}"></div>'
-
-
-def ramp(low: str, high: str, left: str, right: str) -> str:
-    """A bar whose colour goes from one to another, with a word at each end."""
-    bar = f'<div style="height:8px;border-radius:4px;background:linear-gradient(to right,{low},{high})"></div>'
-    ends = f'<div style="display:flex;justify-content:space-between"><span>{escape(left)}</span><span>{escape(right)}'
-    return f'<div style="font-size:12px;color:{INK};margin:5px 2px">{bar}{ends}</span></div></div>'
-
-
-def short_names(names: Sequence[str], most: int = 14) -> list[str]:
-    """Names without the words that all of them begin or end with, and what is too long still without its end."""
-    words = [re.split("([_/.])", name) for name in names]
-    first = 2 * (_shared([parts[::2] for parts in words]) if len(words) > 1 else 0)
-    last = 2 * (_shared([parts[first:][::-2] for parts in words]) if len(words) > 1 else 0)
-    if any(parts[first : first + 1][0].isdigit() for parts in words):  # "joint_1" tells more than "1"
-        first = max(first - 2, 0)
-    shortened = ["".join(parts[first : len(parts) - last]) for parts in words]
-    return [name if len(name) <= most else f"{name[: most - 1]}\u2026" for name in shortened]
-
-
-def _shared(words: Sequence[Sequence[str]]) -> int:
-    """How many words all begin with; of each at least one is left."""
-    most = min(map(len, words)) - 1
-    return next((i for i in range(most) if len({parts[i] for parts in words}) > 1), max(most, 0))
-
-
-def plain(text: str, red: bool = False, grey: bool = False, right: bool = False) -> Cell:
-    """A text in a cell."""
-    color = BAD if red else GREY if grey else INK
-    place = "text-align:right;white-space:nowrap" if right else "text-align:left"
-    return f'<div style="color:{color};{place}">{escape(text)}</div>'
-
-
-def named(name: str, note: str = "") -> Cell:
-    """A name, and something about it in grey."""
-    return f'<b>{escape(name)}</b> <span style="color:{GREY}">{escape(note)}</span>'
-
-
-def table(rows: Sequence[Sequence[Cell]], hints: Sequence[str] = ()) -> str:
-    """Cells in rows; a hint is shown where the mouse rests on its row."""
-    titles = [*hints, *[""] * (len(rows) - len(hints))]
-    lines = [
-        f'<tr title="{escape(hint)}">{"".join(f"<td>{cell}</td>" for cell in row)}</tr>'
-        for row, hint in zip(rows, titles, strict=True)
-    ]
-    return f'<table style="width:100%;font-size:12.5px;color:{INK};border-spacing:2px 3px">{"".join(lines)}</table>'
-
-
-def marks(values: Sequence[float], colors: Sequence[str], ended: bool) -> Cell:
-    """A bar with a mark at each of some shares of 0 to 1; `ended`: the ends of the bar are limits."""
-    html = ""
-    for index, (value, color) in enumerate(zip(values, colors, strict=False)):
-        place = f"left:calc({100 * value:.1f}% - 2px);top:{-1 if index else -3}px"
-        size = f"width:4px;height:{14 if index else 18}px;border-radius:2px"
-        html += f'<div style="position:absolute;{place};{size};background:{color}"></div>'
-    edge = f"2px solid {INK if ended else PALE}"
-    style = f"position:relative;height:12px;min-width:120px;background:{PALE};border-left:{edge};border-right:{edge}"
-    return f'<div style="{style}">{html}</div>'
-
-
-def put(handle: Any, content: str) -> None:
-    """Set the content of a text, if it is another one: every message costs all browsers time."""
-    if handle.content != content:
-        handle.content = content
-
-
-def file_name(title: str) -> str:
-    """A title as the name of a file."""
-    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "studio"
-
-
-MOST_LINES = 12
-"""Laws in a plot at most: more lines nobody tells apart."""
-
-KEPT = 400
-"""Points of a line at most."""
-
+MOST_LINES = 12  # strategies in a plot at most: more lines nobody tells apart
+KEPT = 400  # points of a line at most
+SOFT = 0.1  # drift [rad or m] to which its plot goes at least
 _EMPTY = np.array([0.0, 1.0])
-
-SOFT = 0.1
-"""Drift [rad or m] to which its plot goes at least."""
 
 
 class Charts:
     """A column of plots at the left of the page."""
 
-    def __init__(self, page: Stage):
+    def __init__(self, page: Page):
         self.page = page
-        self.panel = page.server.gui.add_panel()
-        self.panel.dock_left()
-        self.panel.set_width(330)
-        self.joint = 0
         self._drawn: tuple[Any, ...] = ()
-        names = page.session.robot.joint_names
-        self._names = short_names(names)
-        with self.panel.add_tab("What the joints do"):
-            gui = page.server.gui
-            self.title = gui.add_markdown(self._title())
+        robot, gui = page.session.robot, page.server.gui
+        self._names = short_names(robot.joint_names)
+        panel = gui.add_panel()
+        panel.dock_left()
+        panel.set_width(330)
+        # The joint of the second plot: first the one that the self-motion moves most.
+        restless = int(np.argmax(np.linalg.norm(page.session.task.null_space(page.session.home), axis=1)))
+        with panel.add_tab("What the joints do"):
+            self.title = gui.add_markdown("")
             self.drift = self._plot("cycle", dots=True)
+            hint = "The joint of the plot below, with a line for each strategy"
             self.pick = gui.add_dropdown(
-                self._picked(),
-                names,
-                initial_value=names[self._restless()],
-                hint="The joint of the plot below, with a line for each law",
+                "Joint", robot.joint_names, initial_value=robot.joint_names[restless], hint=hint
             )
             self.history = self._plot("time [s]", dots=False)
-            gui.add_markdown("**Joints** between their limits, a mark for each law")
+            gui.add_markdown("**Joints** between their limits, a mark for each strategy")
             self.bars = gui.add_html("")
+        self.forget()
 
         @self.pick.on_update
         def _(_event: Any) -> None:
             self._drawn = ()
 
+    def forget(self) -> None:
+        """All is drawn anew, as in other units."""
+        self._drawn = ()
+        unit = joint_unit(self.page.units, self.page.session.robot)
+        put(self.title, f"**Drift**: how far the worst joint is from where it began, after each cycle [{unit}]")
+        self.drift.scales = self._scales(soft=True)
+        self.pick.label = f"Joint [{unit}]"
+
     def draw(self, snap: Snapshot) -> None:
         """Bring plots to a snapshot; those without news are left alone."""
-        laws = snap.laws[:MOST_LINES]
+        states = snap.strategies[:MOST_LINES]
         news = (snap.number, self.pick.value)
         if news == self._drawn:
             return
         self._drawn = news
-        cycles = max((len(law.drift) for law in laws), default=0)
+        # Drift after each cycle, from 0; NaN where a strategy has not done so many.
         units, robot = self.page.units, self.page.session.robot
-        drifts = [largest(units, robot, law.drift_joints) for law in laws]
+        cycles = max((len(state.drift) for state in states), default=0)
         if cycles:
             rows = thin(cycles + 1, KEPT)
+            drifts = [largest(units, robot, state.drift_joints) for state in states]
             lines = [np.concatenate([[0.0], drift, np.full(cycles - len(drift), np.nan)]) for drift in drifts]
             self.drift.data = (rows.astype(float), *(line[rows] for line in lines))
         else:
-            self.drift.data = (_EMPTY, *[np.zeros(2) for _ in laws])
+            self.drift.data = (_EMPTY, *[np.zeros(2) for _ in states])
+        # One joint over time, where it is known.
         joint = robot.joint_names.index(self.pick.value)
         scale = joint_factors(units, robot)[joint]
-        longest = max((law.t for law in laws), key=len, default=np.zeros(0))
+        longest = max((state.t for state in states), key=len, default=np.zeros(0))
         if len(longest) > 1:
             t = longest[thin(len(longest), KEPT)]
-            self.history.data = (t, *[scale * _joint_at(t, law.t, law.history, joint) for law in laws])
+            lines = [
+                np.interp(t, state.t, scale * state.history[:, joint], left=np.nan, right=np.nan)
+                if len(state.t) > 1
+                else np.full(len(t), np.nan)
+                for state in states
+            ]
+            self.history.data = (t, *lines)
         else:
-            self.history.data = (_EMPTY, *[np.full(2, scale * law.q[joint]) for law in laws])
+            self.history.data = (_EMPTY, *[np.full(2, scale * state.q[joint]) for state in states])
         self.bars.content = self._bars(snap)
-
-    def forget(self) -> None:
-        """All is drawn anew, as in other units."""
-        self._drawn = ()
-        put(self.title, self._title())
-        self.drift.scales = self._scales(soft=True)
-        self.pick.label = self._picked()
-
-    def _title(self) -> str:
-        unit = joint_unit(self.page.units, self.page.session.robot)
-        return f"**Drift**: how far the worst joint is from where it began, after each cycle [{unit}]"
-
-    def _picked(self) -> str:
-        """The label of the joint that is plotted, with its unit."""
-        return f"Joint [{joint_unit(self.page.units, self.page.session.robot)}]"
 
     def _scales(self, soft: bool) -> dict[str, Any]:
         smallest = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
@@ -447,49 +484,37 @@ class Charts:
         return {"x": {"time": False}, **({"y": {"range": grows}} if soft else {})}
 
     def _plot(self, across: str, dots: bool) -> Any:
+        """A plot with a line for each strategy, dashed where it is not holonomic."""
         from viser import uplot
 
-        laws = self.page.session.laws[:MOST_LINES]
+        strategies = self.page.session.strategies[:MOST_LINES]
         series = [uplot.Series(label=across)]
-        for law, color in zip(laws, self.page.colors, strict=False):
-            dash = () if law.holonomic else (6.0, 4.0)
-            series.append(uplot.Series(label=law.name, stroke=color, width=2, dash=dash, points={"show": dots}))
+        for strategy, color in zip(strategies, self.page.colors, strict=False):
+            dash = () if strategy.holonomic else (6.0, 4.0)
+            series.append(uplot.Series(label=strategy.name, stroke=color, width=2, dash=dash, points={"show": dots}))
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         return self.page.server.gui.add_uplot(
-            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=180, legend={"show": False},
-            scales=self._scales(dots), padding=(14, 16, 0, 0),
+            (_EMPTY, *[np.zeros(2) for _ in strategies]),
+            tuple(series),
+            height=180,
+            legend={"show": False},
+            scales=self._scales(dots),
+            padding=(14, 16, 0, 0),
             axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
-        )  # fmt: skip
-
-    def _restless(self) -> int:
-        """The joint that the self-motion moves most."""
-        return int(np.argmax(np.linalg.norm(self.page.session.task.null_space(self.page.session.home), axis=1)))
+        )
 
     def _bars(self, snap: Snapshot) -> str:
-        robot, rows, hints = self.page.session.robot, [], []
+        """The joints of all strategies between their limits, and the number of the solid robot's."""
+        robot, units, rows, hints = self.page.session.robot, self.page.units, [], []
         for index, c in enumerate(robot.coordinates):
             bounded = bool(np.isfinite([c.lower, c.upper]).all())
             low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
-            values = [_share(law.q[index], low, high) for law in snap.laws[:MOST_LINES]]
-            scale, unit = self.page.units.factor(c.unit), self.page.units.name(c.unit)
-            number = plain(f"{scale * snap.laws[self.page.lead].q[index]:.{3 if scale == 1 else 1}f}", right=True)
-            rows.append((plain(self._names[index]), marks(values, self.page.colors, bounded), number))
-            hints.append(
-                f"{c.name}: {scale * low:.4g} to {scale * high:.4g} {unit}" if bounded else f"{c.name}: without limits"
-            )
-        return block(
-            table(rows, hints),
-            quiet(f"Number: of the solid robot [{joint_unit(self.page.units, robot)}]. Dark ends: limits."),
-        )
-
-
-def _share(value: float, low: float, high: float) -> float:
-    """Where a value is between two others, 0 to 1."""
-    return float(np.clip((value - low) / (high - low), 0.0, 1.0)) if high > low else 0.5
-
-
-def _joint_at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:
-    """A joint at instants t, where it is known; else NaN."""
-    if len(known) < 2:
-        return np.full(len(t), np.nan)
-    return np.interp(t, known, history[:, joint], left=np.nan, right=np.nan)
+            q = np.array([state.q[index] for state in snap.strategies])
+            shares = np.clip((q - low) / (high - low), 0.0, 1.0) if high > low else np.full(len(q), 0.5)
+            scale, unit = units.factor(c.unit), units.name(c.unit)
+            number = plain(f"{scale * q[self.page.lead]:.{3 if scale == 1 else 1}f}", right=True)
+            rows.append((plain(self._names[index]), marks(shares[:MOST_LINES], self.page.colors, bounded), number))
+            span = f"{scale * low:.4g} to {scale * high:.4g} {unit}" if bounded else "without limits"
+            hints.append(f"{c.name}: {span}")
+        foot = f"Number: of the solid robot [{joint_unit(units, robot)}]. Dark ends: limits."
+        return block(table(rows, hints), quiet(foot))

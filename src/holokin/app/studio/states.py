@@ -1,8 +1,8 @@
-"""What a page is told: states of laws and session, traces, clouds, cusps, verdicts, as frozen values."""
+"""What a page is told: states of strategies and session, traces, clouds, cusps, verdicts, as frozen values."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path as FilePath
@@ -32,8 +32,8 @@ class Origin(Value):
     folder: FilePath
 
 
-class LawStatus(Enum):
-    """How a law stands to its target; the text says it in a few words."""
+class StrategyStatus(Enum):
+    """How a strategy stands to its target; the text says it in a few words."""
 
     FOLLOWING = "following"
     OUT_OF_REACH = "out of reach"
@@ -63,7 +63,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Judgement(Value):
-    """What is known of a law at a posture, found in the background.
+    """What is known of a strategy at a posture, found in the background.
 
     holonomic, defect and sentence as of `hk.involutivity` about the start; `curvature`: the largest |F_ij| of
     `hk.curvature` at the posture q (n,), drift over the area of a small loop [joint unit / task unit^2].
@@ -77,17 +77,17 @@ class Judgement(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class LawState:
-    """One law at one instant.
+class StrategyState:
+    """One strategy at one instant.
 
     Attributes:
-        name, colour, holonomic: as of `Law`.
+        name, colour, holonomic: as of `NamedStrategy`.
         q: joints (n,) [rad, m].
         status, sentence: whether it follows, and else why not and what helps, in one sentence; empty while it follows.
         rcond: how near it is to singular, 1 good, 0 singular; NaN of a control law.
-        level: g(q) (r,) of a holonomic law; empty for others.
+        level: g(q) (r,) of a holonomic strategy; empty for others.
         drift: largest joint's distance from the loop's start posture after 1, 2, ... cycles (cycles,), as of
-            `hk.drift(...).largest`; NaN from a cycle on in which the law had stopped.
+            `hk.drift(...).largest`; NaN from a cycle on in which the strategy had stopped.
         drift_joints: the same joint by joint (cycles, n), signed.
         t, history: instants (k,) [s] and joints (k, n) of the loop since it began, the latest ones.
         judgement: None until it is known, and of control laws.
@@ -97,7 +97,7 @@ class LawState:
     colour: int
     holonomic: bool
     q: Vector
-    status: LawStatus
+    status: StrategyStatus
     sentence: str
     rcond: float
     level: Vector
@@ -110,7 +110,7 @@ class LawState:
     @property
     def following(self) -> bool:
         """True while its tool is at the target."""
-        return self.status is LawStatus.FOLLOWING
+        return self.status is StrategyStatus.FOLLOWING
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class Cloud:
     """How far a coverage has got, and what it found, ready to be drawn.
 
     Attributes:
-        law: its name. done, total: poses looked at, of how many.
+        strategy: its name. done, total: poses looked at, of how many.
         status: whether it goes on; `sentence` says why it failed, else empty.
         points: positions (k, 3) [m] of the poses looked at. reached: (k,).
         margin: (k,) least distance to a joint limit over half the joint's range, 1 in the middle, 0 at a limit; NaN
@@ -126,7 +126,7 @@ class Cloud:
         why: (k,) the status of each pose, `PoseStatus`.
     """
 
-    law: str
+    strategy: str
     done: int
     total: int
     status: CloudStatus
@@ -140,16 +140,16 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False)
 class LeafCusps:
-    """Cusps of the leaf on which a law stood when they were asked for, ready to be drawn.
+    """Cusps of the leaf on which a strategy stood when they were asked for, ready to be drawn.
 
     Attributes:
-        law: its name. level: g(q) = c (r,) of the leaf. running: whether they are still looked for.
+        strategy: its name. level: g(q) = c (r,) of the leaf. running: whether they are still looked for.
         sentence: what was found, or why none were looked for.
         place: position (3,) [m] of the tool at the nearest one, None where there is none.
         loop: points (k, 3) [m] of the smallest tool loop found that does not bring the joints back; none where k is 0.
     """
 
-    law: str
+    strategy: str
     level: Vector
     running: bool
     sentence: str
@@ -164,20 +164,20 @@ class Snapshot:
     Attributes:
         number: counts the changes of the session; two snapshots with one number are equal.
         phase: idle, gathering (the joints move to where the loop begins), running, paused, done.
-        laws: the state of each, in order.
+        strategies: the state of each, in order.
         target: where the tool is wanted, (F, 4, 4), a pose of each frame of the task; F is 1 but for tasks of several.
         loop: how many times `Session.set_loop` was called; the curve is to be drawn again when it changes.
         progress: share of the cycle that is done, 0 to 1. cycle: complete cycles. time: of the loop [s].
         factor: of the speed. cycles: after which the loop ends, None for never. clockwise: the other way round.
         message: one sentence on the session as a whole, such as why a loop cannot begin; empty if all is well.
         cloud: the coverage, if one was asked for. cusps: those of a leaf, if they were asked for.
-        loop_fault: the first law that does not get round the loop, and why; empty until it is known, and if all do.
+        loop_fault: the first strategy that does not get round the loop, and why; empty until it is known, or if all do.
         fault: what failed in the background; empty if nothing did.
     """
 
     number: int
     phase: Phase
-    laws: tuple[LawState, ...]
+    strategies: tuple[StrategyState, ...]
     target: Array
     loop: int
     progress: float
@@ -192,67 +192,56 @@ class Snapshot:
     loop_fault: str = ""
     fault: str = ""
 
-    def law(self, name: str) -> LawState:
-        """The state of a law by name."""
-        return next(state for state in self.laws if state.name == name)
+    def strategy(self, name: str) -> StrategyState:
+        """The state of a strategy by name."""
+        return next(state for state in self.strategies if state.name == name)
 
     @property
     def following(self) -> bool:
-        """True where every law follows."""
-        return all(state.following for state in self.laws)
+        """True where every strategy follows."""
+        return all(state.following for state in self.strategies)
 
     @property
     def spread(self) -> float:
-        """Largest joint difference between any two laws [joint units]."""
-        q = np.array([state.q for state in self.laws])
+        """Largest joint difference between any two strategies [joint units]."""
+        q = np.array([state.q for state in self.strategies])
         return float((q.max(axis=0) - q.min(axis=0)).max(initial=0.0)) if len(q) else 0.0
 
 
-ROWS = 4096
-"""Samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run."""
+# samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run
+ROWS = 4096  # samples that are kept
 
 
 class History:
-    """Instants and joints. Rows that were shown are never written to again, so views of them stay true."""
+    """Instants and joints; when they are full every second sample is dropped, so that a plot shows all of a long run.
+
+    What was shown is never written to again, so views of it stay true.
+    """
 
     def __init__(self, joints: int, rows: int = ROWS) -> None:
-        self._t, self._q = np.empty(rows), np.empty((rows, joints))
-        self._count, self._seen, self._every = 0, 0, 1
+        self._t, self._q, self._rows = np.empty(0), np.empty((0, joints)), rows
+        self._seen, self._every = 0, 1
 
     def add(self, t: Vector, q: Matrix) -> None:
         """Samples at instants (k,) of joints (k, n)."""
-        for row in range(-self._seen % self._every, len(t), 1):
-            if (self._seen + row) % self._every:
-                continue
-            if self._count == len(self._t):
-                self._thin()
-                if (self._seen + row) % self._every:
-                    continue
-            self._t[self._count], self._q[self._count] = t[row], q[row]
-            self._count += 1
+        due = (self._seen + np.arange(len(t))) % self._every == 0
+        self._t, self._q = np.concatenate([self._t, t[due]]), np.concatenate([self._q, q[due]])
         self._seen += len(t)
-
-    def _thin(self) -> None:
-        """Keep every second row, in new arrays."""
-        t, q, rows = self._t[::2], self._q[::2], len(self._t)
-        self._t, self._q = np.empty(rows), np.empty((rows, q.shape[1]))
-        self._t[: len(t)], self._q[: len(t)] = t, q
-        self._count, self._every = len(t), 2 * self._every
+        while len(self._t) > self._rows:
+            self._t, self._q, self._every = self._t[::2], self._q[::2], 2 * self._every
 
     def view(self) -> tuple[Vector, Matrix]:
         """(t (k,), q (k, n)): views that nobody can write to."""
-        t, q = self._t[: self._count], self._q[: self._count]
+        t, q = self._t[:], self._q[:]
         t.flags.writeable = q.flags.writeable = False
         return t, q
 
 
-# --- The coverage of a workspace by one law, piece by piece, as points to draw.
+# --- The coverage of a workspace by one strategy, piece by piece, as points to draw.
 
-PIECE = 32
-"""Poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures."""
-
+PIECE = 32  # poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures
+# half sides of the box that is looked at by default, as a share of the tool's distance from the base; [m]; [m]
 SHARE, LEAST, MOST = 0.5, 0.1, 0.6
-"""Half sides of the box that is looked at by default, as a share of the tool's distance from the base; [m]; [m]."""
 
 
 def default_workspace(task: Task, home: Vector) -> Workspace:
@@ -265,56 +254,48 @@ def default_workspace(task: Task, home: Vector) -> Workspace:
 
 
 def covered(
-    strategy: HolonomicStrategy, name: str, q0: Vector, region: Workspace, samples: int, limits: bool,
-    tell: Callable[[Cloud], bool],
-) -> None:  # fmt: skip
-    """The coverage of a workspace by the leaf through a posture (n,); `tell` hears of each piece, and says to go on."""
+    strategy: HolonomicStrategy, name: str, q0: Vector, region: Workspace, samples: int, limits: bool
+) -> Iterator[Cloud]:
+    """The coverage of a workspace by the leaf through a posture (n,), after each piece."""
     try:
         poses = region.poses(samples)
         parts: list[Coverage] = []
-        if not tell(_cloud(name, parts, len(poses), CloudStatus.RUNNING)):
-            return
+        yield _cloud(name, parts, len(poses), CloudStatus.RUNNING)
         for first in range(0, len(poses), PIECE):
-            some = poses[first : first + PIECE]
-            parts.append(coverage(strategy, pose_cloud(some), q0, samples=len(some), limits=limits))
-            ended = CloudStatus.RUNNING if first + PIECE < len(poses) else CloudStatus.DONE
-            if not tell(_cloud(name, parts, len(poses), ended)):
-                return
+            piece = poses[first : first + PIECE]
+            parts.append(coverage(strategy, pose_cloud(piece), q0, samples=len(piece), limits=limits))
+            status = CloudStatus.RUNNING if first + PIECE < len(poses) else CloudStatus.DONE
+            yield _cloud(name, parts, len(poses), status)
     except HolokinError as problem:
-        tell(failed_cloud(name, str(problem)))
+        yield failed_cloud(name, str(problem))
 
 
-def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus) -> Cloud:
+def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus, sentence: str = "") -> Cloud:
     """What the pieces so far show."""
     if not parts:
         none = np.zeros(0)
-        return Cloud(name, 0, total, status, "", np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+        return Cloud(name, 0, total, status, sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
     poses, q = np.concatenate([part.poses for part in parts]), np.concatenate([part.q for part in parts])
     why = np.concatenate([part.status for part in parts])
     reached = np.concatenate([part.reached for part in parts])
-    margin = np.where(reached, _margins(q, parts[0].lower, parts[0].upper), np.nan)
+    # The least distance to a joint limit over half the joint's range: 1 in the middle of all, and without limits.
+    lower, upper = parts[0].lower, parts[0].upper
+    half = (upper - lower) / 2
+    bounded = np.isfinite(half) & (half > 0)
+    shares = np.minimum(q - lower, upper - q)[:, bounded] / half[bounded]
+    margin = np.where(reached, shares.min(axis=1, initial=1.0), np.nan)
     rcond = np.where(reached, np.concatenate([part.rcond for part in parts]), np.nan)
-    return Cloud(name, len(poses), total, status, "", poses[:, :3, 3].copy(), reached, margin, rcond, why)
+    return Cloud(name, len(poses), total, status, sentence, poses[:, :3, 3].copy(), reached, margin, rcond, why)
 
 
 def failed_cloud(name: str, sentence: str) -> Cloud:
     """That of a coverage that could not be found."""
-    none = np.zeros(0)
-    return Cloud(name, 0, 0, CloudStatus.FAILED, sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+    return _cloud(name, [], 0, CloudStatus.FAILED, sentence)
 
 
-def _margins(q: Matrix, lower: Vector, upper: Vector) -> Vector:
-    """Least distance to a joint limit over half the joint's range (k,): 1 in the middle of all; 1 without limits."""
-    half = (upper - lower) / 2
-    bounded = np.isfinite(half) & (half > 0)
-    shares = np.minimum(q - lower, upper - q)[:, bounded] / half[bounded]
-    return shares.min(axis=1, initial=1.0)
+# --- What is said of a strategy: whether it is holonomic about its start, and its curvature at a posture.
 
-
-# --- What is said of a law: whether it is holonomic about its start, and its curvature at a posture.
-
-RADIUS = 0.2
-"""Half side [joint units] of the box about the start in which a law is judged, as in jobs."""
+RADIUS = 0.2  # half side [joint units] of the box about the start in which a strategy is judged, as in jobs
 
 
 def judged(strategy: Strategy, home: Vector, q: Vector) -> Judgement:
@@ -322,7 +303,7 @@ def judged(strategy: Strategy, home: Vector, q: Vector) -> Judgement:
     try:
         verdict = involutivity(strategy, around(home, RADIUS))
         holonomic, defect, sentence = verdict.holonomic, verdict.defect, str(verdict).partition("\n")[0]
-    except Exception as problem:  # noqa: BLE001  a law of one's own may raise anything; its thread goes on
+    except Exception as problem:  # noqa: BLE001  a control law of one's own may raise anything; its thread goes on
         holonomic, defect, sentence = False, np.nan, f"It could not be judged: {problem}"
     return Judgement(holonomic, defect, sentence, largest_curvature(strategy, q), q)
 
@@ -335,8 +316,7 @@ def largest_curvature(strategy: Strategy, q: Vector) -> float:
         return np.nan
 
 
-POINTS = 120
-"""Points of the line of a loop."""
+POINTS = 120  # points of the line of a loop
 
 
 def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
@@ -344,11 +324,9 @@ def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
     cusps = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
     place = None if cusps.pose is None else cusps.pose[:3, 3]
     smallest = None if cusps.found is None else cusps.found.witness
-    loop = (
-        np.zeros((0, 3))
-        if smallest is None
-        else smallest.path.at(np.linspace(0, smallest.path.duration, POINTS)).position
-    )
+    loop = np.zeros((0, 3))
+    if smallest is not None:
+        loop = smallest.path.at(np.linspace(0, smallest.path.duration, POINTS)).position
     return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, cusps), place, loop)
 
 
@@ -374,11 +352,9 @@ def _sentence(name: str, cusps: NearbyCusps) -> str:
 
 # --- In what units the page shows joints and places. Sessions, jobs and files have radians and metres throughout.
 
+# by the names by which they are chosen
 UNITS = {f"{units.angle}, {units.length}": units for units in (SI, PrintedUnits("deg", "mm"))}
-"""By the names by which they are chosen."""
-
-SLOWEST, USUAL, FASTEST = 0.25, 2.0, 8.0
-"""Speed of a loop in a page, times its own."""
+SLOWEST, USUAL, FASTEST = 0.25, 2.0, 8.0  # speed of a loop in a page, times its own
 
 
 def joint_factors(units: PrintedUnits, robot: Robot) -> Vector:

@@ -12,10 +12,9 @@ from ...analysis.sheets import Sheets, StillMotion, self_motion_between
 from ...base.errors import HolokinError, NoSheetError, brief
 from ...base.types import Array, Matrix, Value, Vector
 from .followers import Move, Run, follower, put_on_leaf
-from .states import LawStatus
+from .states import StrategyStatus
 
-LONGEST = 200
-"""Characters of a foreign error's own words."""
+LONGEST = 200  # characters of a foreign error's own words
 
 
 def failure(what: str, problem: Exception) -> str:
@@ -55,16 +54,11 @@ class Worker:
             self._thread.join(patience)
 
 
-FASTEST_CHANGE = 0.6
-"""Seconds in which a change is shown at least: a faster one would not be seen."""
-
-SAME = 1e-6
-"""Difference [joint units] below which postures are one."""
-
+FASTEST_CHANGE = 0.6  # seconds in which a change is shown at least: a faster one would not be seen
+SAME = 1e-6  # difference [joint units] below which postures are one
 LOOKED_FOR = "Why no sheet serves this pose is being looked for."
 
-Search = Callable[[Callable[[str], None]], Sheets]
-"""What makes or reads the map; it tells a function what it does."""
+Search = Callable[[Callable[[str], None]], Sheets]  # what makes or reads the map; it tells a function what it does
 
 
 class _EndedError(Exception):
@@ -75,13 +69,13 @@ class _EndedError(Exception):
 class SheetState(Value):
     """What a page is told of the sheets of a session.
 
-    count: sheets of the map, 0 while there is none. law: the one whose arm follows them, or empty. sheet: that which
-    serves the target, -1 for none. sentence: what the arm does; why: why no sheet serves the target. searching: what
-    goes on while the map is made. about: what the map serves.
+    count: sheets of the map, 0 while there is none. strategy: the one whose arm follows them, or empty. sheet: that
+    which serves the target, -1 for none. sentence: what the arm does; why: why no sheet serves the target. searching:
+    what goes on while the map is made. about: what the map serves.
     """
 
     count: int
-    law: str
+    strategy: str
     sheet: int
     sentence: str
     why: str
@@ -96,23 +90,27 @@ class _Change:
     motion: StillMotion
     target: Array
     q: Vector
-    at: float = 0.0
+    time: float = 0.0
 
 
 class SheetFollower:
-    """The map of a session, and the law whose arm follows it. Its session calls it under its lock."""
+    """The map of a session, and the strategy whose arm follows it. Its session calls it under its lock."""
 
     def __init__(
-        self, lock: threading.RLock, runs: Mapping[str, Run], changed: Callable[[], object],
-        failed: Callable[[str, Exception], None], search: Search,
-    ) -> None:  # fmt: skip
+        self,
+        lock: threading.RLock,
+        runs: Mapping[str, Run],
+        changed: Callable[[], object],
+        failed: Callable[[str, Exception], None],
+        search: Search,
+    ) -> None:
         """No map yet: `find` makes it, in a thread.
 
         Args:
             lock, runs: of the session, as they change. changed: told of each change. failed: told of what was not done.
         """
         self._lock, self._runs, self._changed, self._failed, self._search = lock, runs, changed, failed, search
-        self.found: Sheets | None = None
+        self.sheet_map: Sheets | None = None
         self._change: _Change | None = None
         self._known: dict[tuple[bytes, int], StillMotion] = {}  # from where the arm rests
         self._why: tuple[bytes, str] = (b"", "")
@@ -124,30 +122,30 @@ class SheetFollower:
     def state(self) -> SheetState:
         """What there is now, as a value."""
         run = self._run
-        return replace(self._state, law="" if run is None else run.law.name)
+        return replace(self._state, strategy="" if run is None else run.strategy.name)
 
     @property
     def _run(self) -> Run | None:
-        """The law whose arm follows the sheets; none once a slider or another start has given it its leaf back."""
+        """The strategy whose arm follows the sheets; none once a slider or another start has given it its leaf back."""
         return next((run for run in self._runs.values() if run.follow == self._move), None)
 
     def find(self) -> None:
         """Make the map in a thread; nothing happens while that is done, or where there is one."""
-        if self.found is None and (self._finder is None or not self._finder.alive):
+        if self.sheet_map is None and (self._finder is None or not self._finder.alive):
             self._tell(searching="The sheets are looked for.")
             self._finder = Worker("holokin-studio-sheets", self._find, self._lost)
 
     def _find(self, closed: threading.Event) -> None:
-        def say(text: str) -> None:
+        def progress(text: str) -> None:
             if closed.is_set():
                 raise _EndedError
             with self._lock:
                 self._tell(searching=f"{text.removeprefix('sheets: ')} ...")
 
-        sheets = self._search(say)
+        sheets = self._search(progress)
         with self._lock:
             if not closed.is_set():
-                self.found = sheets
+                self.sheet_map = sheets
                 self._tell(count=len(sheets), searching="", about=sheets.sentence)
 
     def _lost(self, problem: Exception) -> None:
@@ -157,37 +155,36 @@ class SheetFollower:
 
     def look(self, poses: Array) -> None:
         """Which sheet serves tool poses (1, 4, 4) to which no arm was taken by them."""
-        if self.found is not None and self._run is None:
+        if self.sheet_map is not None and self._run is None:
             try:
-                sheet = self.found(poses[0])[0]
+                sheet = self.sheet_map(poses[0])[0]
             except NoSheetError:
                 self._unserved(poses[0])
             else:
                 self._tell(sheet=sheet, sentence="", why="")
 
     def take(self, run: Run, target: Array) -> None:
-        """A law's arm follows the sheets from now on: it goes to them by a self-motion where there is one, else it is
-        put there."""
+        """A strategy's arm follows the sheets from now on: it goes to them by a self-motion, or is put there."""
         self.release()
-        if self.found is None:
+        if self.sheet_map is None:
             return
         run.follow = self._move
         run.put(self._move(run.q, target, True))
-        if self._change is None and run.status is not LawStatus.FOLLOWING and self._state.sheet < 0:
+        if self._change is None and run.status is not StrategyStatus.FOLLOWING and self._state.sheet < 0:
             try:
-                sheet, q = self.found(target[0])
+                sheet, q = self.sheet_map(target[0])
             except NoSheetError:
                 return
             self._tell(sheet=sheet, sentence=f"No self-motion led to sheet {sheet}: the arm was put there.")
-            run.put(Move(q, LawStatus.FOLLOWING))
+            run.put(Move(q, StrategyStatus.FOLLOWING))
 
     def release(self, limits: bool = True) -> None:
-        """The arm follows its law again, on the leaf through the posture where it stands."""
+        """The arm follows its strategy again, on the leaf through the posture where it stands."""
         run, self._change = self._run, None
         if run is not None:
-            run.follow = follower(run.law, run.q, limits)
+            run.follow = follower(run.strategy, run.q, limits)
             put_on_leaf(run, run.q, limits)
-            run.put(Move(run.q, LawStatus.FOLLOWING))
+            run.put(Move(run.q, StrategyStatus.FOLLOWING))
             self._tell(sentence="")
 
     def advance(self, dt: float) -> bool:
@@ -197,11 +194,11 @@ class SheetFollower:
             self._change = None
             return False
         seconds = change.motion.seconds
-        change.at += dt * seconds / max(seconds, FASTEST_CHANGE)
-        if change.at < seconds:
+        change.time += dt * seconds / max(seconds, FASTEST_CHANGE)
+        if change.time < seconds:
             # The joints (n,) of a motion at a time [s], even between its rows.
-            change.q = np.array([np.interp(change.at, change.motion.t, column) for column in change.motion.q.T])
-            run.put(Move(change.q, LawStatus.STOPPED, self._state.sentence))
+            change.q = np.array([np.interp(change.time, change.motion.t, column) for column in change.motion.q.T])
+            run.put(Move(change.q, StrategyStatus.STOPPED, self._state.sentence))
             return True
         self._change, self._known = None, {}
         run.put(self._move(change.motion.q[-1], change.target, True))
@@ -211,56 +208,53 @@ class SheetFollower:
         """The joints of the sheet on which the arm stands; another one only where that does not serve, by a change."""
         if self._change is not None and np.array_equal(q, self._change.q):
             self._change.target = poses
-            return Move(q, LawStatus.STOPPED, self._state.sentence)
-        self._change, sheets = None, self.found
+            return Move(q, StrategyStatus.STOPPED, self._state.sentence)
+        self._change, sheets = None, self.sheet_map
         if sheets is None:
-            return Move(q, LawStatus.STOPPED, "There is no map of sheets.")
+            return Move(q, StrategyStatus.STOPPED, "There is no map of sheets.")
         try:
-            wanted, there = sheets.near(poses[0], q)
+            wanted, posture = sheets.near(poses[0], q)
             if wanted in sheets.of(q):  # the arm stands on it, and it leads there
                 self._tell(sheet=wanted, sentence=f"Sheet {wanted} serves.", why="")
-                return Move(there, LawStatus.FOLLOWING)
+                return Move(posture, StrategyStatus.FOLLOWING)
             return self._begin(sheets, q, poses, wanted)
         except NoSheetError:
             self._unserved(poses[0])
-            return Move(q, LawStatus.OUT_OF_REACH, "No sheet serves this pose; drag the tool back.")
+            return Move(q, StrategyStatus.OUT_OF_REACH, "No sheet serves this pose; drag the tool back.")
         except HolokinError as problem:
             self._tell(sheet=-1, sentence=str(problem), why="")
-            return Move(q, LawStatus.STOPPED, str(problem))
+            return Move(q, StrategyStatus.STOPPED, str(problem))
 
     def _begin(self, sheets: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
         """Begin a self-motion to a sheet that serves the target, at the pose where the arm rests; or say why not."""
-        resting, there = (sheets.postures(T[None])[:, 0] for T in (sheets.task.pose(q), poses[0]))
-        serves = np.flatnonzero(np.isfinite(there).all(axis=1))
-        reason = ""
-        for second in sorted(serves.tolist(), key=lambda s: s != wanted):
-            if not np.isfinite(resting[second]).all():
-                reason = reason or f"sheet {second} does not serve the pose where the arm rests"
+        resting, serving = (sheets.postures(T[None])[:, 0] for T in (sheets.task.pose(q), poses[0]))
+        serves, reason = np.flatnonzero(np.isfinite(serving).all(axis=1)), ""
+        for sheet in sorted(serves.tolist(), key=lambda s: s != wanted):
+            # The sheet serves the pose where the arm rests, and leads straight from there to the target.
+            if not np.isfinite(resting[sheet]).all():
+                reason = reason or f"sheet {sheet} does not serve the pose where the arm rests"
                 continue
-            on, _ = sheets.sheets[second].reached(resting[[second]], poses, sheets.clear)
-            if not np.abs(on[0] - there[second]).max() < SAME:  # NaN is not
-                reason = reason or f"sheet {second} does not lead straight from there to the tool"
+            reached, _ = sheets.sheets[sheet].reached(resting[[sheet]], poses, sheets.clear)
+            if not np.abs(reached[0] - serving[sheet]).max() < SAME:  # NaN is not
+                reason = reason or f"sheet {sheet} does not lead straight from there to the tool"
                 continue
-            motion = self._motion(sheets, q, resting[second], second)
+            # A self-motion leads to it.
+            key = (q.tobytes(), sheet)
+            if key not in self._known:
+                self._known = {k: v for k, v in self._known.items() if k[0] == key[0]}
+                self._known[key] = self_motion_between(sheets.task, q, resting[sheet], sheets.clear)
+            motion = self._known[key]
             if motion.hindrance is None:
                 self._change = _Change(motion, poses, q)
                 first = min(sheets.of(q), default=-1)
-                way = f"Goes to sheet {second}" if first < 0 else f"Changes from sheet {first} to sheet {second}"
-                self._tell(sheet=second, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
-                return Move(q, LawStatus.STOPPED, self._state.sentence)
+                way = f"Goes to sheet {sheet}" if first < 0 else f"Changes from sheet {first} to sheet {sheet}"
+                self._tell(sheet=sheet, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
+                return Move(q, StrategyStatus.STOPPED, self._state.sentence)
             reason = reason or motion.hindrance.text
-        sentence = (
-            f"The arm rests: it would have to change to sheet {wanted}, and no self-motion leads there: {reason}."
-        )
+        fact = f"it would have to change to sheet {wanted}, and no self-motion leads there"
+        sentence = f"The arm rests: {fact}: {reason}."
         self._tell(sheet=-1, sentence=sentence, why="")
-        return Move(q, LawStatus.STOPPED, sentence)
-
-    def _motion(self, sheets: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
-        key = (q.tobytes(), second)
-        if key not in self._known:
-            self._known = {k: v for k, v in self._known.items() if k[0] == key[0]}
-            self._known[key] = self_motion_between(sheets.task, q, to, sheets.clear)
-        return self._known[key]
+        return Move(q, StrategyStatus.STOPPED, sentence)
 
     def _unserved(self, pose: Matrix) -> None:
         """No sheet serves a pose (4, 4): why, is looked for in a thread, the last pose first."""
@@ -276,7 +270,7 @@ class SheetFollower:
     def _ask(self, closed: threading.Event) -> None:
         while not closed.is_set():
             with self._lock:
-                (key, known), sheets = self._why, self.found
+                (key, known), sheets = self._why, self.sheet_map
                 if known != LOOKED_FOR or sheets is None:
                     self._asker = None
                     return

@@ -21,6 +21,7 @@ SYNONYMS = {
     "pinv": "moore-penrose",
     "leaf": "level",
     "way": "direction",
+    "tell": "progress",
     "clear_of": "obstacles",
     "ignore": "allowed",
 }

@@ -1,4 +1,4 @@
-// Drift after each round: bars for each law, a table, and sentences.
+// Drift after each round: bars for each strategy, a table, and sentences.
 
 const RETURNED = 1e-6; // rad or m: what integration leaves is below it
 
@@ -15,44 +15,44 @@ function make(kind, attributes, ...children) {
   return node;
 }
 
-// Bars of a law's drift, up to the largest of all laws.
-function bars(law, drifts, cycles, largest, joints) {
+// Bars of a strategy's drift, up to the largest of all strategies.
+function bars(strategy, drifts, cycles, largest, joints) {
   const [width, height, left, foot] = [320, 120, 4, 18], step = (width - 2 * left) / cycles;
-  const label = `${law.name}: ` + (drifts.length ? drifts.map((d, k) => `round ${k + 1} ${amount(d.largest, joints[d.joint].unit)}`).join(", ") : "no round yet");
+  const label = `${strategy.name}: ` + (drifts.length ? drifts.map((d, k) => `round ${k + 1} ${amount(d.largest, joints[d.joint].unit)}`).join(", ") : "no round yet");
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
   svg.append(make("line", { x1: 0, x2: width, y1: height - foot, y2: height - foot, stroke: "#9aa1ab" }));
   drifts.forEach((d, k) => {
     const tall = Math.max(1.5, (d.largest / largest) * (height - foot - 18));
     const x = left + k * step + 0.12 * step, y = height - foot - tall;
-    svg.append(make("rect", { x, y, width: 0.76 * step, height: tall, rx: Math.min(2, step / 5), fill: law.css }));
+    svg.append(make("rect", { x, y, width: 0.76 * step, height: tall, rx: Math.min(2, step / 5), fill: strategy.css }));
     if (cycles <= 10 || (k + 1) % 10 === 0)
       svg.append(make("text", { x: x + 0.38 * step, y: height - 4, "font-size": 12, "text-anchor": "middle", fill: "#5b6370" }, String(k + 1)));
     if (k === drifts.length - 1)
       svg.append(make("text", { x: Math.min(width - 2, x + 0.76 * step), y: y - 5, "font-size": 13, "text-anchor": "end", fill: "#22262e" }, amount(d.largest, joints[d.joint].unit)));
   });
-  return make("figure", {}, make("figcaption", {}, law.name), svg);
+  return make("figure", {}, make("figcaption", {}, strategy.name), svg);
 }
 
-function table(laws, drifts, joints) {
+function table(strategies, drifts, joints) {
   const rows = Math.max(...drifts.map((d) => d.length));
-  const head = make("tr", {}, make("th", { scope: "col" }, "Round"), ...laws.map((law) => make("th", { scope: "col" }, law.name)));
+  const head = make("tr", {}, make("th", { scope: "col" }, "Round"), ...strategies.map((strategy) => make("th", { scope: "col" }, strategy.name)));
   const body = Array.from({ length: rows }, (_, k) =>
     make("tr", {}, make("th", { scope: "row" }, String(k + 1)),
       ...drifts.map((d) => make("td", {}, d[k] ? `${amount(d[k].largest, joints[d[k].joint].unit)} (${joints[d[k].joint].name})` : "-"))));
   return make("table", {}, make("thead", {}, head), make("tbody", {}, ...body));
 }
 
-// What became of each law, in sentences.
-function sentences(laws, drifts, joints) {
-  return laws.map((law, i) => {
-    const last = drifts[i].at(-1), stop = law.ended ? `It stops in round ${law.cycles + 1} at ${law.ended}.` : "";
-    if (!last) return `${law.name}: ${stop || "no round yet."}`;
+// What became of each strategy, in sentences.
+function sentences(strategies, drifts, joints) {
+  return strategies.map((strategy, i) => {
+    const last = drifts[i].at(-1), stop = strategy.ended ? `It stops in round ${strategy.cycles + 1} at ${strategy.ended}.` : "";
+    if (!last) return `${strategy.name}: ${stop || "no round yet."}`;
     const rounds = `${drifts[i].length} round${drifts[i].length > 1 ? "s" : ""}`, joint = joints[last.joint];
     const said = last.largest === 0
-      ? `${law.name}: after ${rounds} every joint is where it began, to the last digit.`
+      ? `${strategy.name}: after ${rounds} every joint is where it began, to the last digit.`
       : last.largest < RETURNED
-      ? `${law.name}: after ${rounds} every joint is where it began, within ${amount(last.largest, joint.unit)}.`
-      : `${law.name}: after ${rounds} ${joint.name} is ${amount(last.largest, joint.unit)} from where it began.`;
+      ? `${strategy.name}: after ${rounds} every joint is where it began, within ${amount(last.largest, joint.unit)}.`
+      : `${strategy.name}: after ${rounds} ${joint.name} is ${amount(last.largest, joint.unit)} from where it began.`;
     return `${said} ${stop}`.trim();
   });
 }

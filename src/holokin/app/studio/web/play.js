@@ -14,8 +14,8 @@ function fail(problem) {
 }
 
 class Page {
-  constructor(laws, stage) {
-    Object.assign(this, { laws, stage, playing: true, time: 0, silent: 0, kind: "circle", plane: data.plane, size: data.size, cycles: data.rounds });
+  constructor(strategies, stage) {
+    Object.assign(this, { strategies, stage, playing: true, time: 0, silent: 0, kind: "circle", plane: data.plane, size: data.size, cycles: data.rounds });
     this.offer();
     this.wire();
     this.change();
@@ -34,10 +34,10 @@ class Page {
     for (const [value, name] of planes) $("plane").append(make("option", { value }, name));
     $("plane").value = String(this.plane);
     $("plane-label").hidden = data.planar;
-    this.labels = this.laws.map((law) => {
+    this.labels = this.strategies.map((strategy) => {
       const value = make("span", { class: "value" }), of = make("span", { class: "of" });
-      const name = make("b", {}, law.name), now = make("span", { class: "of now" });
-      name.style.borderColor = law.css;
+      const name = make("b", {}, strategy.name), now = make("span", { class: "of now" });
+      name.style.borderColor = strategy.css;
       $("labels").append(make("div", { class: "label" }, name, value, of, now));
       return { value, of, now };
     });
@@ -90,11 +90,11 @@ class Page {
     return 1.2 * data.loops[0].view.around;
   }
 
-  // Another loop: all laws begin anew.
+  // Another loop: all strategies begin anew.
   change() {
     this.loop = this.own ? round(this.kind, data.loops[0], this.size, this.plane, data.steps) : data.loops[Number(this.kind)];
     if (this.loop.view !== this.stage.camera.view) this.stage.camera.show(this.loop.view);
-    this.laws.forEach((law) => law.begin(this.loop));
+    this.strategies.forEach((strategy) => strategy.begin(this.loop));
     this.rounds = this.loop.rounds || this.cycles;
     this.told = -1;
     this.time = 0;
@@ -118,10 +118,10 @@ class Page {
     return 2 ** Number($("speed").value);
   }
 
-  // Computes ahead, the laws in turn.
+  // Computes ahead, the strategies in turn.
   work(patience, cycles = this.rounds) {
-    for (const law of this.laws) law.advance(cycles, patience / this.laws.length);
-    const done = this.laws.reduce((sum, law) => sum + law.cycles + (law.ended ? 0.5 : 0), 0);
+    for (const strategy of this.strategies) strategy.advance(cycles, patience / this.strategies.length);
+    const done = this.strategies.reduce((sum, strategy) => sum + strategy.cycles + (strategy.ended ? 0.5 : 0), 0);
     if (done === this.told || (!this.ready && performance.now() < this.silent)) return;
     this.report();
     this.told = done;
@@ -130,25 +130,25 @@ class Page {
 
   // Whether all rounds are computed.
   get ready() {
-    return this.laws.every((law) => law.ended || law.cycles >= this.rounds);
+    return this.strategies.every((strategy) => strategy.ended || strategy.cycles >= this.rounds);
   }
 
   report() {
-    const drifts = this.laws.map((law) => Array.from({ length: Math.min(law.cycles, this.rounds) }, (_, k) => law.drift(k + 1)));
+    const drifts = this.strategies.map((strategy) => Array.from({ length: Math.min(strategy.cycles, this.rounds) }, (_, k) => strategy.drift(k + 1)));
     const largest = Math.max(1e-3, ...drifts.flat().map((d) => d.largest));
-    const last = this.laws.map((law, i) => drifts[i].at(-1));
-    $("charts").replaceChildren(...this.laws.map((law, i) => bars(law, drifts[i], this.rounds, largest, data.joints)));
-    $("table").replaceChildren(table(this.laws, drifts, data.joints));
-    this.laws.forEach((law, i) => {
-      this.labels[i].value.textContent = last[i] ? amount(last[i].largest, data.joints[last[i].joint].unit) : law.ended ? "stops" : "...";
-      this.labels[i].of.textContent = law.ended && !last[i] ? `at ${law.ended}` : `drift after ${drifts[i].length} round${drifts[i].length === 1 ? "" : "s"}`;
+    const last = this.strategies.map((strategy, i) => drifts[i].at(-1));
+    $("charts").replaceChildren(...this.strategies.map((strategy, i) => bars(strategy, drifts[i], this.rounds, largest, data.joints)));
+    $("table").replaceChildren(table(this.strategies, drifts, data.joints));
+    this.strategies.forEach((strategy, i) => {
+      this.labels[i].value.textContent = last[i] ? amount(last[i].largest, data.joints[last[i].joint].unit) : strategy.ended ? "stops" : "...";
+      this.labels[i].of.textContent = strategy.ended && !last[i] ? `at ${strategy.ended}` : `drift after ${drifts[i].length} round${drifts[i].length === 1 ? "" : "s"}`;
     });
-    if (this.ready) $("story").replaceChildren(...[...sentences(this.laws, drifts, data.joints), this.loop.text || ""].map((said) => make("span", {}, `${said} `)));
+    if (this.ready) $("story").replaceChildren(...[...sentences(this.strategies, drifts, data.joints), this.loop.text || ""].map((said) => make("span", {}, `${said} `)));
   }
 
   // Steps that are shown at a time: rounds with a rest between them.
   steps() {
-    const steps = this.laws[0].steps, seconds = this.loop.rows.reduce((sum, row) => sum + row[40], 0);
+    const steps = this.strategies[0].steps, seconds = this.loop.rows.reduce((sum, row) => sum + row[40], 0);
     const each = Math.max(2.5, Math.min(8, seconds)) + PAUSE, all = this.rounds * each;
     const at = this.time % (all + 2), round = Math.min(Math.floor(at / each), this.rounds - 1);
     const share = Math.min(1, Math.max(0, (at - round * each) / (each - PAUSE)));
@@ -163,7 +163,7 @@ class Page {
     if (this.playing || this.fresh) {
       this.fresh = false;
       const steps = this.steps();
-      this.stage.draw(this.panels, (k) => this.fill(this.laws[k], steps));
+      this.stage.draw(this.panels, (k) => this.fill(this.strategies[k], steps));
       this.place();
       this.count(steps);
     }
@@ -172,21 +172,21 @@ class Page {
 
   // Says which round is shown.
   count(steps) {
-    this.laws.forEach((law, i) => {
-      const round = Math.min(Math.floor(steps / law.steps) + 1, this.rounds), stopped = law.ended && steps >= law.done;
-      const said = stopped ? `stopped in round ${law.cycles + 1}` : `shown: round ${round} of ${this.rounds}`;
+    this.strategies.forEach((strategy, i) => {
+      const round = Math.min(Math.floor(steps / strategy.steps) + 1, this.rounds), stopped = strategy.ended && steps >= strategy.done;
+      const said = stopped ? `stopped in round ${strategy.cycles + 1}` : `shown: round ${round} of ${this.rounds}`;
       if (this.labels[i].now.textContent !== said) this.labels[i].now.textContent = said;
     });
   }
 
-  // The rods of a law's panel.
-  fill(law, steps) {
+  // The rods of a strategy's panel.
+  fill(strategy, steps) {
     const { bodies, wires, ghosts, marks } = this.stage, thick = 0.0035 * this.loop.view.around, line = this.loop.line;
-    const now = law.points(law.posture(steps));
-    this.arm(law, now, bodies, 1);
-    if (steps > 0) this.arm(law, law.points(law.q0), ghosts, 0.16);
-    const rounds = Math.min(Math.floor(steps / law.steps), law.cycles);
-    for (let k = 1; k <= rounds; k++) this.bones(law, law.points(law.row(k * law.steps)), wires.thin, 1.2 * thick);
+    const now = strategy.points(strategy.posture(steps));
+    this.arm(strategy, now, bodies, 1);
+    if (steps > 0) this.arm(strategy, strategy.points(strategy.q0), ghosts, 0.16);
+    const rounds = Math.min(Math.floor(steps / strategy.steps), strategy.cycles);
+    for (let k = 1; k <= rounds; k++) this.bones(strategy, strategy.points(strategy.row(k * strategy.steps)), wires.thin, 1.2 * thick);
     line.forEach((p, i) => {
       wires.thin.add(line[(i || line.length) - 1], p, 1.5 * thick, GREEN, 1);
       marks.thin.add(line[(i || line.length) - 1], p, thick, GREEN, 0.5);
@@ -194,9 +194,9 @@ class Page {
     if (this.own) bodies.round.add(this.handle, this.handle, 9 * thick * (this.over || this.held ? 1.25 : 1), GREEN, 1);
   }
 
-  arm(law, points, set, alpha) {
-    const mix = (white) => law.color.map((c) => c * (1 - white) + white);
-    const paint = { link: mix(0.62), other: mix(0.4), hinge: law.color, carriage: law.color, rail: [0.7, 0.72, 0.75], base: [0.55, 0.58, 0.63], tool: [0.2, 0.22, 0.26] };
+  arm(strategy, points, set, alpha) {
+    const mix = (white) => strategy.color.map((c) => c * (1 - white) + white);
+    const paint = { link: mix(0.62), other: mix(0.4), hinge: strategy.color, carriage: strategy.color, rail: [0.7, 0.72, 0.75], base: [0.55, 0.58, 0.63], tool: [0.2, 0.22, 0.26] };
     data.pieces.forEach((piece, i) => {
       if (alpha < 1 && (piece.role === "base" || piece.role === "rail")) return;
       const a = points.subarray(3 + 6 * i, 6 + 6 * i), b = points.subarray(6 + 6 * i, 9 + 6 * i);
@@ -205,9 +205,9 @@ class Page {
   }
 
   // The middle lines of links, where the arm stood after a round.
-  bones(law, points, rods, radius) {
+  bones(strategy, points, rods, radius) {
     data.pieces.forEach((piece, i) => {
-      if (piece.role === "link") rods.add(points.subarray(3 + 6 * i, 6 + 6 * i), points.subarray(6 + 6 * i, 9 + 6 * i), radius, law.color, 1);
+      if (piece.role === "link") rods.add(points.subarray(3 + 6 * i, 6 + 6 * i), points.subarray(6 + 6 * i, 9 + 6 * i), radius, strategy.color, 1);
     });
   }
 
@@ -279,11 +279,11 @@ class Page {
     event.preventDefault();
   }
 
-  // Where each law is drawn: side by side, or one above the other where the page is narrow.
+  // Where each strategy is drawn: side by side, or one above the other where the page is narrow.
   get panels() {
-    const { clientWidth, clientHeight } = this.stage.canvas, count = this.laws.length, stacked = clientWidth < 560;
+    const { clientWidth, clientHeight } = this.stage.canvas, count = this.strategies.length, stacked = clientWidth < 560;
     const [wide, high] = stacked ? [clientWidth, clientHeight / count] : [clientWidth / count, clientHeight];
-    return this.laws.map((_, k) => ({ x: stacked ? 0 : k * wide, y: stacked ? k * high : 0, wide, high }));
+    return this.strategies.map((_, k) => ({ x: stacked ? 0 : k * wide, y: stacked ? k * high : 0, wide, high }));
   }
 
   // The hint beside the ball.
@@ -295,9 +295,9 @@ class Page {
 }
 
 try {
-  const laws = await Promise.all(data.laws.map((given, i) => Law.load(given, data, i)));
+  const strategies = await Promise.all(data.strategies.map((given, i) => Strategy.load(given, data, i)));
   data.loops = await Promise.all(data.loops.map(opened));
-  const page = new Page(laws, new Stage($("canvas"), data.loops[0].view));
+  const page = new Page(strategies, new Stage($("canvas"), data.loops[0].view));
   page.frame(performance.now());
   globalThis.holokin = page;
 } catch (problem) {

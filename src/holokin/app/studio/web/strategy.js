@@ -1,6 +1,6 @@
-// A law of the robot: WebAssembly of the C by which hk.follow goes along a path.
+// A strategy of the robot: WebAssembly of the C by which hk.follow goes along a path.
 
-const ROWS = 64; // steps of one call: PAGE_ROWS of law.c
+const ROWS = 64; // steps of one call: PAGE_ROWS of strategy.c
 
 // The bytes of deflated base64.
 async function unpacked(text) {
@@ -9,10 +9,10 @@ async function unpacked(text) {
   return new Response(stream).arrayBuffer();
 }
 
-class Law {
+class Strategy {
   static async load(given, data, index) {
     const { instance } = await WebAssembly.instantiate(await unpacked(given.module), {});
-    return new Law(given, data, index, instance.exports);
+    return new Strategy(given, data, index, instance.exports);
   }
 
   constructor(given, data, index, code) {
@@ -98,7 +98,7 @@ class Law {
     return { joint, largest };
   }
 
-  // Joints after so many steps, a fraction between two of them; where the law ended, its last.
+  // Joints after so many steps, a fraction between two of them; where the strategy ended, its last.
   posture(steps) {
     const k = Math.min(Math.floor(steps), this.done), next = Math.min(k + 1, this.done), share = Math.min(steps - k, 1);
     const [a, b] = [this.row(k), this.row(next)];

@@ -1,8 +1,9 @@
-"""The laws of a session: how each follows a target, its sliders, and two paths to one pose."""
+"""The strategies of a session: how each follows a target, its sliders, and two paths to one pose."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,21 +20,21 @@ from ...strategies import HolonomicStrategy, SelfMotion, Strategy, holonomic, mo
 from ...strategies.constraints import arm_angle, find_arm, lock
 from ...strategies.radial_strategy import SelfMotions
 from ...strategies.tasks.task import Task, of_one_tool
-from .states import LawStatus
+from .states import StrategyStatus
 
-# --- The laws of a session: a strategy or a control law, with a name, a colour, and what a job file says of it.
+# --- The strategies of a session: a strategy or a control law, with a name, a colour, and what a job file says of it.
 
 
 @dataclass(frozen=True, eq=False)
-class Law(Value):
-    """One law of a session.
+class NamedStrategy(Value):
+    """One strategy of a session.
 
     Attributes:
         name: as it is shown. colour: its index in the palette.
         rule: a strategy, or a control law (q, pose, twist, dt) -> dq.
         task: what it serves.
-        level: the leaf g(q) = c (r,) that a holonomic law holds; None is that of the session's start posture.
-        keys: what a job file says of it, kind and its keys; None of a law that a job cannot say.
+        level: the leaf g(q) = c (r,) that a holonomic strategy holds; None is that of the session's start posture.
+        keys: what a job file says of it, kind and its keys; None of a strategy that a job cannot say.
         label: its name in a job, where one strategy is run for several tasks; else empty.
     """
 
@@ -51,49 +52,41 @@ class Law(Value):
         return isinstance(self.rule, HolonomicStrategy)
 
     @property
-    def strategy(self) -> Strategy | None:
-        """The strategy; None of a control law."""
+    def G(self) -> Strategy | None:
+        """The strategy G(q); None of a control law."""
         return self.rule if isinstance(self.rule, Strategy) else None
 
+    def level_at(self, q: Vector) -> Vector:
+        """g(q) (r,) of a holonomic strategy; empty for others."""
+        return leaf_value(self.rule, q) if isinstance(self.rule, HolonomicStrategy) else np.zeros(0)
 
-def default_laws(task: Task, q0: Vector) -> tuple[Law, ...]:
-    """Laws to begin with, all defined at a posture (n,).
+
+def default_strategies(task: Task, q0: Vector) -> tuple[NamedStrategy, ...]:
+    """Strategies to begin with, all defined at a posture (n,).
 
     The pseudo-inverse; the joints locked that fix the self-motion best; the arm angle, where the task leaves one joint
-    of an arm with shoulder, elbow and wrist; the radial law of the pseudo-inverse.
+    of an arm with shoulder, elbow and wrist; the radial strategy of the pseudo-inverse.
 
     Raises:
         ArgumentError: the robot has no joint to spare.
     """
-    names = task.robot.joint_names
     redundant(task)
     pinv = moore_penrose(task, name="pseudo-inverse")
-    joints = [names[i] for i in locked_joints(task, q0)]
-    strategies: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
-    said = f"lock {', '.join(joints)}"
-    strategies.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
+    joints = [task.robot.joint_names[i] for i in locked_joints(task, q0)]
+    locked = holonomic(task, lock(*joints), name=f"lock {', '.join(joints)}")
+    candidates: list[tuple[Strategy, dict[str, Any]]] = [(pinv, {"kind": "moore-penrose"})]
+    candidates.append((locked, {"kind": "lock", "joints": joints}))
     if task.n - task.m == 1:
-        try:
+        with suppress(NoArmError):
             find_arm(task)
-            angle = holonomic(task, arm_angle(), name="arm angle")
-            strategies.append(("arm angle", angle, {"kind": "arm-angle"}))
-        except NoArmError:
-            pass
-    strategies.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
-    return tuple(
-        Law(name, colour, rule, task, None, keys)
-        for colour, (name, rule, keys) in enumerate(strategies)
-        if defined(rule, q0)
-    )
-
-
-def defined(rule: Strategy, q: Vector) -> bool:
-    """Whether a strategy is defined at a posture (n,)."""
-    try:
-        rule(q)
-    except HolokinError:
-        return False
-    return True
+            candidates.append((holonomic(task, arm_angle(), name="arm angle"), {"kind": "arm-angle"}))
+    candidates.append((radial(pinv, q0, name="radial"), {"kind": "radial"}))
+    defined = []
+    for colour, (G, keys) in enumerate(candidates):
+        with suppress(HolokinError):
+            G(q0)
+            defined.append(NamedStrategy(G.name, colour, G, task, None, keys))
+    return tuple(defined)
 
 
 def redundant(task: Task) -> None:
@@ -103,26 +96,18 @@ def redundant(task: Task) -> None:
         raise ArgumentError(f"the number of joints to spare of the {task.name}", task.n - task.m, cure)
 
 
-# --- Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic law.
+# --- Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic strategy.
 
-STEP = 0.02
-"""Arc length between the postures of a curve [joint units]."""
-
-LENGTH = 4 * np.pi
-"""Longest self-motion that is traced each way [joint units]."""
-
-MOVE = 0.05
-"""Joint motion of one step across the leaves [joint units]."""
-
-STEPS = 400
-"""Steps across the leaves each way: 20 rad of joint motion."""
-
+STEP = 0.02  # arc length between the postures of a curve [joint units]
+LENGTH = 4 * np.pi  # longest self-motion that is traced each way [joint units]
+MOVE = 0.05  # joint motion of one step across the leaves [joint units]
+STEPS = 400  # steps across the leaves each way: 20 rad of joint motion
 DEGREES = "deg"
 
 ENDINGS = {
     "closed": "it comes back to itself",
     "limit": "a joint meets its limit",
-    "singular": "the arm or the law is singular",
+    "singular": "the arm or the strategy is singular",
     "length": "it is followed no farther",
 }
 """Why a slider ends."""
@@ -178,65 +163,59 @@ def along(curve: SelfMotion, s: float) -> Vector:
     return curve.at(s)
 
 
-def self_slider(law: Law, curve: SelfMotion, s: float, direction: int = 0) -> Slider:
+def self_slider(strategy: NamedStrategy, curve: SelfMotion, s: float, direction: int = 0) -> Slider:
     """The slider along a curve, at the place s."""
-    task, robot = law.task, law.task.robot
-    units = {c.unit for c in robot.coordinates}
-    middle = curve.q[int(np.argmin(np.abs(curve.s)))]
-    label = "self-motion"
+    task, label = strategy.task, "self-motion"
+    units = {c.unit for c in task.robot.coordinates}
     if task.n - task.m > 1:
-        label = f"self-motion, by {robot.joint_names[locked_joints(task, middle)[direction]]}"
-    why = [ENDINGS[ending] for ending in curve.endings]
-    unit = units.pop() if len(units) == 1 else "joint units"
-    return Slider(law.name, label, s, float(curve.s[0]), float(curve.s[-1]), unit, curve.closed, why[0], why[1])
+        start = curve.q[int(np.argmin(np.abs(curve.s)))]
+        label = f"self-motion, by {task.robot.joint_names[locked_joints(task, start)[direction]]}"
+    why_low, why_high = (ENDINGS[ending] for ending in curve.endings)
+    unit, low, high = units.pop() if len(units) == 1 else "joint units", float(curve.s[0]), float(curve.s[-1])
+    return Slider(strategy.name, label, s, low, high, unit, curve.closed, why_low, why_high)
 
 
-def level_slider(law: Law, q: Vector, limits: bool, row: int = 0) -> Slider:
-    """The slider of a row of the level g(q) of a holonomic law, from a posture (n,), the tool and the other rows still.
+def level_slider(strategy: NamedStrategy, q: Vector, limits: bool, row: int = 0) -> Slider:
+    """The slider of a row of the level g(q) of a strategy, from a posture (n,), the tool and the other rows still.
 
     Raises:
-        ArgumentError: a law without leaves, or no such row.
+        ArgumentError: a strategy without leaves, or no such row.
     """
-    strategy = leaves_of(law)
-    level = leaf_value(strategy, q)
+    G = leaves_of(strategy)
+    level, constraint = leaf_value(G, q), G.constraint
     if not 0 <= row < len(level):
         raise ArgumentError("the row of the level", row, f"give a number from 0 to {len(level) - 1}")
-    ends, angular = [], strategy.constraint.angular[row]
-    for sign in (-1.0, 1.0):
-        reached, why = _across(strategy, q, row, sign, limits)
-        ends.append((level[row] + sign * reached, why))
-    closed = all(why == "closed" for _, why in ends)
-    (low, why_low), (high, why_high) = ends
-    scale, unit = (180 / np.pi, DEGREES) if angular else (1.0, _unit(law, row))
-    label = strategy.constraint.name if len(level) == 1 else f"{strategy.constraint.name}, row {row + 1}"
-    return Slider(
-        law.name, label, float(level[row] * scale), float(low * scale), float(high * scale), unit, closed,
-        ENDINGS[why_low], ENDINGS[why_high],
-    )  # fmt: skip
+    # How far it goes each way, and in which unit.
+    (down, why_low), (up, why_high) = (_across(G, q, row, sign, limits) for sign in (-1.0, 1.0))
+    scale, unit = (180 / np.pi, DEGREES) if constraint.angular[row] else (1.0, _unit(strategy, row))
+    value, low, high = (float(scale * number) for number in (level[row], level[row] - down, level[row] + up))
+    label = constraint.name if len(level) == 1 else f"{constraint.name}, row {row + 1}"
+    closed = why_low == why_high == "closed"
+    return Slider(strategy.name, label, value, low, high, unit, closed, ENDINGS[why_low], ENDINGS[why_high])
 
 
-def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vector:
+def across(strategy: NamedStrategy, q: Vector, slider: Slider, value: float, row: int) -> Vector:
     """The posture (n,) at a value of a slider whose value at q (n,) it knows, gone to through all between.
 
     Raises:
         ArgumentError: the slider does not go so far. SingularityError, BranchError: the leaves end before.
     """
-    strategy = leaves_of(law)
+    G = leaves_of(strategy)
     slack = 1e-9 * max(1.0, abs(slider.high - slider.low))
     if not slider.low - slack <= value <= slider.high + slack:
         raise ArgumentError("the level", value, f"give a number from {slider.low:.4g} to {slider.high:.4g}")
     moved = value - slider.value
-    change = np.zeros(law.task.n - law.task.m)
+    change = np.zeros(strategy.task.n - strategy.task.m)
     change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
-    place, level = law.task._place(q), leaf_value(strategy, q)
-    return leaf_follower(strategy, q)(q, straight_path(law.task, place, place, (level, level + change)))
+    place, level = strategy.task._place(q), leaf_value(G, q)
+    return leaf_follower(G, q)(q, straight_path(strategy.task, place, place, (level, level + change)))
 
 
-def leaves_of(law: Law) -> HolonomicStrategy:
-    """The strategy of a law with leaves. Raises: ArgumentError: it has none."""
-    if not isinstance(law.rule, HolonomicStrategy):
-        raise ArgumentError("the law", law.name, HolonomicStrategy.cure)
-    return law.rule
+def leaves_of(strategy: NamedStrategy) -> HolonomicStrategy:
+    """The strategy of a strategy with leaves. Raises: ArgumentError: it has none."""
+    if not isinstance(strategy.rule, HolonomicStrategy):
+        raise ArgumentError("the strategy", strategy.name, HolonomicStrategy.cure)
+    return strategy.rule
 
 
 def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limits: bool) -> tuple[float, str]:
@@ -244,24 +223,26 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
     task, robot = strategy.task, strategy.task.robot
     walk = leaf_walk(strategy, q)
     place, unit = task._place(q), np.eye(task.n - task.m)[row]
-    posture, c, gone = q, leaf_value(strategy, q), 0.0
+    posture, c, distance = q, leaf_value(strategy, q), 0.0
     wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
     for _ in range(STEPS):
+        # A step of the level by which no joint moves farther than `wide`, along the self-motion.
         rate = _null_rate(strategy, posture, sign * unit)
         if rate is None:
-            return gone, "singular"
-        size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
+            return distance, "singular"
+        size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - distance)
         new, ended = walk(posture, straight_path(task, place, place, (c, c + sign * size * unit)))
+        # Where it fails, smaller ones, until the end is known.
         beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
         if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:
-                return gone, "limit" if beyond else "singular"
+                return distance, "limit" if beyond else "singular"
             wide /= 4
             continue
-        posture, c, gone = new, c + sign * size * unit, gone + size
-        if gone >= full - 1e-12:
-            return gone, "closed"
-    return gone, "length"
+        posture, c, distance = new, c + sign * size * unit, distance + size
+        if distance >= full - 1e-12:
+            return distance, "closed"
+    return distance, "length"
 
 
 def _null_rate(strategy: HolonomicStrategy, q: Vector, wanted: Vector) -> Vector | None:
@@ -276,21 +257,22 @@ def _null_rate(strategy: HolonomicStrategy, q: Vector, wanted: Vector) -> Vector
     return np.asarray(rate, dtype=float) if np.isfinite(rate).all() else None
 
 
-def _unit(law: Law, row: int) -> str:
-    """The unit of a level that is no angle of the arm, where the kind of its law tells."""
-    kind, robot = (law.keys or {}).get("kind"), law.task.robot
+def _unit(strategy: NamedStrategy, row: int) -> str:
+    """The unit of a level that is no angle of the arm, where the kind of its strategy tells."""
+    kind, robot = (strategy.keys or {}).get("kind"), strategy.task.robot
     if kind == "lock":
-        return robot.coordinates[robot.joint_index((law.keys or {})["joints"][row])].unit
+        return robot.coordinates[robot.joint_index((strategy.keys or {})["joints"][row])].unit
     return "m" if kind == "height" else ""
 
 
-WIDTH = 0.1
-"""How far the two paths go apart in their middle, each from the straight line [m]."""
+# --- Two paths to one pose.
+
+WIDTH = 0.1  # how far the two paths go apart in their middle, each from the straight line [m]
 
 
 @dataclass(frozen=True, eq=False)
-class LawPaths(Value):
-    """One law on both paths: joints a (k, n), b (k, n), and the largest joint's difference at their ends.
+class StrategyPaths(Value):
+    """One strategy on both paths: joints a (k, n), b (k, n), and the largest joint's difference at their ends.
 
     Where it does not get there both ways, a and b are empty, `spread` is NaN and `sentence` says why.
     """
@@ -305,50 +287,50 @@ class LawPaths(Value):
 
 @dataclass(frozen=True, eq=False)
 class TwoPaths:
-    """Two paths of the tool to one pose, points (2, k, 3) to draw, and what each law's joints do on them."""
+    """Two paths of the tool to one pose, points (2, k, 3) to draw, and what each strategy's joints do on them."""
 
     points: Array
     paths: tuple[Path, Path]
-    by_law: tuple[LawPaths, ...]
+    by_strategy: tuple[StrategyPaths, ...]
 
 
 def two_paths(
-    laws: Sequence[tuple[Law, Vector, LawStatus]], pose: Matrix, width: float, samples: int, limits: bool
+    standing: Sequence[tuple[NamedStrategy, Vector, StrategyStatus]],
+    pose: Matrix,
+    width: float,
+    samples: int,
+    limits: bool,
 ) -> TwoPaths:
     """The tool goes from where it is to a pose (4, 4) by a corner to the left, and by one to the right.
 
-    laws: each with the posture (n,) where it stands, and whether it follows.
+    standing: strategies, each with the posture (n,) where it stands, and whether it follows.
 
     Raises:
         ArgumentError: a task of several tools; the pose is where the tool is.
     """
-    of_one_tool(laws[0][0].task, "two paths to one pose")
-    law, q, _ = next((entry for entry in laws if entry[2] is LawStatus.FOLLOWING), laws[0])
-    paths = _pair(law.task.pose(q), pose, width)
-    by_law = []
-    for law, q, _ in laws:
+    of_one_tool(standing[0][0].task, "two paths to one pose")
+    # Two corners, to the sides of the straight line, upright where the line is not.
+    strategy, q, _ = next((entry for entry in standing if entry[2] is StrategyStatus.FOLLOWING), standing[0])
+    begin, corner = strategy.task.pose(q), pose.copy()
+    line = pose[:3, 3] - begin[:3, 3]
+    up = np.array([0.0, 0.0, 1.0]) if abs(line[2]) < 0.9 * np.linalg.norm(line) else np.array([1.0, 0.0, 0.0])
+    side = np.cross(up, line) if np.linalg.norm(line) > 1e-6 else np.array([1.0, 0.0, 0.0])
+    paths = []
+    for sign in (1.0, -1.0):
+        corner[:3, 3] = (begin[:3, 3] + pose[:3, 3]) / 2 + sign * width * side / np.linalg.norm(side)
+        paths.append(polyline(np.array([begin, corner, pose])))
+    # What each strategy does on them.
+    results = []
+    for strategy, q, _ in standing:
         a, b, spread, sentence = np.zeros((0, len(q))), np.zeros((0, len(q))), np.nan, ""
         try:
-            if law.strategy is None:
-                raise ArgumentError("the law", law.name, "two paths are followed by strategies, not by control laws")
-            both = path_spread(law.strategy, *paths, q, samples=samples, limits=limits)
+            if strategy.G is None:
+                cure = "two paths are followed by strategies, not by control laws"
+                raise ArgumentError("the strategy", strategy.name, cure)
+            both = path_spread(strategy.G, *paths, q, samples=samples, limits=limits)
             a, b, spread = both.a.q, both.b.q, both.largest
         except HolokinError as problem:
             sentence = str(problem)
-        by_law.append(LawPaths(law.name, law.colour, a, b, spread, sentence))
+        results.append(StrategyPaths(strategy.name, strategy.colour, a, b, spread, sentence))
     points = np.array([path.at(np.linspace(0.0, path.duration, 100)).position for path in paths])
-    return TwoPaths(points, paths, tuple(by_law))
-
-
-def _pair(begin: Matrix, end: Matrix, width: float) -> tuple[Path, Path]:
-    """Polylines of poses with a corner on either side of the straight line, upright where the line is not."""
-    line = end[:3, 3] - begin[:3, 3]
-    up = np.array([0.0, 0.0, 1.0]) if abs(line[2]) < 0.9 * np.linalg.norm(line) else np.array([1.0, 0.0, 0.0])
-    side = np.cross(up, line) if np.linalg.norm(line) > 1e-6 else np.array([1.0, 0.0, 0.0])
-    side = side / np.linalg.norm(side)
-    paths = []
-    for sign in (1.0, -1.0):
-        corner = end.copy()
-        corner[:3, 3] = (begin[:3, 3] + end[:3, 3]) / 2 + sign * width * side
-        paths.append(polyline(np.array([begin, corner, end])))
-    return paths[0], paths[1]
+    return TwoPaths(points, (paths[0], paths[1]), tuple(results))
