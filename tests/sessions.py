@@ -1,11 +1,15 @@
-"""A session of the studio on a Panda, for its tests: three strategies on a circle."""
+"""Sessions and pages of the studio for its tests: three strategies of a Panda on a circle, and a served page."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 import holokin as hk
 from conftest import PANDA_START
@@ -53,3 +57,24 @@ def shifted(dx: float, dy: float = 0.0, dz: float = 0.0) -> np.ndarray:
     pose = TOOL.copy()
     pose[:3, 3] += [dx, dy, dz]
     return pose
+
+
+def until(true: Callable[[], Any], seconds: float = 30.0, rest: float = 0.02) -> Any:
+    """Wait for something that is true; its value."""
+    end = time.monotonic() + seconds
+    while not (value := true()):
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(rest)
+    return value
+
+
+@contextmanager
+def served(what: Any = "ppr-cycle", **arguments: Any) -> Iterator[Any]:
+    """A studio on the virtual machine, which shows the same and needs no compiler; closed in the end."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOLOKIN_NATIVE", "0")
+        studio = hk.studio(what, **{"port": 0, "browser": False, "wait": False, "progress": str} | arguments)
+        try:
+            yield studio
+        finally:
+            studio.close()

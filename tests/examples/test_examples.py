@@ -40,8 +40,7 @@ EXAMPLES = {
 }
 
 
-LONG = ("teleoperation.py",)
-"""Examples that compute for longer than a compiler takes."""
+LONG = ("teleoperation.py",)  # Examples that compute for longer than a compiler takes
 
 SLOW = (
     "check_motion.py", "drill_with_free_spin.py", "elbow_up.py", "humanoid_arm.py", "mink_leaf.py", "mujoco_loop.py",

@@ -148,10 +148,7 @@ def test_a_locked_joint_is_held_at_its_level(tmp_path: Path, level: str) -> None
         ('kind = "stationary"\ncost = "gravity"\nstiffness = 2\n', "'gravity' has no stiffness; leave it out"),
         ('kind = "stationary"\ncost = "gravity"\npreferred = [1]\n', "go together"),
         ('kind = "lock"\njoints = ["q3"]\nlevel = [0.1, 0.2]\n', "the level has shape (2,), expected (1,)"),
-        (
-            'kind = "lock"\njoints = ["q2"]\nlevel = 50\n',
-            "is more than two turns beyond the joint limits",
-        ),
+        ('kind = "lock"\njoints = ["q2"]\nlevel = 50\n', "is more than two turns beyond the joint limits"),
     ],
 )
 def test_a_leaf_or_a_spring_that_does_not_fit_is_refused(
@@ -266,19 +263,7 @@ def test_a_misspelt_key_at_any_depth_is_told_the_keys_of_its_own_table(key: str,
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "robot",
-        "task",
-        "start",
-        "path",
-        "timing",
-        "program",
-        "checks",
-        "workspace",
-        "strategies",
-        "expect",
-        "verdict",
-    ],
+    ["robot", "task", "start", "path", "timing", "program", "checks", "workspace", "strategies", "expect", "verdict"],
 )
 def test_the_reference_has_every_key_and_no_other(name: str) -> None:
     heading = f"`[{name}.NAME]`" if name in ("strategies", "expect") else f"`[{name}]`"

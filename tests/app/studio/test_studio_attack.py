@@ -11,14 +11,13 @@ from urllib.parse import urlsplit
 
 import pytest
 
-import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
+from sessions import served
 
 pytestmark = pytest.mark.campaign  # without a browser: test_studio_door.py
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
-EVIL = "evil.example"
-"""A name that its owner points at this machine, as in DNS rebinding."""
+EVIL = "evil.example"  # A name that its owner points at this machine, as in DNS rebinding
 
 GUESSES = ["", "/", "/index.html", "/token", "/?token=", "/?websocket=", "/..", "/" + "A" * 32, "/null", "/undefined"]
 
@@ -77,35 +76,30 @@ def scene() -> Iterator[Any]:
         def log_message(self, format: str, *args: Any) -> None:
             pass
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOLOKIN_NATIVE", "0")
-        studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
-        others = ThreadingHTTPServer(("127.0.0.1", 0), Blank)
-        threading.Thread(target=others.serve_forever, daemon=True).start()
+    others = ThreadingHTTPServer(("127.0.0.1", 0), Blank)
+    threading.Thread(target=others.serve_forever, daemon=True).start()
+    flags = [*SOFTWARE, f"--host-resolver-rules=MAP {EVIL} 127.0.0.1"]
+    with served() as studio, playwright.sync_playwright() as driver:
         panels = studio.page.panels
         wanted = [(panels.cycles, 1e308), (panels.job, "/etc/passwd"), (panels.open, True), (panels.start, True)]
         said = [
             {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}}
             for control, value in wanted
         ]
-        with playwright.sync_playwright() as driver:
-            browser = driver.chromium.launch(
-                executable_path=BROWSER, args=[*SOFTWARE, f"--host-resolver-rules=MAP {EVIL} 127.0.0.1"]
-            )
-            context = browser.new_context(viewport={"width": 800, "height": 500})
-            context.set_default_timeout(PATIENCE)
-            own, problems = context.new_page(), []
-            own.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
-            own.goto(f"{studio.url}?fixedDpr=0.3")
-            own.get_by_role("button", name="Start", exact=True).wait_for()
-            yield SimpleNamespace(
-                studio=studio, session=studio.session, context=context, own=own, problems=problems, asked=asked,
-                said=[list(msgspec.msgpack.encode(one)) for one in said], port=others.server_port,
-                url=urlsplit(studio.url),
-            )  # fmt: skip
-            browser.close()
-        others.shutdown()
-        studio.close()
+        browser = driver.chromium.launch(executable_path=BROWSER, args=flags)
+        context = browser.new_context(viewport={"width": 800, "height": 500})
+        context.set_default_timeout(PATIENCE)
+        own, problems = context.new_page(), []
+        own.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        own.goto(f"{studio.url}?fixedDpr=0.3")
+        own.get_by_role("button", name="Start", exact=True).wait_for()
+        yield SimpleNamespace(
+            studio=studio, session=studio.session, context=context, own=own, problems=problems, asked=asked,
+            said=[list(msgspec.msgpack.encode(one)) for one in said], port=others.server_port,
+            url=urlsplit(studio.url),
+        )  # fmt: skip
+        browser.close()
+    others.shutdown()
 
 
 def state(scene: Any) -> tuple[Any, ...]:

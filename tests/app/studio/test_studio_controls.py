@@ -18,24 +18,17 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.app.studio.stage import circle_of
 from holokin.app.studio.states import UNITS
-from sessions import panda
+from sessions import panda, served
 from sessions import run as run_to_the_end
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
 
-@pytest.fixture(autouse=True)
-def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the virtual machine, which shows the same and needs no compiler."""
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-
-
 @pytest.fixture
 def studio() -> Iterator[Any]:
     """A studio with the smallest job."""
-    made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
-    yield made
-    made.close()
+    with served() as page:
+        yield page
 
 
 def test_every_control_of_the_page_says_what_it_does_where_the_mouse_rests_on_it(studio: Any) -> None:
@@ -58,46 +51,39 @@ def choose(page: Any, control: Any, value: Any) -> None:
 
 
 @pytest.mark.campaign
-def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_stays_where_it_is() -> None:
+def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_stays_where_it_is(studio: Any) -> None:
     """The planar arm has hinges and a slider: a drift in mixed units is that of the joint that went most in them."""
-    studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
-    try:
-        page, session = studio.page, studio.session
-        run_to_the_end(session)
-        snap, loop = session.snapshot(), page.panels.loop
-        known = {c.unit for c in session.robot.coordinates}
-        assert known == {"rad", "m"}
-        before = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
-        choose(page, page.panels.units, "deg, mm")
-        page.close()  # its thread: from here the test draws
-        assert loop.center.label == "Centre [mm]" and loop.radius.label == "Radius [mm]"
-        assert np.array(loop.center.value) == pytest.approx(1000 * np.array(before[0]), rel=1e-9)
-        assert loop.radius.value == pytest.approx(1000 * before[1], rel=1e-9)
-        page.charts.draw(snap)
-        factors = [180 / np.pi if c.unit == "rad" else 1000 for c in session.robot.coordinates]
-        for row, strategy in enumerate(snap.strategies, 1):
-            wanted = max(abs(factor * joint) for factor, joint in zip(factors, strategy.drift_joints[-1], strict=True))
-            assert page.charts.drift.data[row][-1] == pytest.approx(wanted, abs=1e-12)
-            assert f">{wanted:.3g}<" in page.panels._table(snap)
-        assert "deg or mm" in page.charts.title.content
-        loop._make()
-        assert circle_of(session.loop)[2] == pytest.approx(before[1], rel=1e-9)  # type: ignore[index]
-        page.set_units(UNITS["rad, m"])
-        for now, then in zip(
-            (loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max), before, strict=True
-        ):
-            assert now == pytest.approx(then, rel=1e-9)
-        page.charts.draw(snap)
-        for row, strategy in enumerate(snap.strategies, 1):
-            assert page.charts.drift.data[row][-1] == pytest.approx(strategy.drift[-1], abs=1e-12)
-    finally:
-        studio.close()
+    page, session = studio.page, studio.session
+    run_to_the_end(session)
+    snap, loop = session.snapshot(), page.panels.loop
+    assert {c.unit for c in session.robot.coordinates} == {"rad", "m"}
+    before = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
+    choose(page, page.panels.units, "deg, mm")
+    page.close()  # its thread: from here the test draws
+    assert loop.center.label == "Centre [mm]" and loop.radius.label == "Radius [mm]"
+    assert np.array(loop.center.value) == pytest.approx(1000 * np.array(before[0]), rel=1e-9)
+    assert loop.radius.value == pytest.approx(1000 * before[1], rel=1e-9)
+    page.charts.draw(snap)
+    factors = [180 / np.pi if c.unit == "rad" else 1000 for c in session.robot.coordinates]
+    for row, state in enumerate(snap.strategies, 1):
+        wanted = max(abs(factor * joint) for factor, joint in zip(factors, state.drift_joints[-1], strict=True))
+        assert page.charts.drift.data[row][-1] == pytest.approx(wanted, abs=1e-12)
+        assert f">{wanted:.3g}<" in page.panels._table(snap)
+    assert "deg or mm" in page.charts.title.content
+    loop._make()
+    assert circle_of(session.loop)[2] == pytest.approx(before[1], rel=1e-9)  # type: ignore[index]
+    page.set_units(UNITS["rad, m"])
+    now = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
+    for value, then in zip(now, before, strict=True):
+        assert value == pytest.approx(then, rel=1e-9)
+    page.charts.draw(snap)
+    for row, state in enumerate(snap.strategies, 1):
+        assert page.charts.drift.data[row][-1] == pytest.approx(state.drift[-1], abs=1e-12)
 
 
 def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians() -> None:
     units = UNITS["deg, mm"]
-    studio = hk.studio(panda(), port=0, browser=False, wait=False, progress=str)
-    try:
+    with served(panda()) as studio:
         page, panel = studio.page, studio.page.panels.posture
         page.close()  # its thread: the test draws
         page.set_units(units)
@@ -108,8 +94,6 @@ def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians() -> None:
         wanted = panda().move_self("lock", 0.2).strategy("lock").q
         assert np.abs(wanted - PANDA_START).max() > 0.05
         assert studio.session.snapshot().strategy("lock").q == pytest.approx(wanted, abs=1e-9)
-    finally:
-        studio.close()
 
 
 def choose_strategy(panel: Any, name: str, session: Any) -> None:
@@ -132,12 +116,9 @@ class Browser:
 @pytest.fixture(scope="module")
 def worked() -> Iterator[Any]:
     """A studio on a Panda with one cycle of its loop to run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOLOKIN_NATIVE", "0")
-        made = hk.studio(panda(cycles=1, title="Bolts & nuts"), port=0, browser=False, wait=False, progress=str)
-        made.page.panels.work.strategy.value = "lock"
-        yield made
-        made.close()
+    with served(panda(cycles=1, title="Bolts & nuts")) as studio:
+        studio.page.panels.work.strategy.value = "lock"
+        yield studio
 
 
 def test_the_program_of_a_strategy_begins_and_ends_where_the_strategy_does_on_the_loop(worked: Any) -> None:

@@ -19,6 +19,7 @@ import holokin as hk
 from holokin.app.studio import Motion, record, to_job
 from holokin.app.studio.door import LOOPBACK, Door, inner
 from holokin.base.errors import MissingExtraError
+from sessions import served
 
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
@@ -30,11 +31,8 @@ HANDSHAKE = (
 
 @pytest.fixture(scope="module")
 def studio() -> Iterator[Any]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOLOKIN_NATIVE", "0")
-        made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
-        yield made
-        made.close()
+    with served() as page:
+        yield page
 
 
 def answer(port: int, path: str, lines: str, handshake: bool) -> str:
@@ -147,20 +145,16 @@ def test_the_browser_is_started_by_a_file_that_only_its_user_reads(
     monkeypatch.setenv("HOME", str(tmp_path))
     before = os.umask(0)  # of a user whose new files all others may read and write
     try:
-        studio = hk.studio("ppr-cycle", port=0, browser=True, wait=False, progress=str)
+        with served(browser=True) as studio:
+            port, path = place(studio)
+            (address,) = opened
+            file = Path(urlsplit(address).path)
+            assert address.startswith("file:///") and str(port) not in address and path.strip("/") not in address
+            assert (stat.S_IMODE(file.stat().st_mode), stat.S_IMODE(file.parent.stat().st_mode)) == (0o600, 0o700)
+            assert f'content="0; url={studio.url}"' in file.read_text()
+            assert status(answer(port, path, f"Host: localhost:{port}\r\n", False)) == 200
     finally:
         os.umask(before)
-    try:
-        port, path = place(studio)
-        (address,) = opened
-        file = Path(urlsplit(address).path)
-        assert address.startswith("file:///") and str(port) not in address and path.strip("/") not in address
-        assert (stat.S_IMODE(file.stat().st_mode), stat.S_IMODE(file.parent.stat().st_mode)) == (0o600, 0o700)
-        assert f'content="0; url={studio.url}"' in file.read_text()
-        host = f"Host: localhost:{port}\r\n"
-        assert status(answer(port, path, host, False)) == 200
-    finally:
-        studio.close()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -192,9 +186,8 @@ def test_a_host_is_known_by_its_own_names_alone(host: str, known: list[str], unk
 
 def test_a_host_that_others_reach_says_what_it_opens_and_prints_an_address_that_opens() -> None:
     said: list[str] = []
-    made = hk.studio("ppr-cycle", port=0, host="0.0.0.0", browser=False, wait=False, progress=said.append)
-    try:
-        port, path = place(made)
+    with served(host="0.0.0.0", progress=said.append) as studio:
+        port, path = place(studio)
         assert "open to the network at 0.0.0.0" in said[0] and "nothing is encrypted" in said[0]
         assert f"http://{socket.gethostname()}:{port}{path}" in said[0]
         assert said[1].startswith(f"the studio is at http://localhost:{port}{path}")
@@ -203,8 +196,6 @@ def test_a_host_that_others_reach_says_what_it_opens_and_prints_an_address_that_
         for host in ("evil.example", "0.0.0.0"):
             assert status(answer(port, path, f"Host: {host}:{port}\r\n", True)) == 403
         assert status(answer(port, "/", f"Host: 192.168.77.5:{port}\r\n", True)) == 403
-    finally:
-        made.close()
 
 
 def test_a_recording_is_made_behind_a_door_whose_token_nobody_knows() -> None:

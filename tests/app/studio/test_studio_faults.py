@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -14,18 +14,9 @@ import pytest
 
 import holokin as hk
 from holokin.app.studio import CloudStatus, NamedStrategy, Phase, Session, circle_loop, reversed_loop
-from sessions import TOOL, panda, run
+from sessions import TOOL, panda, run, served, until
 
 YUMI_START = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
-
-
-def until(true: Callable[[], Any], seconds: float = 30.0) -> Any:
-    """Wait for it."""
-    end = time.monotonic() + seconds
-    while not (found := true()):
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return found
 
 
 def test_each_of_two_hands_is_dragged_alone_and_both_go_round_a_loop_drawn_once() -> None:
@@ -69,8 +60,8 @@ def test_a_loop_out_of_reach_is_told_before_it_is_started() -> None:
 
 @pytest.mark.campaign
 def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    from holokin.app.studio import session as working
     from holokin.app.studio import states
-    from holokin.app.studio import work as working
 
     def broken(*_arguments: object, **_named: object) -> None:
         raise KeyError("nobody expects this")
@@ -115,9 +106,8 @@ def test_a_cancelled_cloud_holds_nobody_up_and_grows_no_more(monkeypatch: pytest
 @pytest.fixture(scope="module")
 def studio() -> Iterator[Any]:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
-    made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
-    yield made
-    made.close()
+    with served() as page:
+        yield page
 
 
 @pytest.mark.campaign
@@ -134,7 +124,7 @@ def test_a_strategy_that_comes_later_gets_a_robot_and_a_line(studio: Any) -> Non
 
 @pytest.mark.campaign
 def test_a_page_that_cannot_be_drawn_leaves_the_one_before(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from holokin.app.studio import studio_page as pages
+    from holokin.app.studio import stage as pages
 
     made, calls = pages.Handles, []
 

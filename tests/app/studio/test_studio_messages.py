@@ -7,7 +7,7 @@ import itertools
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-import holokin as hk
+from sessions import served, until
 
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
@@ -24,8 +24,8 @@ import msgspec  # noqa: E402
 from websockets.exceptions import ConnectionClosed  # noqa: E402
 from websockets.sync.client import ClientConnection, connect  # noqa: E402
 
+# A new one each time, to see that what was said before it has been heard
 SPEEDS = itertools.cycle(0.25 * k for k in range(2, 33))
-"""A new one each time, to see that what was said before it has been heard."""
 
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [0, 0, 3], "fov": 0.7, "near": 0.01, "far": 1000,
@@ -57,26 +57,12 @@ def new(control: Any, value: Any) -> dict[str, Any]:
     return {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}}
 
 
-def until(true: Callable[[], Any], seconds: float = 20.0) -> Any:
-    end = time.monotonic() + seconds
-    while not (found := true()):
-        assert time.monotonic() < end
-        time.sleep(0.005)
-    return found
-
-
 @pytest.fixture(scope="module")
 def shown() -> Iterator[Any]:
     """A studio, a client that attacks it and one that looks on."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOLOKIN_NATIVE", "0")
-        studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str)
-        attacker, witness = joined(studio), joined(studio)
+    with served() as studio, joined(studio) as attacker, joined(studio) as witness:
         until(lambda: len(studio.server.get_clients()) == 2)
         yield SimpleNamespace(studio=studio, attacker=attacker, witness=witness)
-        for line in (attacker, witness):
-            line.close()
-        studio.close()
 
 
 def heard(shown: Any) -> None:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Callable, Iterator
+import webbrowser
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -15,28 +19,25 @@ import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 from holokin.app.job import open_job, run_job
 from holokin.app.report.plots import NONHOLONOMIC, rgb
+from sessions import served
+from sessions import until as wait_until
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
+from holokin.app.studio.page_scene import Scene
+
+VIEW: Any = {"width": 1120, "height": 560}
+until = partial(wait_until, rest=0.2)  # seldom: a picture of the page costs a core a second
 
 
 @pytest.fixture(scope="module")
-def uncompiled() -> Iterator[None]:
-    """On the virtual machine, which shows the same and needs no compiler."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOLOKIN_NATIVE", "0")
-        yield
-
-
-@pytest.fixture(scope="module")
-def shown(uncompiled: None) -> Iterator[Any]:
+def shown() -> Iterator[Any]:
     """The job panda-circle in the studio, and the page of one browser on it."""
     from PIL import Image
 
-    studio = hk.studio("panda-circle", browser=False, wait=False, port=0, progress=lambda _text: None)
     problems: list[str] = []
-    with playwright.sync_playwright() as driver:
+    with served("panda-circle") as studio, playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
-        page = browser.new_page(viewport={"width": 1120, "height": 560}, accept_downloads=True)
+        page = browser.new_page(viewport=VIEW, accept_downloads=True)
         page.set_default_timeout(PATIENCE)
         page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: problems.append(str(error)))
@@ -52,18 +53,6 @@ def shown(uncompiled: None) -> Iterator[Any]:
 
         yield SimpleNamespace(studio=studio, page=page, problems=problems, picture=picture, session=studio.session)
         browser.close()
-    studio.close()
-
-
-def until(true: Callable[[], Any], seconds: float = 30.0) -> Any:
-    """Wait for something; its value. Seldom: a picture of the page, if that is asked for, costs a core a second."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        found = true()
-        if found:
-            return found
-        time.sleep(0.2)
-    raise AssertionError(f"not within {seconds} s")
 
 
 def settled(session: Any) -> Any:
@@ -86,19 +75,57 @@ def orange(picture: Any) -> float:
     return float(found.mean())
 
 
-def screen(shown: Any, point: Any) -> tuple[float, float]:
-    """Where a point (3,) of the scene is on the screen [pixels]."""
-    camera = next(iter(shown.studio.server.get_clients().values())).camera
-    ahead = camera.look_at - camera.position
-    z = ahead / np.linalg.norm(ahead)
-    x = np.cross(z, [0.0, 0.0, 1.0])
-    x /= np.linalg.norm(x)
-    seen = np.array([x, np.cross(x, z), z]) @ (np.asarray(point) - camera.position)
+def pictured(points: Any, camera: Any, aspect: float) -> Any:
+    """Where points (k, 3) are in the picture of an upright pinhole camera, (k, 2): its edges are at -1 and 1."""
+    ahead = (camera.look_at - camera.position) / np.linalg.norm(camera.look_at - camera.position)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    x, y, depth = np.stack([right, np.cross(right, ahead), ahead]) @ (np.asarray(points) - camera.position).T
+    assert (depth > 0).all()
+    return np.stack([x / aspect, y], axis=1) / (depth * np.tan(camera.fov / 2))[:, None]
+
+
+def on_screen(shown: Any, points: Any) -> Any:
+    """Where points (k, 3) of the scene are on the screen (k, 2) [pixels]."""
+    clients = until(lambda: shown.studio.server.get_clients())
     box = shown.page.locator("canvas").first.bounding_box()
-    scale = box["height"] / 2 / np.tan(camera.fov / 2)
-    return box["x"] + box["width"] / 2 + scale * seen[0] / seen[2], box["y"] + box["height"] / 2 - scale * seen[
-        1
-    ] / seen[2]
+    place = pictured(points, next(iter(clients.values())).camera, box["width"] / box["height"])
+    return np.array([box["x"], box["y"]]) + (place * [1, -1] + 1) / 2 * [box["width"], box["height"]]
+
+
+@pytest.mark.parametrize("name", ["panda", "ppr", "mobile-ur5e"])
+def test_the_camera_begins_where_it_sees_the_whole_arm_and_more_points(name: str) -> None:
+    """In a picture that is at least as wide as high."""
+    robot, rng = hk.load(name), np.random.default_rng(0)
+    more = rng.normal(size=(12, 3)) * [0.4, 0.3, 0.8] + [0.2, -0.3, 0.5]
+    server = MagicMock()
+    server.get_clients.return_value = {}
+    scene = Scene(server, robot, np.zeros(robot.n))
+    scene.look_at_all(more)
+    for points in (more, scene.drawn()):
+        assert np.abs(pictured(points, server.initial_camera, 1.0)).max() <= 1.0
+
+
+@pytest.mark.parametrize(("wide", "high"), [(1440, 900), (1920, 1080)])
+def test_no_panel_lies_over_the_robot(shown: Any, wide: int, high: int) -> None:
+    page, session = shown.page, shown.session
+    page.set_viewport_size({"width": wide, "height": high})
+    canvas, start = page.locator("canvas").first, page.get_by_role("button", name="Start", exact=True)
+    robot = np.vstack([*session.robot.skeleton(session.home), *session.loop.points(20)])
+
+    def inside() -> bool:
+        spots, box = on_screen(shown, robot), canvas.bounding_box()
+        low, size = np.array([box["x"], box["y"]]), np.array([box["width"], box["height"]])
+        return bool((spots > low).all() and (spots < low + size).all() and (np.ptp(spots, axis=0) > 0.4 * size).any())
+
+    until(inside)
+    start.scroll_into_view_if_needed()
+    over = "([x, y]) => document.elementFromPoint(x, y)?.closest('.mantine-Paper-root') === null"
+    for x, y in on_screen(shown, robot):
+        assert page.evaluate(over, [x, y])
+    box = start.bounding_box()
+    assert box["x"] >= 0 and box["x"] + box["width"] <= wide and box["y"] + box["height"] <= high
+    page.set_viewport_size(VIEW)
 
 
 def test_the_page_opens_without_an_error_and_its_canvas_shows_the_robot(shown: Any) -> None:
@@ -116,14 +143,14 @@ def test_a_drag_by_the_mouse_moves_the_joints_of_all_strategies_and_their_tools_
     until(lambda: (shown.picture().max(axis=-1) < 130).mean() > 0.02)  # the robot is there
     before = session.snapshot()
     pose = before.target[0]
-    grip = screen(shown, pose[:3, 3] + 0.8 * handles.size * pose[:3, 0])
-    goal = screen(shown, pose[:3, 3] + (0.8 * handles.size - 0.08) * pose[:3, 0])
+    ends = [pose[:3, 3] + far * pose[:3, 0] for far in (0.8 * handles.size, 0.8 * handles.size - 0.08)]
+    grip, goal = on_screen(shown, ends)
     mouse = shown.page.mouse
     mouse.move(*grip)
     time.sleep(0.5)
     mouse.down()
     for share in np.linspace(0.2, 1.0, 5):  # a browser that draws slowly sees a quick mouse in a few places only
-        mouse.move(*(np.array(grip) + share * (np.array(goal) - np.array(grip))))
+        mouse.move(*(grip + share * (goal - grip)))
         time.sleep(0.1)
     until(lambda: not np.array_equal(session.snapshot().target, before.target))
     settled(session)
@@ -215,6 +242,22 @@ def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> Non
     for strategy in session.snapshot().strategies:
         assert np.array_equal(strategy.q, done.strategy(strategy.name).q)
     assert [text for text in shown.problems if "WebSocket" not in text] == []
+
+
+@pytest.mark.campaign
+def test_the_file_with_which_a_browser_is_started_leads_to_the_page_and_is_deleted_there(
+    shown: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    shown.studio.browse()
+    page = shown.page.context.browser.new_page()
+    page.goto(opened[0])
+    page.get_by_role("button", name="Start", exact=True).wait_for()
+    assert page.url == shown.studio.url
+    until(lambda: list(tmp_path.iterdir()) == [])
+    page.close()
 
 
 @pytest.mark.campaign

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,6 +21,7 @@ from conftest import urdf
 from holokin.app.report.robot_view import pieces_of
 from holokin.base.errors import ArgumentError, MissingExtraError, UnknownNameError
 from holokin.robot import Box, Capsule, Cylinder, Surface, chain_length
+from sessions import served, until
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 from holokin.app.studio import Motion, record
@@ -237,37 +238,27 @@ def test_the_elbow_is_what_moves_while_the_tool_stands() -> None:
     assert robot.joints[joint].name in ("panda_joint3", "panda_joint4", "panda_joint5")
 
 
-@pytest.fixture
-def kept() -> Iterator[list[Any]]:
-    """Studios to be closed."""
-    found: list[Any] = []
-    yield found
-    for studio in found:
-        studio.close()
-
-
-def test_a_port_in_use_gives_way_to_the_next_one_and_both_hosts_and_ports_are_said(kept: list[Any]) -> None:
+def test_a_port_in_use_gives_way_to_the_next_one_and_both_hosts_and_ports_are_said() -> None:
     said: list[str] = []
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        kept.append(hk.studio("ppr-cycle", port=port, browser=False, wait=False, progress=said.append))
-    assert kept[0].server.get_port() != port
-    assert said[0] == f"port {port} is in use: the page is at port {kept[0].server.get_port()}"
-    assert said[1] == f"the studio is at http://localhost:{kept[0].server.get_port()}/{kept[0].door.token}/"
-    assert kept[0].server.get_host() == "127.0.0.1"
+    with socket.socket() as blocked:
+        blocked.bind(("127.0.0.1", 0))
+        blocked.listen()
+        port = blocked.getsockname()[1]
+        with served(port=port, progress=said.append) as studio:
+            assert (studio.server.get_port() != port) and studio.server.get_host() == "127.0.0.1"
+            assert said[0] == f"port {port} is in use: the page is at port {studio.server.get_port()}"
+            assert said[1] == f"the studio is at http://localhost:{studio.server.get_port()}/{studio.door.token}/"
 
 
 @pytest.mark.campaign
-def test_a_page_shows_another_job_when_it_is_asked_to_and_stays_when_there_is_none(kept: list[Any]) -> None:
-    kept.append(hk.studio("ppr-cycle", port=0, browser=False, wait=False, progress=str))
-    with pytest.raises(UnknownNameError):
-        kept[0].open("no-such-job")
-    assert kept[0].session.robot.name == "ppr"
-    kept[0].open("orientation")
-    assert kept[0].session.source == "orientation"
-    assert len(kept[0].page.scene.names) == len(kept[0].session.strategies)
+def test_a_page_shows_another_job_when_it_is_asked_to_and_stays_when_there_is_none() -> None:
+    with served() as studio:
+        with pytest.raises(UnknownNameError):
+            studio.open("no-such-job")
+        assert studio.session.robot.name == "ppr"
+        studio.open("orientation")
+        assert studio.session.source == "orientation"
+        assert len(studio.page.scene.names) == len(studio.session.strategies)
 
 
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -317,61 +308,52 @@ def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
 
 @pytest.mark.campaign
 def test_two_paths_to_one_pose_end_with_one_posture_for_a_holonomic_strategy_alone(
-    kept: list[Any], monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     from holokin.app.studio import side_panels
 
     monkeypatch.setattr(side_panels, "SHOWN", 0.01)
-    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, progress=str))
-    session, panel = kept[0].session, kept[0].page.panels.loop
-    pose = np.array(session.snapshot().target[0])
-    pose[:3, 3] += [-0.1, 0.15, 0.05]
-    for strategy, said in (("moore-penrose", "other joints"), ("lock-3", "the same joints")):
-        session.drag(pose)
-        panel.strategy.value = strategy
+    with served("panda-circle") as studio:
+        session, panel = studio.session, studio.page.panels.loop
+        pose = np.array(session.snapshot().target[0])
+        pose[:3, 3] += [-0.1, 0.15, 0.05]
+        for strategy, answer in (("moore-penrose", "other joints"), ("lock-3", "the same joints")):
+            session.drag(pose)
+            panel.strategy.value = strategy
+            panel._two_paths()
+            assert answer in panel.answer.content, strategy
+            assert session.snapshot().target[0] == pytest.approx(pose)
+        session.reset()
         panel._two_paths()
-        assert said in panel.answer.content, strategy
-        assert session.snapshot().target[0] == pytest.approx(pose)
-    session.reset()
-    panel._two_paths()
-    assert "drag it somewhere" in kept[0].page.message
-
-
-def until(true: Callable[[], Any], seconds: float = 30.0) -> None:
-    """Wait for it."""
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.02)
+        assert "drag it somewhere" in studio.page.message
 
 
 @pytest.mark.campaign
-def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points(kept: list[Any]) -> None:
+def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points() -> None:
     """A cloud that grows still, the handle in the hand of a browser that went away, the drift of 5,000 cycles."""
     from holokin.app.studio.stage import KEPT
 
-    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, progress=str))
-    page, session = kept[0].page, kept[0].session
-    session.start_cloud("lock-3", samples=4000)
-    panel = page.panels.posture
-    until(lambda: "poses looked at" in panel.cloud_text.content)
-    page.handles._held.add("tool0")
-    for gone in page.server._client_disconnect_cb:
-        gone(SimpleNamespace(client_id=0))
     plotted: list[Any] = []
+    with served("panda-circle") as studio:
+        page, session, panel = studio.page, studio.session, studio.page.panels.posture
+        session.start_cloud("lock-3", samples=4000)
+        until(lambda: "poses looked at" in panel.cloud_text.content)
+        page.handles._held.add("tool0")
+        for gone in page.server._client_disconnect_cb:
+            gone(SimpleNamespace(client_id=0))
 
-    def plot() -> None:
-        snap = session.snapshot()
-        drift = np.tile(np.arange(5000.0)[:, None], (1, 7))
-        strategies = tuple(replace(strategy, drift=drift[:, 0], drift_joints=drift) for strategy in snap.strategies)
-        page.charts.draw(replace(snap, number=-2, strategies=strategies))
-        plotted.append(np.array(page.charts.drift.data))
+        def plot() -> None:
+            snap = session.snapshot()
+            drift = np.tile(np.arange(5000.0)[:, None], (1, 7))
+            states = tuple(replace(state, drift=drift[:, 0], drift_joints=drift) for state in snap.strategies)
+            page.charts.draw(replace(snap, number=-2, strategies=states))
+            plotted.append(np.array(page.charts.drift.data))
 
-    page.ask(panel.take_away)
-    page.ask(plot)
-    until(lambda: plotted)
-    time.sleep(0.5)  # two updates of the texts
-    assert session.snapshot().cloud.status.value == "cancelled" and panel.cloud_text.content == ""  # type: ignore[union-attr]
-    assert not page.handles._held
+        page.ask(panel.take_away)
+        page.ask(plot)
+        until(lambda: plotted)
+        time.sleep(0.5)  # two updates of the texts
+        assert session.snapshot().cloud.status.value == "cancelled" and panel.cloud_text.content == ""  # type: ignore[union-attr]
+        assert not page.handles._held
     assert plotted[0].shape[1] <= KEPT and plotted[0][:, 0].tolist() == [0.0] * len(plotted[0])
     assert plotted[0][0, -1] == 5000 and plotted[0][1, -1] == 4999

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from holokin.app.studio import Session, open_session
 from holokin.app.studio.strategies import NamedStrategy
 from holokin.app.studio.work import SheetFollower
 from holokin.base.errors import ArgumentError
+from sessions import until
 
 HOME = np.array([0.2, 0.9, 0.9])
 
@@ -36,13 +36,6 @@ def session() -> Iterator[tuple[Session, SheetFollower, Sheets]]:
     until(lambda: one.sheets is not None and one.sheets.state.count == 3)
     yield one, one.sheets, found
     one.close()
-
-
-def until(true: Callable[[], bool], patience: float = 20.0) -> None:
-    end = time.monotonic() + patience
-    while not true():
-        assert time.monotonic() < end, "it did not come true"
-        time.sleep(0.01)
 
 
 def at(x: float, y: float) -> np.ndarray:
