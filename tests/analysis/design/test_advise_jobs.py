@@ -259,7 +259,7 @@ def test_a_job_is_written_again_with_the_law_on_its_leaf(holokin: Command, tmp_p
     file, out = tmp_path / "square.toml", tmp_path / "advised.toml"
     advice: Any = SimpleNamespace(best=law, task=task)
     said = write_over(out, advice, tomllib.loads(PLANAR), file)
-    assert said == "the job begins on the leaf of the law, its tool where it was"
+    assert said == "the job begins on the leaf of the strategy, its tool where it was"
     assert tomllib.loads(out.read_text())["start"]["q"][0] == pytest.approx(0.5, abs=1e-12)
     _written(holokin, out)
     near = PLANAR.replace("xyz = [2.0, 2.0, 0]", "xyz = [0.4, 0.2, 0]")

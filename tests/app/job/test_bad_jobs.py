@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, sampled, urdf, write_job
+from conftest import PANDA_START, PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, sampled, urdf, write_job
 from holokin.app.job import read_job
 from holokin.base.errors import JobError, JointLimitError, OutOfReachError
 
@@ -25,21 +25,17 @@ def test_the_job_that_the_tests_spoil_is_sound(holokin: Command, tmp_path: Path,
     assert sorted(entry.name for entry in out.iterdir()) == ["job", "mine.txt"]
 
 
-def test_a_missing_job_file_is_named_in_one_sentence(holokin: Command, tmp_path: Path, out: Path) -> None:
-    run = holokin("run", tmp_path / "nothing.toml", "--out", out)
-    assert_refused(run, "nothing.toml", "no such file", "holokin jobs")
-    assert_untouched(out)
-
-
-def test_a_malformed_job_file_is_refused_with_its_line(holokin: Command, tmp_path: Path, out: Path) -> None:
-    file = write_job(tmp_path, title='title = "a circle\n')
-    assert_refused(holokin("run", file, "--out", out), "job.toml", "is not TOML", "line 1")
-    assert_untouched(out)
-
-
-def test_an_unknown_job_is_answered_with_the_jobs_there_are(holokin: Command, out: Path) -> None:
-    assert_refused(holokin("run", "ppr-cycles", "--out", out), "did you mean 'ppr-cycle'", "`holokin jobs`")
-    assert_refused(holokin("run", "nothing-like-it", "--out", out), "panda-circle", "ppr-half-circle", ".toml")
+def test_a_job_that_is_missing_malformed_or_unknown_is_refused_in_one_sentence(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    malformed = write_job(tmp_path, title='title = "a circle\n')
+    for name, words in {
+        tmp_path / "nothing.toml": ("nothing.toml", "no such file", "holokin jobs"),
+        malformed: ("job.toml", "is not TOML", "line 1"),
+        "ppr-cycles": ("did you mean 'ppr-cycle'", "`holokin jobs`"),
+        "nothing-like-it": ("panda-circle", "ppr-half-circle", ".toml"),
+    }.items():
+        assert_refused(holokin("run", name, "--out", out), *words)
     assert_untouched(out)
 
 
@@ -247,3 +243,61 @@ def test_a_job_error_names_file_key_and_cure(tmp_path: Path) -> None:
     assert caught.value.path == tmp_path / "job.toml"
     assert caught.value.key == "path.samlpes"
     assert caught.value.cure in str(caught.value)
+
+
+# --- a strategy that cannot be run costs its own row and the exit code; the others of its job are reported ----
+
+LINE = '[path]\nkind = "polyline"\npoints = [[0, 0, 0], [0.03, 0, 0]]\nrelative = true\nsamples = 20\n'
+PANDA = {
+    "robot": '[robot]\nname = "panda"\n',
+    "task": '[task]\nkind = "pose"\n',
+    "start": f"[start]\nq = {PANDA_START.tolist()}\n",
+    "path": LINE,
+}
+PLAIN = '[strategies.moore-penrose]\nkind = "moore-penrose"\n'
+UNSETTLED = '[strategies.far]\nkind = "lock"\njoints = ["panda_joint3"]\nlevel = 2.5\n'
+SINGULAR = '[strategies.flat]\nkind = "custom"\ng = ["1"]\n'
+
+
+@sampled(
+    1,
+    ("strategy", "name", "words"),
+    [(UNSETTLED, "far", ("moving to the leaf failed", "level 2.5")), (SINGULAR, "flat", ("algorithmic singularity",))],
+)
+def test_a_strategy_that_cannot_be_run_leaves_the_others_their_table(
+    holokin: Command, tmp_path: Path, out: Path, strategy: str, name: str, words: tuple[str, ...]
+) -> None:
+    file = write_job(tmp_path, **PANDA, strategies=strategy + PLAIN)
+    outcome = holokin("run", file, "--out", out)
+    assert (outcome.code, outcome.err) == (2, "")
+    rows = {line.split("\u2502")[1].strip(): line for line in outcome.out.splitlines() if line.startswith("\u2502")}
+    assert "NOT run" in rows[name] and "FAILED" in rows[name]
+    assert "NOT holonomic" in rows["moore-penrose"]
+    told = " ".join(outcome.out.split())
+    page = (out / "job" / "report.html").read_text("utf-8")
+    facts = json.loads((out / "job" / "result.json").read_text("utf-8"))
+    for word in (f"{name}: not run: ", *words):
+        assert word in told
+    for word in words:
+        assert word in page
+        assert word in facts["not_run"][0]["reason"]
+    assert (facts["passed"], [s["name"] for s in facts["strategies"]]) == (False, ["moore-penrose"])
+    assert (out / "job" / "moore-penrose-cycles.csv").is_file()
+
+
+def test_a_job_of_which_no_strategy_can_be_run_is_refused_with_the_reason(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    outcome = holokin("run", write_job(tmp_path, **PANDA, strategies=UNSETTLED + SINGULAR), "--out", out)
+    assert_refused(outcome, "moving to the leaf failed", "level 2.5")
+    assert_untouched(out)
+
+
+def test_a_mistake_in_one_strategy_still_stops_its_job_before_it_writes(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    wrong = '[strategies.wrong]\nkind = "lock"\njoints = ["panda_joint9"]\n'
+    outcome = holokin("run", write_job(tmp_path, **PANDA, strategies=PLAIN + wrong), "--out", out)
+    assert outcome.code == 2
+    assert "[strategies.wrong] unknown joint 'panda_joint9'" in outcome.err
+    assert not (out / "job").exists()

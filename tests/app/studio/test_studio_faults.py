@@ -165,25 +165,6 @@ def test_an_address_with_colons_stands_in_brackets(host: str, url: str) -> None:
     assert url_of(host, 8080) == url
 
 
-@pytest.mark.campaign
-def test_strategies_of_a_robot_run_as_many_cycles_as_those_of_a_job() -> None:
-    from holokin.app.studio import session_of_robot
-
-    assert session_of_robot(hk.load("ppr")).snapshot().cycles == 3
-
-
-def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() -> None:
-    pytest.importorskip("viser", reason="the extra `studio` is not installed")
-    from holokin.app.studio.page_scene import ALONE, OPACITY, seen
-
-    turns = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
-    positions = np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.0005, 0], [0.2, 0.05, 0]])
-    assert seen(positions, turns, 0, 0.3) == pytest.approx([0.0, OPACITY, 0.0, OPACITY])
-    assert seen(positions[[1, 2, 0, 3]], turns, 2, 0.3) == pytest.approx([OPACITY, 0.0, 0.0, OPACITY])
-    assert ALONE < 0.5 < OPACITY  # of two surfaces the one behind is seen as well as the only ghost before it
-    assert seen(positions[:2], turns[:2], 0, 0.3) == pytest.approx([0.0, ALONE])
-
-
 @pytest.mark.parametrize(
     ("names", "short"),
     [

@@ -26,6 +26,7 @@ from sessions import served, until
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 from holokin.app.studio import Motion, record
 from holokin.app.studio.page_scene import (
+    ALONE,
     GHOST,
     OPACITY,
     Scene,
@@ -219,12 +220,16 @@ def test_a_quaternion_is_the_rotation_that_it_was_made_of(values: list[float]) -
     assert pose_of([1, 2, 3], wxyz_of(T))[:3, :3] == pytest.approx(R, abs=1e-12)
 
 
-def test_a_ghosts_link_is_seen_where_it_leaves_the_robots_link_and_only_there() -> None:
+def test_a_ghosts_link_is_seen_where_it_leaves_the_robots_link_and_of_two_in_one_place_the_first() -> None:
     turns = np.array([[1.0, 0, 0, 0], [1, 0, 0, 0], [np.cos(0.05), 0, 0, np.sin(0.05)], [1, 0, 0, 0]])
     positions = np.array([[0.0, 0, 0], [0.001, 0, 0], [0, 0, 0], [0.2, 0, 0]])
-    opacity = seen(positions, turns, 0, 0.3)
-    assert opacity[0] == opacity[1] == 0
-    assert opacity[2:] == pytest.approx(OPACITY, rel=1e-3)
+    assert seen(positions, turns, 0, 0.3) == pytest.approx([0, 0, OPACITY, OPACITY], rel=1e-3)
+    turns, positions = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)), np.zeros((4, 3))
+    positions[1:] = [[0.2, 0, 0], [0.2, 0.0005, 0], [0.2, 0.05, 0]]
+    assert seen(positions, turns, 0, 0.3) == pytest.approx([0.0, OPACITY, 0.0, OPACITY])
+    assert seen(positions[[1, 2, 0, 3]], turns, 2, 0.3) == pytest.approx([OPACITY, 0.0, 0.0, OPACITY])
+    assert ALONE < 0.5 < OPACITY  # of two surfaces the one behind is seen as well as the only ghost before it
+    assert seen(positions[:2], turns[:2], 0, 0.3) == pytest.approx([0.0, ALONE])
 
 
 def test_colours_are_sent_as_light() -> None:
