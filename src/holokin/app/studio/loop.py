@@ -50,7 +50,8 @@ def begin(playing: Playing, runs: Iterable[Run], loop: Loop, home: Vector, limit
             run.q0, run.walk = start, walk(run.strategy, loop, start, limits)
             plans.append(run.walk.plan)
         except HolokinError as problem:
-            run.status, run.sentence, run.complete = StrategyStatus.STOPPED, f"It cannot begin the loop: {problem}.", False
+            run.status, run.complete = StrategyStatus.STOPPED, False
+            run.sentence = f"It cannot begin the loop: {problem}."
             first = first or run.sentence
     if not plans:
         return first
