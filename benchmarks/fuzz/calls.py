@@ -59,7 +59,7 @@ def calls() -> dict[str, Call]:
     t = np.arange(3.0)
     found: dict[str, Call] = {
         "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
-        "studio": (_studio, ("no such job",), {"port": 0, "host": "127.0.0.1", "tell": str}),
+        "studio": (_studio, ("no such job",), {"port": 0, "host": "127.0.0.1", "progress": str}),
         "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
         "model_tips": (hk.robot.model_tips, ("no.urdf",), {}),
         "from_mjcf": (hk.robot.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),

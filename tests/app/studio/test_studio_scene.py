@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import holokin as hk
 from conftest import urdf
 from holokin.app.report.robot_view import pieces_of
-from holokin.base.errors import ArgumentError, MissingExtraError, UnknownNameError
+from holokin.base.errors import ArgumentError, CallError, MissingExtraError, UnknownNameError
 from holokin.robot import Box, Capsule, Cylinder, Surface, chain_length
 from sessions import served, until
 
@@ -279,6 +279,11 @@ def test_what_cannot_be_served_is_refused_with_a_cure(arguments: dict[str, Any],
     what = arguments.pop("what", "ppr-cycle")
     with pytest.raises(ArgumentError, match=said):
         hk.studio(what, browser=False, wait=False, **arguments)
+
+
+def test_the_old_word_for_progress_is_answered_with_the_call_that_takes_it() -> None:
+    with pytest.raises(CallError, match=r"progress="):
+        hk.studio("ppr-cycle", browser=False, wait=False, tell=print)  # type: ignore[call-arg]
 
 
 def test_a_bad_job_gets_the_same_sentence_as_from_run(tmp_path: Path) -> None:

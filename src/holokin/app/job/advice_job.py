@@ -83,15 +83,9 @@ class Question(Value):
 
 
 def question(
-    name: str,
-    *,
-    box: str | None = None,
-    tilt: float | None = None,
-    tip: str | None = None,
-    base: str | None = None,
-    task: str | None = None,
-    trust_units: bool = False,
-) -> Question:
+    name: str, *, box: str | None = None, tilt: float | None = None, tip: str | None = None, base: str | None = None,
+    task: str | None = None, trust_units: bool = False,
+) -> Question:  # fmt: skip
     """What is asked about a robot or a job. Raises: as `load`, `open_job`; ArgumentError.
 
     Args:
@@ -99,43 +93,22 @@ def question(
         box: of a robot: "X Y Z HX HY HZ" [m], the centre and half the sides. tilt: of the tool in it [deg].
         tip, base, trust_units: of a robot, as of `load`. task: "pose", "axis" or "position".
     """
-    if not is_job(name):
-        return _of_robot(name, box, tilt, tip, base, task, trust_units)
-    options = {
-        "--box": box,
-        "--tilt": tilt,
-        "--tip": tip,
-        "--base": base,
-        "--task": task,
-        "--trust-units": trust_units or None,
-    }
-    for option, value in options.items():
-        if value is not None:
-            raise ArgumentError(f"{option} beside a job", value, f"a job says all of it: write it into {name}")
-    return _of_job(name)
-
-
-def _of_robot(
-    name: str,
-    box: str | None,
-    tilt: float | None,
-    tip: str | None,
-    base: str | None,
-    kind: str | None,
-    trust_units: bool,
-) -> Question:
+    if is_job(name):
+        options = {"--box": box, "--tilt": tilt, "--tip": tip, "--base": base, "--task": task}
+        for option, value in (options | {"--trust-units": trust_units or None}).items():
+            if value is not None:
+                raise ArgumentError(f"{option} beside a job", value, f"a job says all of it: write it into {name}")
+        return _of_job(name)
     chain = chain_to_tool(name, tip, base, trust_units)
-    keys: dict[str, Any] = (
-        {"name": name} | ({"tip": chain.tip} if chain.base else {}) | ({"base": base} if base else {})
-    )
-    keys |= {"trust_units": True} if trust_units else {}
-    task = task_of_kind(chain.robot, None, kind)
+    keys = {"name": name, "tip": chain.tip if chain.base else None, "base": base, "trust_units": trust_units or None}
     if box is None and tilt is not None:
         raise ArgumentError("--tilt without --box", tilt, "give the box in which the tool leans, too")
     space = None if box is None else _typed_box(box, tilt or 0.0, chain.robot.planar)
-    given = {"tip": not chain.chosen, "task": kind, "q0": None, "workspace": space}
-    chosen = tuple(word for word, value in given.items() if value is None or value is False)
-    return Question(chain, task, space, None, None, chain.robot, chosen, {"robot": keys}, None)
+    given = {"tip": not chain.chosen, "task": task is not None, "q0": False, "workspace": space is not None}
+    chosen = tuple(word for word, is_given in given.items() if not is_given)
+    table = {key: value for key, value in keys.items() if value}
+    goal = task_of_kind(chain.robot, None, task)
+    return Question(chain, goal, space, None, None, chain.robot, chosen, {"robot": table}, None)
 
 
 def _of_job(name: str) -> Question:

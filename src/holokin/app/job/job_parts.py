@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -208,7 +208,7 @@ def _curve(table: PathTable, tool: Vector, file: FilePath) -> Path:
             matrices = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
             targets = Waypoints(matrices[:, :3, 3], matrices[:, :3, :3])
         else:
-            words = {"units": table.units, "angles": table.angles, "order": table.order}
+            words: dict[str, Any] = {"units": table.units, "angles": table.angles, "order": table.order}
             targets = read_waypoints(file.parent / (table.file or ""), ignore=table.ignore, **words)
         targets = replace(targets, points=targets.points + origin)
         if table.through == "lines":

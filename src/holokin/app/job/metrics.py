@@ -39,9 +39,7 @@ METRICS: dict[str, Metric] = {
     "sigma": Metric("least singular value of the task Jacobian"),
     "speed": Metric("joint speed (rms) over that of the pseudo-inverse", "the path has no length"),
     "peak_speed": Metric("greatest joint speed over that joint's limit", "a joint has no speed limit"),
-    "residual": Metric(
-        "how far the joints left their leaf: the largest change of g(q)", "the strategy has no leaves"
-    ),
+    "residual": Metric("how far the joints left their leaf: the largest change of g(q)", "the strategy has no leaves"),
     "invariant": Metric("largest change of the given invariants", "the strategy names none"),
     "same_joints": Metric(
         "largest joint difference between orientation representations [joint]", "there is one representation"
@@ -56,10 +54,8 @@ METRICS: dict[str, Metric] = {
         "least distance of two links, or of a link and the floor or an obstacle [m]",
         "[checks] hold no pair against a clearance, or could not read a shape",
     ),
-    "limit_distance": Metric(
-        "least distance of a joint to a limit of its position, in the timed motion [joint]"
-    ),
-}  # fmt: skip
+    "limit_distance": Metric("least distance of a joint to a limit of its position, in the timed motion [joint]"),
+}
 
 
 def measured(strategy: Strategy, path: AnyPath, invariant: Function | None, result: StrategyResult) -> dict[str, float]:

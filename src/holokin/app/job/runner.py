@@ -393,9 +393,8 @@ def _followed(
         pair = (run(a, half, 1), run(b, half, 1))
     # What is said of it: where it stopped; or that its joints, followed on its leaf, do not come back.
     status = next((t.status for t in (cycles, *(pair or ())) if t.status is not Status.COMPLETE), Status.COMPLETE)
-    on_leaf = isinstance(strategy, HolonomicStrategy) and by_leaf(strategy, method) is not None
-    if not troubles and on_leaf and path.closed and strategy.task.frames == 1:
-        troubles.append(why_elsewhere(strategy, cycles))
+    if not troubles and path.closed and strategy.task.frames == 1 and isinstance(strategy, HolonomicStrategy):
+        troubles.append(why_elsewhere(strategy, cycles) if by_leaf(strategy, method) is not None else "")
     complete = cycles.status is Status.COMPLETE
     share = 1.0 if complete else min(float(cycles.t[-1]) / (path.duration * job.path.cycles), 1.0)
     trouble = troubles[0] if troubles else ""

@@ -322,7 +322,7 @@ def _named(path: Path, problem: ValidationError, table: dict[str, Any], form: Fo
     parts, fault = max((f for f in faults if f[0][: len(first)] == first), key=lambda f: len(f[0]))
     key = dotted(parts)
     # The kind of the table that it is in, unless the kind itself is wrong.
-    of_kind = len(parts) > 2 and parts[0] == form.named
+    of_kind = parts[:1] == (form.named,) and bool(parts[2:])
     kind = str(table[form.named][parts[1]]["kind"]) if of_kind and parts[2] != "kind" else ""
     # A key that is missing, or too many.
     if fault["type"] == "missing":

@@ -1,6 +1,6 @@
 """The studio: a page with strategies of one robot side by side, with a tool that is dragged or run round a loop.
 
-Uses `app/job` and `motion`. Read first: `session.py`, `studio_page.py`.
+Uses `app/job` and `motion`. Read first: `session.py`, `stage.py`.
 """
 
 from .followers import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop

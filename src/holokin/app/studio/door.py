@@ -68,7 +68,9 @@ class Door:
             name, port_text = host, "80"  # what browsers leave out
         if port_text != str(port):
             return False
-        return name in self._names or (self._any_address and _is_address(name))
+        # The address of a machine is a name of it, too, where all are served: nobody can point it elsewhere.
+        address = _address(name.removeprefix("[").removesuffix("]")) if self._any_address else None
+        return name in self._names or (address is not None and not address.is_unspecified)
 
 
 def same(given: str, known: str) -> bool:
@@ -105,25 +107,21 @@ def _own_names(host: str) -> frozenset[str]:
     return frozenset(others | LOOPBACK) if wildcard(host) else frozenset(others | {name})
 
 
+def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The IP address that a text is; None of a name."""
+    try:
+        return ipaddress.ip_address(text)
+    except ValueError:
+        return None
+
+
 def loopback(host: str) -> bool:
     """Whether an address is reached from this machine alone."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host.lower() == "localhost"
+    address = _address(host)
+    return host.lower() == "localhost" if address is None else address.is_loopback
 
 
 def wildcard(host: str) -> bool:
     """Whether an address stands for all of this machine's."""
-    try:
-        return ipaddress.ip_address(host).is_unspecified
-    except ValueError:
-        return host == ""
-
-
-def _is_address(name: str) -> bool:
-    """Whether the name in a Host header is an IP address of a machine: nobody can point that elsewhere."""
-    try:
-        return not ipaddress.ip_address(name.removeprefix("[").removesuffix("]")).is_unspecified
-    except ValueError:
-        return False
+    address = _address(host)
+    return host == "" if address is None else address.is_unspecified

@@ -60,15 +60,9 @@ class Loop(Value):
 
 
 def circle_loop(
-    center: ArrayLike,
-    radius: float,
-    normal: ArrayLike = (0.0, 0.0, 1.0),
-    *,
-    near: ArrayLike | None = None,
-    clockwise: bool = False,
-    speed: float = SPEED,
-    samples: int = SAMPLES,
-) -> Loop:
+    center: ArrayLike, radius: float, normal: ArrayLike = (0.0, 0.0, 1.0), *, near: ArrayLike | None = None,
+    clockwise: bool = False, speed: float = SPEED, samples: int = SAMPLES,
+) -> Loop:  # fmt: skip
     """A circle about a center (3,) [m]; it begins at its point nearest to `near` (3,), such as the tool's place.
 
     Raises:
@@ -82,8 +76,7 @@ def circle_loop(
     start = c + r * flat / np.linalg.norm(flat)
     path = arc(start, c, -2 * np.pi if clockwise else 2 * np.pi, n, speed=positive("speed", speed))
     keys = {"kind": "circle", "center": c.tolist(), "normal": n.tolist(), "clockwise": clockwise, "speed": float(speed)}
-    keys["at"] = start.tolist()
-    return Loop("circle", path, keys, samples, clockwise)
+    return Loop("circle", path, keys | {"at": start.tolist()}, samples, clockwise)
 
 
 def polygon_loop(points: ArrayLike, *, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False) -> Loop:
@@ -102,25 +95,18 @@ def polygon_loop(points: ArrayLike, *, speed: float = SPEED, samples: int = SAMP
 
 
 def eight_loop(
-    crossing: ArrayLike,
-    width: float,
-    height: float | None = None,
-    normal: ArrayLike = (0.0, 0.0, 1.0),
-    *,
-    along: ArrayLike | None = None,
-    speed: float = SPEED,
-    samples: int = SAMPLES,
-    clockwise: bool = False,
-) -> Loop:
+    crossing: ArrayLike, width: float, height: float | None = None, normal: ArrayLike = (0.0, 0.0, 1.0), *,
+    along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False,
+) -> Loop:  # fmt: skip
     """A figure eight that begins where it crosses itself, as `hk.path.figure_eight`."""
-    at, n = finite("crossing", crossing, (3,)), _unit(normal)
+    start, n = finite("crossing", crossing, (3,)), _unit(normal)
     flat = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0]) if along is None else _unit(along)
     flat = flat - (flat @ n) * n
     wide = (-1.0 if clockwise else 1.0) * flat / np.linalg.norm(flat)
-    path = figure_eight(at, width, height, n, along=wide, speed=speed)
-    keys: dict[str, Any] = {"kind": "figure-eight", "at": at.tolist(), "width": float(width)}
-    keys |= {} if height is None else {"height": float(height)}
+    path = figure_eight(start, width, height, n, along=wide, speed=speed)
+    keys: dict[str, Any] = {"kind": "figure-eight", "at": start.tolist(), "width": float(width)}
     keys |= {"normal": n.tolist(), "along": wide.tolist(), "speed": float(speed)}
+    keys |= {} if height is None else {"height": float(height)}
     return Loop("figure-eight", path, keys, samples, clockwise)
 
 
@@ -514,7 +500,7 @@ class Run:
     sentence: str = ""
     q0: Vector | None = None  # of the loop
     walk: Walk | None = None
-    whole: bool = True  # it has made every step of the loop
+    complete: bool = True  # it has made every step of the loop
     judgement: Judgement | None = None
     curves: dict[int, tuple[SelfMotion, float]] = field(default_factory=dict)  # of sliders, with the place on each
     levels: dict[int, Slider] = field(default_factory=dict)  # sliders across the leaves
@@ -534,7 +520,7 @@ class Run:
 
     def forget(self) -> None:
         """What was recorded of the loop."""
-        self.q0, self.walk, self.whole, self.state = None, None, True, None
+        self.q0, self.walk, self.complete, self.state = None, None, True, None
         self.history, self.drifts = History(len(self.q)), frozen(np.zeros((0, len(self.q))))
 
 

@@ -99,7 +99,7 @@ class TransformControlsUpdateMessage(Struct, tag_field="type"):
 
 
 class TransformControlsDragStartMessage(Struct, tag_field="type"):
-    """A handle is taken."""
+    """A handle is guarded."""
 
     name: _Name
     owner: _Name = ""
@@ -221,7 +221,7 @@ class Host(str):
 
     door: Door
     incoming: Incoming
-    taken: bool
+    guarded: bool
 
 
 def open_server(host: str, port: int, door: Door, incoming: Incoming) -> Any:
@@ -231,10 +231,10 @@ def open_server(host: str, port: int, door: Door, incoming: Incoming) -> Any:
         MissingExtraError: this viser serves in another way, so that nobody would be at the door.
     """
     place = Host(host)
-    place.door, place.incoming, place.taken = door, incoming, False
+    place.door, place.incoming, place.guarded = door, incoming, False
     with _doors(), silent_viser():  # our own sentence says more than its banner
         server = viser.ViserServer(host=place, port=port, verbose=False)
-    if not place.taken:
+    if not place.guarded:
         with silent_viser():
             server.stop()
         raise MissingExtraError(f"another viser than {viser.__version__}, which cannot be guarded", "studio")
@@ -247,7 +247,7 @@ class _Served(library.serve):
 
     def __init__(self, handler: Any, host: Any = None, port: Any = None, **given: Any) -> None:
         if isinstance(host, Host):
-            host.taken = True
+            host.guarded = True
             given |= {
                 "process_request": _guarded(host.door, given.get("process_request")),
                 "create_connection": _listening(host.incoming),

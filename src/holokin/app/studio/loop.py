@@ -50,7 +50,8 @@ def begin(playing: Playing, runs: Iterable[Run], loop: Loop, home: Vector, limit
             run.q0, run.walk = start, walk(run.strategy, loop, start, limits)
             plans.append(run.walk.plan)
         except HolokinError as problem:
-            run.status, run.sentence, run.whole = StrategyStatus.STOPPED, f"It cannot begin the loop: {problem}.", False
+            run.status, run.complete = StrategyStatus.STOPPED, False
+            run.sentence = f"It cannot begin the loop: {problem}."
             first = first or run.sentence
     if not plans:
         return first
@@ -119,9 +120,9 @@ def _steps(playing: Playing, run: Run, walked: Walk, steps: tuple[int, int], wai
         if len(rows):
             run.q = frozen(rows[-1])
             run.history.add(playing.cycle * playing.ends[-1] + playing.ends[first : first + len(rows)], rows)
-        run.whole &= run.status is StrategyStatus.FOLLOWING
+        run.complete &= run.status is StrategyStatus.FOLLOWING
     elif playing.frames % RETRY == 0:
         run.put(run.follow(run.q, poses_at(walked.plan, until), wait or run.ready))
     if until == len(playing.ends) and run.q0 is not None:
-        error = run.q - run.q0 if run.whole else np.full(len(run.q), np.nan)
+        error = run.q - run.q0 if run.complete else np.full(len(run.q), np.nan)
         run.drifts = frozen(np.vstack([run.drifts, error]))

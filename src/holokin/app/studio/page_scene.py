@@ -72,10 +72,10 @@ def looks_of(robot: Robot, most: int = SOLID) -> tuple[tuple[Look, ...], tuple[s
     Raises:
         MissingExtraError: trimesh is not installed.
     """
-    whole, sentences = _meshes_by_joint(robot)
-    count = sum(len(mesh.faces) for mesh in whole.values())
+    merged, sentences = _meshes_by_joint(robot)
+    count = sum(len(mesh.faces) for mesh in merged.values())
     share = min(1.0, most / count) if count else 1.0
-    return tuple(_look(joint, mesh, share) for joint, mesh in whole.items()), sentences
+    return tuple(_look(joint, mesh, share) for joint, mesh in merged.items()), sentences
 
 
 @lru_cache(maxsize=2)
@@ -96,10 +96,10 @@ def _meshes_by_joint(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
     for part in robot.shapes:
         if part.carried and not part.shape.fault:
             parts.setdefault(part.joint, []).append(_shape_mesh(part, TOOL))
-    whole = {joint: trimesh_package().util.concatenate(meshes) for joint, meshes in sorted(parts.items())}
-    for mesh in whole.values():
+    merged = {joint: trimesh_package().util.concatenate(meshes) for joint, meshes in sorted(parts.items())}
+    for mesh in merged.values():
         mesh.merge_vertices(merge_norm=True, merge_tex=True)
-    return whole, tuple(dict.fromkeys(sentences))
+    return merged, tuple(dict.fromkeys(sentences))
 
 
 def frames_of(robot: Robot, Q: Matrix) -> tuple[Matrix, Array]:
@@ -259,6 +259,7 @@ _PLAIN_ADDRESS = (
     'const at = new URL(location.href); at.searchParams.delete("websocket"); history.replaceState(null, "", at.href);'
 )
 
+_NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
 _FLOOR = (246, 247, 249)
 _CELL, _SECTION = (228, 231, 235), (208, 213, 220)
 
@@ -338,22 +339,12 @@ class Scene:
         tints = linear([rgb(color) for color in self.colors])
         count = len(tints)
         for look in looks_of(self.robot, GHOST)[0] if count else ():
-            self._ghosts.append(
-                self.server.scene.add_batched_meshes_simple(
-                    f"/ghosts/{look.joint + 1}",
-                    look.points,
-                    look.triangles,
-                    np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-                    np.zeros((count, 3)),
-                    batched_colors=tints,
-                    batched_opacities=np.zeros(count),
-                    batched_scales=np.zeros(count),
-                    opacity=1.0,
-                    lod="off",
-                    cast_shadow=False,
-                    receive_shadow=False,
-                )
-            )
+            ghost = self.server.scene.add_batched_meshes_simple(
+                f"/ghosts/{look.joint + 1}", look.points, look.triangles, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+                np.zeros((count, 3)), batched_colors=tints, batched_opacities=np.zeros(count),
+                batched_scales=np.zeros(count), opacity=1.0, lod="off", **_NO_SHADOW,
+            )  # fmt: skip
+            self._ghosts.append(ghost)
         for index, name in enumerate(self.names if count <= _LABELLED else ()):
             label = self.server.scene.add_label(f"/names/{index}", name, anchor="bottom-center", visible=False)
             self._labels.append(label)
@@ -387,19 +378,11 @@ class Scene:
         if q is None:
             return
         positions, turns = frames_of(self.robot, np.asarray(q, dtype=float)[None])
+        tint: dict[str, Any] = {"color": rgb(GREY), "opacity": 0.25, **_NO_SHADOW}
         for look in looks_of(self.robot, GHOST)[0]:
-            handle = self.server.scene.add_mesh_simple(
-                f"/start/{look.joint + 1}",
-                look.points,
-                look.triangles,
-                color=rgb(GREY),
-                opacity=0.25,
-                position=positions[look.joint + 1, 0],
-                wxyz=turns[look.joint + 1, 0],
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-            self._start.append(handle)
+            frame = {"position": positions[look.joint + 1, 0], "wxyz": turns[look.joint + 1, 0]}
+            name = f"/start/{look.joint + 1}"
+            self._start.append(self.server.scene.add_mesh_simple(name, look.points, look.triangles, **tint, **frame))
 
     def stand(self, things: Sequence[LinkShape]) -> Matrix:
         """Draw what stands around the robot, and return points (k, 3) [m] round it: corners of boxes.
@@ -476,31 +459,21 @@ class Scene:
             camera.position, camera.look_at, camera.fov, camera.near = place, look_at, FOV, 0.02
 
     def _floor(self) -> None:
-        away = max(float(np.linalg.norm(joint.start)) for joint in self.robot.joints) if self.robot.tips else 0.0
-        size = 2.0 * float(np.ceil(min(away + reach(self.robot), 20.0))) if self.robot.tips else 2.0
-        self.server.scene.set_up_direction("+z")
-        scene = self.server.scene
+        """Light from above and the sides, and a floor that is larger than the arm reaches."""
+        scene, robot = self.server.scene, self.robot
+        away = max(float(np.linalg.norm(joint.start)) for joint in robot.joints) if robot.tips else 0.0
+        size = 2.0 * float(np.ceil(min(away + reach(robot), 20.0))) if robot.tips else 2.0
+        height = min(0.0, float(self.drawn()[:, 2].min())) if robot.planar else 0.0
+        scene.set_up_direction("+z")
         scene.configure_default_lights(False)
         scene.configure_environment_map(None)
-        scene.add_light_hemisphere(
-            "/lights/sky", sky_color=(255, 255, 255), ground_color=(205, 210, 220), intensity=2.1
-        )
+        ground = (205, 210, 220)
+        scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=ground, intensity=2.1)
         scene.add_light_directional("/lights/key", intensity=1.7, cast_shadow=True, position=(1.5, -2.0, 4.0))
         scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
-        scene.add_grid(
-            "/floor",
-            size,
-            size,
-            cell_size=0.1,
-            cell_color=_CELL,
-            section_size=0.5,
-            section_color=_SECTION,
-            plane_color=_FLOOR,
-            plane_opacity=1.0,
-            shadow_opacity=0.2,
-            fade_distance=6.0 * size,
-            position=(0.0, 0.0, min(0.0, float(self.drawn()[:, 2].min())) if self.robot.planar else 0.0),
-        )
+        lines = {"cell_size": 0.1, "cell_color": _CELL, "section_size": 0.5, "section_color": _SECTION}
+        plane = {"plane_color": _FLOOR, "plane_opacity": 1.0, "shadow_opacity": 0.2, "fade_distance": 6.0 * size}
+        scene.add_grid("/floor", size, size, position=(0.0, 0.0, height), **lines, **plane)
 
     def _draw_robot(self) -> None:
         tm = trimesh_package()

@@ -58,7 +58,7 @@ class LoopPanel:
         self.radius = gui.add_number("Radius [m]", float(radius), min=LEAST, max=10.0, step=0.005, hint=hint)
         hint = "A direction at right angles to the loop; 0, 0, 1 is a level loop"
         self.normal = gui.add_vector3("Normal of the plane", tuple(np.round(normal, 4).tolist()), step=0.05, hint=hint)
-        self.here = gray("Begin at the tool", hint="The loop then starts where the tool is now")
+        self.at_tool = gray("Begin at the tool", hint="The loop then starts where the tool is now")
         self.make = gui.add_button("Take this loop", hint="All strategies follow it from now on")
         # By clicks.
         gui.add_divider()
@@ -81,7 +81,7 @@ class LoopPanel:
         self.make.on_click(lambda _event: page.ask(self._make))
         self.two_paths.on_click(lambda _event: page.alone("two paths", self._two_paths))
 
-        @self.here.on_click
+        @self.at_tool.on_click
         def _(_event: Any) -> None:
             tool = self._tool() * page.units.factor("m")
             self.center.value = tuple((tool - [self.radius.value, 0.0, 0.0]).tolist())

@@ -493,15 +493,10 @@ class Charts:
             dash = () if strategy.holonomic else (6.0, 4.0)
             series.append(uplot.Series(label=strategy.name, stroke=color, width=2, dash=dash, points={"show": dots}))
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
-        return self.page.server.gui.add_uplot(
-            (_EMPTY, *[np.zeros(2) for _ in strategies]),
-            tuple(series),
-            height=180,
-            legend={"show": False},
-            scales=self._scales(dots),
-            padding=(14, 16, 0, 0),
-            axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
-        )
+        axes = ({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52})
+        look: dict[str, Any] = {"height": 180, "legend": {"show": False}, "padding": (14, 16, 0, 0)}
+        data = (_EMPTY, *[np.zeros(2) for _ in strategies])
+        return self.page.server.gui.add_uplot(data, tuple(series), scales=self._scales(dots), axes=axes, **look)
 
     def _bars(self, snap: Snapshot) -> str:
         """The joints of all strategies between their limits, and the number of the solid robot's."""
@@ -513,7 +508,9 @@ class Charts:
             shares = np.clip((q - low) / (high - low), 0.0, 1.0) if high > low else np.full(len(q), 0.5)
             scale, unit = units.factor(c.unit), units.name(c.unit)
             number = plain(f"{scale * q[self.page.lead]:.{3 if scale == 1 else 1}f}", right=True)
-            rows.append((plain(self._names[index]), marks(shares[:MOST_LINES], self.page.colors, bounded), number))
+            rows.append(
+                (plain(self._names[index]), marks(shares[:MOST_LINES].tolist(), self.page.colors, bounded), number)
+            )
             span = f"{scale * low:.4g} to {scale * high:.4g} {unit}" if bounded else "without limits"
             hints.append(f"{c.name}: {span}")
         foot = f"Number: of the solid robot [{joint_unit(units, robot)}]. Dark ends: limits."

@@ -219,20 +219,24 @@ class History:
     """
 
     def __init__(self, joints: int, rows: int = ROWS) -> None:
-        self._t, self._q, self._rows = np.empty(0), np.empty((0, joints)), rows
-        self._seen, self._every = 0, 1
+        self._t, self._q = np.empty(rows), np.empty((rows, joints))
+        self._count, self._seen, self._every = 0, 0, 1
 
     def add(self, t: Vector, q: Matrix) -> None:
         """Samples at instants (k,) of joints (k, n)."""
-        due = (self._seen + np.arange(len(t))) % self._every == 0
-        self._t, self._q = np.concatenate([self._t, t[due]]), np.concatenate([self._q, q[due]])
+        first = -self._seen % self._every
         self._seen += len(t)
-        while len(self._t) > self._rows:
-            self._t, self._q, self._every = self._t[::2], self._q[::2], 2 * self._every
+        t, q = t[first :: self._every], q[first :: self._every]
+        while self._count + len(t) > len(self._t):  # every second sample goes, the others into new arrays
+            t, q = np.concatenate([self._t[: self._count], t])[::2], np.concatenate([self._q[: self._count], q])[::2]
+            self._t, self._q = np.empty_like(self._t), np.empty_like(self._q)
+            self._count, self._every = 0, 2 * self._every
+        rows = slice(self._count, self._count + len(t))
+        self._t[rows], self._q[rows], self._count = t, q, rows.stop
 
     def view(self) -> tuple[Vector, Matrix]:
         """(t (k,), q (k, n)): views that nobody can write to."""
-        t, q = self._t[:], self._q[:]
+        t, q = self._t[: self._count], self._q[: self._count]
         t.flags.writeable = q.flags.writeable = False
         return t, q
 

@@ -327,7 +327,7 @@ def two_paths(
             if strategy.G is None:
                 cure = "two paths are followed by strategies, not by control laws"
                 raise ArgumentError("the strategy", strategy.name, cure)
-            both = path_spread(strategy.G, *paths, q, samples=samples, limits=limits)
+            both = path_spread(strategy.G, paths[0], paths[1], q, samples=samples, limits=limits)
             a, b, spread = both.a.q, both.b.q, both.largest
         except HolokinError as problem:
             sentence = str(problem)
