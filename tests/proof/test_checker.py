@@ -35,6 +35,7 @@ from forged import (
     outcome_of,
     parabola,
     residual,
+    sealed,
     shifted,
     torn,
     triangle,
@@ -143,6 +144,11 @@ def first(data: Data) -> Data:
     return next(cells(data["pieces"][0]["cells"]))
 
 
+def comb(depth: int) -> Any:
+    """Cells cut within each other."""
+    return [0, 0.5, None, comb(depth - 1)] if depth else None
+
+
 FALSE: dict[str, Callable[[Data], Any]] = {
     "a start that is not on the leaf": lambda d: shifted(d["pieces"][0]["q"], 1e-6),
     "a start at the other elbow": lambda d: d["pieces"][0].update(q=[2.1, -0.9, -0.9]),
@@ -207,6 +213,15 @@ FALSE: dict[str, Callable[[Data], Any]] = {
     "a matrix Y that is singular": lambda d: first(d).update(Y=[[0.0] * 3] * 3),
     "a cell as a list of lists": lambda d: d["pieces"][0].update(cells=[[[]]]),
     "a file that is a list": lambda d: d.update(claims=[]),
+    "an operand before the first": lambda d: d["operations"].__setitem__(2, ["sub", -1, 5]),
+    "an output before the first": lambda d: d["outputs"].__setitem__(0, -1),
+    "an operand that is a truth value": lambda d: d["operations"].__setitem__(1, ["add", 2, True]),
+    "an operation of two operands with three": lambda d: d["operations"].__setitem__(0, ["add", 0, 1, 2]),
+    "a whole of 1e308": lambda d: d["claims"].update(whole=1e308),
+    "a number as text": lambda d: first(d).update(q0=["1e999999999"] * 3),
+    "an equation that is singular": lambda d: d["operations"].__setitem__(0, ["sub", 0, 0]),
+    "cells cut without end": lambda d: d["pieces"][0].update(cells=comb(300)),
+    "turns without end": lambda d: d["claims"].update(turns=[10**300, 0, 0]),
 }  # fmt: skip
 
 
@@ -226,7 +241,7 @@ def test_a_certificate_without_one_of_its_parts_is_rejected(loop: Data, file: Pa
 
 
 def test_a_file_that_is_not_byte_for_byte_what_was_written_is_rejected(loop: Data, file: Path) -> None:
-    text = json.dumps(loop | {"sha256": digest(loop)}) + "\n"
+    text = sealed(loop)
     assert outcome_of(text, file) == VERIFIED
     assert outcome_of(text.replace('"whole": true', '"whole": false, "whole": true'), file) == REJECTED
     assert outcome_of(text.replace("0.5", "0.50", 1), file) == REJECTED
@@ -278,18 +293,6 @@ def test_a_certificate_with_any_number_changed_is_rejected_or_still_true(
         assert_true(other)
 
 
-STATED = [("level",), ("pieces", 0, "q"), ("pieces", 1, "q"), ("pieces", 2, "q"), ("claims", "turns")]
-
-
-@given(st.data(), st.floats(-1, 1).filter(lambda x: abs(x) > 0.2), st.integers(-9, 0))
-def test_another_leaf_start_or_turn_is_always_rejected(
-    loop: Data, file: Path, draw: st.DataObject, amount: float, power: int
-) -> None:
-    place = draw.draw(st.sampled_from([p for p in leaves(loop) if any(p[: len(s)] == s for s in STATED)]))
-    other = with_number(loop, place, relevant(loop, place, amount * (1 if "turns" in place else 10.0**power)))
-    assert outcome(other, file) in (REJECTED, NONE)
-
-
 @given(st.data(), st.floats(0.2, 1), st.booleans())
 def test_a_number_changed_under_the_old_digest_is_always_rejected(
     loop: Data, file: Path, draw: st.DataObject, amount: float, small: bool
@@ -317,7 +320,7 @@ def test_what_is_said_is_computed_and_the_words_of_the_file_are_named_as_such(lo
         loop, lambda d: d.update(title="\x1b[31mred\x1b]0;x\x07", robot="panda\n\x9b2J", theorem="all robots")
     )
     forged["names"] = ["\x1b[2J", "\u202egnirts", 3]
-    file.write_text(json.dumps(forged | {"sha256": digest(forged)}) + "\n", "utf-8")
+    file.write_text(sealed(forged), "utf-8")
     found = checker.check(str(file))
     text = "".join([*found.lines, found.words])
     assert text.isprintable() and "all robots" not in text and "panda" not in "".join(found.lines)
@@ -368,7 +371,7 @@ def test_files_that_are_none_are_not_read(file: Path, tmp_path: Path) -> None:
 
 
 def test_the_time_is_limited(loop: Data, file: Path) -> None:
-    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
+    file.write_text(sealed(loop), "utf-8")
     with pytest.raises(TimeoutError):
         checker.check(str(file), seconds=0.0)
     with pytest.raises(hk.base.errors.CertificateError, match="--seconds"):
@@ -382,7 +385,7 @@ def test_the_checker_alone_ends_with_0_1_or_2(loop: Data, file: Path) -> None:
         assert "Traceback" not in found.stderr
         return found.returncode, found.stdout + found.stderr
 
-    code, said = run(json.dumps(loop | {"sha256": digest(loop)}) + "\n")
+    code, said = run(sealed(loop))
     assert code == 0 and "VERIFIED" in said and "..." in said
     assert run(json.dumps(loop) + "\n")[0] == 1
     assert run("no JSON")[0] == 2
@@ -391,7 +394,7 @@ def test_the_checker_alone_ends_with_0_1_or_2(loop: Data, file: Path) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: Data, file: Path) -> None:
-    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
+    file.write_text(sealed(loop), "utf-8")
     code = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "  # a background job ignores it
         "from holokin.app.cli import main; from holokin.proof import checker; "
@@ -400,25 +403,6 @@ def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: 
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 128 + signal.SIGINT and "Traceback" not in found.stderr, found.stderr
-
-
-@pytest.mark.campaign
-def test_honest_certificates_of_functions_with_a_pole_near_by_are_verified(tmp_path: Path) -> None:
-    """c / d^4 about a centre that is 0.15 to 0.6 m from where a PPR arm begins to move: large cells next to a pole."""
-    rng, robot = np.random.default_rng(7), hk.load("ppr")
-    for _ in range(4):
-        q = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-2, 2)])
-        direction = rng.uniform(-np.pi, np.pi)
-        center = q[:2] + rng.uniform(0.15, 0.6) * np.array([np.cos(direction), np.sin(direction)])
-        c = rng.uniform(-0.3, 0.3) * 10 ** rng.uniform(-5, -3)
-
-        def g(v: casadi.SX, center: np.ndarray = center, c: float = c) -> casadi.SX:
-            return v[2] + c / ((v[0] - center[0]) ** 2 + (v[1] - center[1]) ** 2) ** 2
-
-        x, way = robot.pose(q)[:3, 3], rng.normal(size=2)
-        path = hk.line(x, x + [*(rng.uniform(0.05, 0.5) * way / np.linalg.norm(way)), 0.0])
-        proof = hk.certify(hk.holonomic(hk.position(robot), hk.custom(g)), path, q, limits=False)
-        assert len(proof) and checker.check(str(proof.save(tmp_path / "pole.json"))).lines
 
 
 # --- The functions that the checker encloses, and honest certificates that it verifies: angles beside their cut, roots.
@@ -524,20 +508,27 @@ def test_a_path_whose_ends_cannot_be_compared_is_not_called_closed(tmp_path: Pat
 
 
 @pytest.mark.campaign
-def test_honest_certificates_of_angles_that_end_at_their_cut_are_verified(tmp_path: Path) -> None:
-    """q3 = k atan2 about a centre, on lines towards its cut, where it jumps by no whole turn: cells ever smaller."""
-    rng, robot = np.random.default_rng(5), hk.load("ppr")
-    for _ in range(2):
+@pytest.mark.parametrize("kind", ["pole", "angle"])
+def test_honest_certificates_of_functions_with_a_pole_near_by_and_of_angles_that_end_at_their_cut_are_verified(
+    kind: str, tmp_path: Path
+) -> None:
+    """q3 + c / d^4, and q3 - k atan2, about a centre that is 0.15 to 0.6 m from where a PPR arm begins to move: large
+    cells next to a pole; lines towards the cut, where q3 jumps by no whole turn, in cells ever smaller."""
+    rng, robot = np.random.default_rng(7), hk.load("ppr")
+    for _ in range(4):
         q = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-2, 2)])
-        direction, k = rng.uniform(-0.8, 0.8), rng.choice([-0.5, 0.3, 0.5])
+        direction = rng.uniform(-np.pi, np.pi) if kind == "pole" else rng.uniform(-0.8, 0.8)
         center = q[:2] + rng.uniform(0.15, 0.6) * np.array([np.cos(direction), np.sin(direction)])
+        c, k = rng.uniform(-0.3, 0.3) * 10 ** rng.uniform(-5, -3), rng.choice([-0.5, 0.3, 0.5])
 
-        def g(v: casadi.SX, center: np.ndarray = center, k: float = k) -> casadi.SX:
-            return v[2] - k * casadi.atan2(v[1] - center[1], v[0] - center[0])
+        def g(v: casadi.SX, center: np.ndarray = center, c: float = c, k: float = k) -> casadi.SX:
+            x, y = v[0] - center[0], v[1] - center[1]
+            return v[2] + c / (x**2 + y**2) ** 2 if kind == "pole" else v[2] - k * casadi.atan2(y, x)
 
-        x, way = robot.pose(q)[:3, 3], np.array([rng.uniform(-0.1, 0.1), -np.sign(q[1] - center[1]), 0.0])
-        path = hk.line(x, x + rng.uniform(0.3, 0.6) * way)
-        proof = hk.certify(
-            hk.holonomic(hk.position(robot), hk.custom(g, angular=True)), path, q, limits=False, budget=150
-        )
-        assert len(proof) and checker.check(str(proof.save(tmp_path / "angle.json"))).lines
+        x, way = robot.pose(q)[:3, 3], np.append(rng.normal(size=2), 0.0)
+        if kind == "angle":
+            way = np.array([rng.uniform(-0.1, 0.1), -np.sign(q[1] - center[1]), 0.0])
+        path = hk.line(x, x + rng.uniform(0.3, 0.5) * way / np.linalg.norm(way))
+        G = hk.holonomic(hk.position(robot), hk.custom(g, angular=kind == "angle"))
+        proof = hk.certify(G, path, q, limits=False, budget=20_000 if kind == "pole" else 150)
+        assert len(proof) and checker.check(str(proof.save(tmp_path / "honest.json"))).lines

@@ -194,7 +194,7 @@ def test_the_command_goes_on_where_it_was_stopped_and_leaves_certificates_alone(
     from holokin.proof import cell_search
 
     batches = []
-    looked_up = cell_search._looked_up
+    looked_up = cell_search.looked_up
 
     def once(*given: object) -> object:
         batches.append(looked_up(*given))
@@ -202,7 +202,7 @@ def test_the_command_goes_on_where_it_was_stopped_and_leaves_certificates_alone(
             raise KeyboardInterrupt
         return batches[-1]
 
-    monkeypatch.setattr(cell_search, "_looked_up", once)
+    monkeypatch.setattr(cell_search, "looked_up", once)
     halted = holokin("certify", job, "--workspace", "--out", out, "--check", 0)
     assert halted.code == 130 and "cells are kept" in halted.out and "--resume" in halted.out and cells.exists()
     again = holokin("certify", job, "--workspace", "--out", out, "--check", 0)

@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin.base.errors import ArgumentError
 from holokin.motion.ik.plan import make_plan
-from holokin.proof import certify, equation
+from holokin.proof import cell_search, certify, equation
 from holokin.proof.box_proof import PoseRegion
-from holokin.proof.cell_search import Covered, Demands, Extent, covered
+from holokin.proof.cell_search import Covered, Demands, Extent, covered, overlapping
 from holokin.proof.certificate import Certificate
 from holokin.proof.certify_leaf import Pathway, walked
 from holokin.proof.tube import matrix_norm, norm, product
@@ -180,15 +182,6 @@ def test_stationary_postures_are_certified() -> None:
             assert "|det D_q E|" in said and "[J; J_g]" not in said
 
 
-def test_a_carried_leaf_is_refused_in_favour_of_its_polynomial() -> None:
-    """Its second derivatives would be millions of operations."""
-    robot = hk.load("planar-3r")
-    G = hk.radial(hk.moore_penrose(hk.position(robot)), R3_START)
-    x = start(robot, R3_START)
-    with pytest.raises(hk.HolokinError, match="fitted"):
-        certify(G, hk.line(x, x - [0.1, 0.1, 0.0]), R3_START)
-
-
 def test_a_closed_loop_comes_home_and_one_round_the_base_ends_a_turn_further(panda: hk.Robot) -> None:
     """Bounds of what is missing are those of round-off."""
     x = start(panda, PANDA_START)
@@ -312,15 +305,6 @@ def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
     domain = pathway(G, path)
     found = covered(domain, domain.first(), Demands(Interval(panda.lower, upper)), 2000, lambda *_progress: None)
     assert found.extent is Extent.LIMIT and (domain.arranged(found).findings.high <= upper).all()
-
-
-def test_a_budget_that_is_spent_leaves_what_was_proven(panda: hk.Robot) -> None:
-    """Fifty cells are too few."""
-    x = start(panda, PANDA_START)
-    G = hk.holonomic(hk.pose(panda), hk.lock(2))
-    proof = certify(G, hk.circle(x, center=x - [0.1, 0, 0]), PANDA_START, budget=50)
-    refused(proof, Extent.BUDGET)
-    assert len(proof) <= 50
 
 
 # --- Proofs of stationary postures, two hands, boxes that turn: against the library's own kinematics and constraints.
@@ -560,3 +544,25 @@ def test_a_polynomial_in_rotation_vectors_is_certified_where_the_tool_turns() ->
     proof = certify(fit, path, PANDA_START)
     assert proof.whole
     roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
+
+
+# --- Boxes that touch.
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 120), st.integers(0, 4), st.booleans())
+def test_cuts_find_the_pairs_that_comparing_all_with_all_finds(seed: int, k: int, d: int, halved: bool) -> None:
+    """Boxes of halved sides, as the search makes them, share faces exactly; others lie anywhere."""
+    rng = np.random.default_rng(seed)
+    parts = 2.0 ** rng.integers(0, 4, (k, d)) if halved else rng.uniform(1, 9, (k, d))
+    low = np.floor(rng.uniform(0, 1, (k, d)) * parts) / parts if halved else rng.uniform(0, 1, (k, d))
+    high = low + 1 / parts
+    ones, others = np.flatnonzero(rng.random(k) < 0.5), np.flatnonzero(rng.random(k) < 0.5)
+    at_once, cell_search.COMPARED = cell_search.COMPARED, 4
+    try:
+        i, j = overlapping(low, high, ones, others)
+    finally:
+        cell_search.COMPARED = at_once
+    expected = [
+        (a, b) for a in ones for b in others if (np.maximum(low[a], low[b]) < np.minimum(high[a], high[b])).all()
+    ]
+    assert list(zip(i.tolist(), j.tolist(), strict=True)) == sorted(expected)

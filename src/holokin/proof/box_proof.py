@@ -162,8 +162,8 @@ class PoseRegion(Value, Domain):
             q = ik(self.equation.strategy, self.q, limits=False)(pose_from(self.p0, self.R0))
         except HolokinError:
             return counts, rho
-        *middle, passed = self._counted(np.zeros(self.equation.d), q)
-        return (middle[0], middle[1]) if passed else (counts, rho)
+        middle = self._counted(np.zeros(self.equation.d), q)
+        return middle[:2] if middle[2] else (counts, rho)
 
     def _counted(self, u: Vector, q: Vector) -> tuple[list[int], float, bool]:
         """(cells along each axis, radius of their tubes, whether one of them passes the test) by the posture q at u."""

@@ -263,8 +263,8 @@ class Covered(Value):
 
     def only(self, chosen: Any) -> Covered:
         """Some of them."""
-        rows = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
-        return Covered(*rows, self.extent, self.stopped)
+        boxes, cells, findings = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
+        return replace(self, boxes=boxes, cells=cells, findings=findings)
 
 
 COMPARED = 4096
@@ -465,11 +465,11 @@ def covered(
         left = joined(waiting, again, parts)
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
-    rows = (joined(*parts) for parts in zip(*done, strict=True))
+    proven = Covered(*(joined(*parts) for parts in zip(*done, strict=True)))
     if not stopped:
-        return Covered(*rows)
+        return proven
     first = min(range(len(stopped)), key=lambda i: stopped[i])
-    return Covered(*rows, reasons[first], stopped[first])
+    return replace(proven, extent=reasons[first], stopped=stopped[first])
 
 
 def too_small(boxes: Boxes, cells: Cells) -> Flags:

@@ -708,5 +708,5 @@ def _both(one: Covered, other: Covered) -> Covered:
     """The cells of both, ended where the first of them is."""
     ends = [(part.stopped, part.extent) for part in (one, other) if part.stopped is not None]
     stopped, extent = min(ends, key=lambda end: end[0], default=(None, Extent.WHOLE))
-    rows = (joined(getattr(one, name), getattr(other, name)) for name in ("boxes", "cells", "findings"))
-    return Covered(*rows, extent, stopped)
+    rows = {name: joined(getattr(one, name), getattr(other, name)) for name in ("boxes", "cells", "findings")}
+    return Covered(**rows, extent=extent, stopped=stopped)

@@ -236,7 +236,7 @@ class ClearCells(Value):
         """(of each joint, and last of the base, positions (k, 3) and rotations (k, 3, 3); half width (k,))."""
         numbers, k = self._frame_numbers(q.T, q.T), len(q)
         width = (numbers.high - numbers.low).max(axis=0, initial=0.0) / 2
-        each = numbers.middle.reshape(-1, 12, k)
+        each = numbers.middle.reshape(len(self.robot.joints), 12, k)
         frames = [(rows[:3].T, np.swapaxes(rows[3:].T.reshape(k, 3, 3), 1, 2)) for rows in each]
         return [*frames, (np.zeros((k, 3)), np.tile(np.eye(3), (k, 1, 1)))], width
 

@@ -293,6 +293,9 @@ def deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
 
 Family = Stretches | PoseBox
 
+ROOM = 6_000_000
+"""Numbers of intervals that may be in memory at once: 100 MB."""
+
 
 @dataclass(frozen=True, eq=False)
 class Equation(Value):
@@ -318,8 +321,8 @@ class Equation(Value):
 
     @cached_property
     def at_once(self) -> int:
-        """Cells whose second derivatives are enclosed at once: 6,000,000 numbers of intervals take 100 MB."""
-        return max(1, 6_000_000 // (self.curvature.operations + 4 * self.n**3))
+        """Cells whose second derivatives are enclosed at once, in `ROOM`."""
+        return max(1, ROOM // (self.curvature.operations + 4 * self.n**3))
 
     @property
     def d(self) -> int:

@@ -281,8 +281,9 @@ def _open_parts(
         near = rows[asked.cause[rows] == NEAR]
         for j in near[np.argsort(-asked.short[near])].tolist():
             if clear is not None and not elsewhere(asked.poses[j], asked.q[j]):
-                gap, limit = (of[int(asked.gap[j])] for of in (clear.looked_at.gaps, clear.looked_at.limits))
-                too_near[i] = TooNear(asked.poses[j], asked.q[j], gap.names, float(asked.distance[j]), limit)
+                gaps, g = clear.looked_at, int(asked.gap[j])
+                distance, limit = float(asked.distance[j]), gaps.limits[g]
+                too_near[i] = TooNear(asked.poses[j], asked.q[j], gaps.gaps[g].names, distance, limit)
                 cause[i] = NEAR
                 break
         if cause[i] == UNPROVEN and elsewhere(asked.poses[rows[0]], asked.q[rows[0]]):
@@ -497,13 +498,17 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
 
 @typed
-@kept
 def region_of(certificate: Certificate) -> UniqueRegion:
     """The tool poses that the certificate of a box proves: with their `parts`, why it does not prove the others.
 
     Raises:
         ArgumentError: it is of a path.
     """
+    return _region_of(certificate)
+
+
+@kept
+def _region_of(certificate: Certificate) -> UniqueRegion:
     space, anchors, equation = certificate.asked, certificate.anchors, certificate.equation
     if not isinstance(space, PoseRange):
         raise ArgumentError("the certificate", certificate.title, "give one of a box of poses")

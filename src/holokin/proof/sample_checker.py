@@ -30,7 +30,7 @@ class SampleChecker(Checker):
         """A cell that is not proven yet."""
         return data, sides
 
-    def meet(self, *_cut: Any) -> None:
+    def meet(self, lower: list[Any], upper: list[Any], axis: int, cut: float) -> None:
         """Of cells that are not proven nothing is asked."""
 
     def verify(self) -> Verified:
