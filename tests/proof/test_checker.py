@@ -149,31 +149,19 @@ def comb(depth: int) -> Any:
     return [0, 0.5, None, comb(depth - 1)] if depth else None
 
 
-FALSE: dict[str, Callable[[Data], Any]] = {
+FALSE: dict[str, Callable[[Data], Any]] = {  # parts that are of another kind or missing: test_certificate.py
     "a start that is not on the leaf": lambda d: shifted(d["pieces"][0]["q"], 1e-6),
     "a start at the other elbow": lambda d: d["pieces"][0].update(q=[2.1, -0.9, -0.9]),
     "a piece that begins elsewhere": lambda d: shifted(d["pieces"][1]["q"], 1e-6),
-    "pieces in another order": lambda d: d["pieces"].reverse(),
-    "a piece left out": lambda d: d["pieces"].pop(1),
-    "a piece twice": lambda d: d["pieces"].insert(1, d["pieces"][0]),
-    "no piece": lambda d: d["pieces"].clear(),
-    "no cells": lambda d: d["pieces"][0].update(cells=None),
-    "no cells, as an empty one": lambda d: d["pieces"][0].update(cells={}),
-    "a half without cells": lambda d: d["pieces"][0]["cells"].__setitem__(2, None),
     "the halves changed over": lambda d: d["pieces"][0].update(
         cells=d["pieces"][0]["cells"][:2] + d["pieces"][0]["cells"][:1:-1]
     ),
-    "three parts of a cut": lambda d: d["pieces"][0]["cells"].append(d["pieces"][0]["cells"][3]),
     "a cut outside": lambda d: d["pieces"][0]["cells"].__setitem__(1, 1.5),
     "a cut at an end": lambda d: d["pieces"][0]["cells"].__setitem__(1, 0.0),
-    "a cut at no number": lambda d: d["pieces"][0]["cells"].__setitem__(1, math.nan),
-    "a cut across what is not there": lambda d: d["pieces"][0]["cells"].__setitem__(0, 1),
     "a cut across a negative axis": lambda d: d["pieces"][0]["cells"].__setitem__(0, -1),
     "a turn that is not": lambda d: d["claims"].update(turns=[1, 0, 0]),
     "half a turn": lambda d: d["claims"].update(turns=[0.5, 0, 0]),
-    "turns of two joints": lambda d: d["claims"].update(turns=[0, 0]),
     "a hull that is too small": lambda d: d["claims"]["joints"][1].__setitem__(0, d["claims"]["joints"][1][0] + 0.05),
-    "a hull of two joints": lambda d: d["claims"]["joints"][2].pop(),
     "limits within the hull": lambda d: d["claims"]["joints"][3].__setitem__(1, d["claims"]["joints"][2][1] - 1e-9),
     "a larger determinant": lambda d: d["claims"].update(determinant=1e3 * d["claims"]["determinant"]),
     "a smaller gap": lambda d: d["claims"].update(gap=1e-17),
@@ -185,40 +173,15 @@ FALSE: dict[str, Callable[[Data], Any]] = {
     "limits the wrong way round": lambda d: d["claims"]["joints"].reverse(),
     "a hull that is none": lambda d: d["claims"]["joints"][2].__setitem__(0, 1e300),
     "degrees": lambda d: d.update(units=["deg", "deg", "deg"]),
-    "more units than joints": lambda d: d["units"].append("m"),
-    "no units": lambda d: d.update(units=[]),
-    "a format of its own": lambda d: d.update(format="mine"),
-    "no format": lambda d: d.update(format=None),
     "operations without end": lambda d: d.update(operations=d["operations"] + [["add", 0, 0]] * 300_000),
     "joints without end": lambda d: [piece.update(q=[0.0] * 3000) for piece in d["pieces"]],
-    "a negative gap": lambda d: d["claims"].update(gap=-1.0),
-    "no gap": lambda d: d["claims"].update(gap=math.nan),
-    "an endless gap": lambda d: d["claims"].update(gap=math.inf),
     "another leaf": lambda d: shifted(d["level"], 1e-6),
-    "a level of two numbers": lambda d: d["level"].append(0.0),
-    "no level": lambda d: d["level"].clear(),
-    "no joints": lambda d: [piece.update(q=[]) for piece in d["pieces"]],
     "joints that do not count": lambda d: d.update(outputs=[d["outputs"][-1]] * len(d["outputs"])),
-    "a row less": lambda d: d["outputs"].pop(0),
-    "a row twice": lambda d: d["outputs"].__setitem__(1, d["outputs"][0]),
     "a tool that faces away": lambda d: d["constants"].__setitem__(-1, -1.0),
-    "an unknown operation": lambda d: d["operations"][0].__setitem__(0, "floor"),
-    "an operation without arguments": lambda d: d["operations"].__setitem__(0, ["add"]),
     "an operation of what comes later": lambda d: d["operations"].__setitem__(0, ["sin", 10_000]),
-    "an operation of half a place": lambda d: d["operations"].__setitem__(0, ["sin", 0.5]),
-    "a name for a number": lambda d: first(d)["q0"].__setitem__(0, "one"),
-    "no number": lambda d: first(d)["q0"].__setitem__(0, math.nan),
-    "a list for a number": lambda d: first(d)["V"].__setitem__(0, [[1.0]]),
-    "a predictor of two joints": lambda d: first(d)["q0"].pop(),
     "a matrix Y that is singular": lambda d: first(d).update(Y=[[0.0] * 3] * 3),
-    "a cell as a list of lists": lambda d: d["pieces"][0].update(cells=[[[]]]),
-    "a file that is a list": lambda d: d.update(claims=[]),
     "an operand before the first": lambda d: d["operations"].__setitem__(2, ["sub", -1, 5]),
     "an output before the first": lambda d: d["outputs"].__setitem__(0, -1),
-    "an operand that is a truth value": lambda d: d["operations"].__setitem__(1, ["add", 2, True]),
-    "an operation of two operands with three": lambda d: d["operations"].__setitem__(0, ["add", 0, 1, 2]),
-    "a whole of 1e308": lambda d: d["claims"].update(whole=1e308),
-    "a number as text": lambda d: first(d).update(q0=["1e999999999"] * 3),
     "an equation that is singular": lambda d: d["operations"].__setitem__(0, ["sub", 0, 0]),
     "cells cut without end": lambda d: d["pieces"][0].update(cells=comb(300)),
     "turns without end": lambda d: d["claims"].update(turns=[10**300, 0, 0]),
@@ -228,16 +191,6 @@ FALSE: dict[str, Callable[[Data], Any]] = {
 @sampled(25, "name", FALSE)
 def test_a_false_certificate_with_the_right_digest_is_not_verified(name: str, loop: Data, file: Path) -> None:
     assert outcome(changed(loop, FALSE[name]), file) in (REJECTED, NONE)
-
-
-def test_a_certificate_without_one_of_its_parts_is_rejected(loop: Data, file: Path) -> None:
-    words = {"task", "title", "theorem", "where", "robot", "names"}
-    for key in set(loop) - words:
-        assert outcome(changed(loop, lambda d, key=key: d.pop(key)), file) == (NONE if key == "format" else REJECTED), (
-            key
-        )
-    for key in loop["claims"]:
-        assert outcome(changed(loop, lambda d, key=key: d["claims"].pop(key)), file) == REJECTED, key
 
 
 def test_a_file_that_is_not_byte_for_byte_what_was_written_is_rejected(loop: Data, file: Path) -> None:

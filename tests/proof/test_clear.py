@@ -303,7 +303,7 @@ def test_an_unknown_link_is_refused(panda: hk.Robot) -> None:
         asked(panda, TABLE, allowed=[("elbow", "table")])
 
 
-# --- Where a box is not proven: a part is refuted by a posture alone that touches, as Pinocchio and a closed form say.
+# --- Where a box is not proven: a part is refuted by a posture alone that touches.
 
 
 RADIUS, WANTED, HALF = 0.02, 0.002, 0.02
@@ -321,21 +321,9 @@ def region() -> hk.proof.UniqueRegion:
 
 
 def to_ball(Q: np.ndarray) -> np.ndarray:
-    """(k,) the distance of the arm from the ball: frames by Pinocchio, a point and segments in closed form."""
-    model = pin.buildModelFromXML(hk.robot.to_urdf(ARM))
-    data, out = model.createData(), []
-    capsules = [s for s in with_capsules(ARM).shapes if s.joint >= 0]
-    for q in np.atleast_2d(Q):
-        pin.forwardKinematics(model, data, q)
-        least = np.inf
-        for s in capsules:
-            T = data.oMi[model.getJointId(ARM.joints[s.joint].name)].homogeneous @ s.placement
-            a, b = (T[:3, 3] + sign * T[:3, 2] * s.shape.length / 2 for sign in (-1, 1))
-            along = (b - a) @ (b - a)
-            t = np.clip((BALL - a) @ (b - a) / along, 0, 1) if along else 0.0
-            least = min(least, np.linalg.norm(BALL - a - t * (b - a)) - s.shape.radius - RADIUS)
-        out.append(least)
-    return np.array(out)
+    """(k,) the distance of the arm from the ball, by coal."""
+    pairs = region().certificate.demands.clear.pairs
+    return coal_distances(ARM, pairs, list(NEAR_BALL.obstacles), np.atleast_2d(Q)).min(axis=1)
 
 
 def test_a_refuted_part_holds_a_posture_of_the_leaf_that_is_too_near() -> None:

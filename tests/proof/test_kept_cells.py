@@ -39,7 +39,7 @@ obstacles = [{ name = "table", kind = "box", sides = [1.0, 1.0, 0.05], xyz = [0.
 
 
 @cache
-def law(joint: int = 2) -> hk.HolonomicStrategy:
+def G(joint: int = 2) -> hk.HolonomicStrategy:
     return hk.holonomic(hk.pose(hk.load("panda")), hk.lock(joint))
 
 
@@ -52,11 +52,11 @@ def proof(
     **more: object,
 ) -> Certificate:
     """Over a cube above a table: some batches of cells."""
-    T = law().task.pose(Q0)
+    T = G().task.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [half] * 3), rotation=T[:3, :3])
     table = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, z))
     return hk.certify(
-        law(joint),
+        G(joint),
         space,
         Q0,
         scene=hk.Scene(obstacles=[table], clearance=clearance, self_collision=False),
@@ -120,7 +120,7 @@ def test_one_that_was_killed_ends_with_the_same_certificate(tmp_path: Path) -> N
 
 
 def test_a_region_is_kept_too(tmp_path: Path) -> None:
-    strategy, T = law(), law().task.pose(Q0)
+    strategy, T = G(), G().task.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [0.02] * 3), rotation=T[:3, :3])
 
     def say(_text: str) -> None:

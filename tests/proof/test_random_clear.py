@@ -103,20 +103,3 @@ def test_each_kind_of_fault_is_seen(tmp_path: Path) -> None:
     by_arm = scene.problem.arm.frames(start[None])[0, -1]
     moved = [replace(part, place=by_arm) for part in scene.things]
     assert "nearer than is proven" in said(proof, replace(scene, things=moved))
-
-
-def test_the_campaign_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Seeds that are in the file are not done again; a fault ends it with 1."""
-    done: list[int] = []
-
-    def one(seed: int, count: int) -> dict[str, Any]:
-        done.append(seed)
-        assert count == 7
-        return {"seed": seed, "counts": {"arms": 1}, "faults": ["a fault"] * (seed == 5), "seconds": 1.0}
-
-    monkeypatch.setattr(random_clear, "tried", one)
-    file = str(tmp_path / "rows.jsonl")
-    for count, expected, code in ((2, [0, 1], 0), (5, [2, 3, 4], 0), (6, [5], 1), (6, [], 1)):
-        done.clear()
-        monkeypatch.setattr("sys.argv", ["random_clear", "--count", str(count), "--postures", "7", "--out", file])
-        assert (random_clear.main(), done) == (code, expected)

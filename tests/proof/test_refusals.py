@@ -85,11 +85,11 @@ def test_a_joint_that_goes_beyond_its_limit_or_begins_at_it_is_refused(slider: h
 def test_a_posture_that_is_singular_at_the_very_end_of_a_path_is_refused() -> None:
     """A planar arm that becomes straight there, and not before."""
     robot, q = hk.load("planar-3r"), np.array([0.3, 0.3, 0.3])
-    law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
+    G = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
     x = start(robot, q)
     reach = float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3]))
-    ended(hk.certify(law, hk.line(x, x / np.linalg.norm(x) * reach), q, limits=False), Extent.END, "99")
-    assert hk.certify(law, hk.line(x, x / np.linalg.norm(x) * (reach - 0.01)), q, limits=False).whole
+    ended(hk.certify(G, hk.line(x, x / np.linalg.norm(x) * reach), q, limits=False), Extent.END, "99")
+    assert hk.certify(G, hk.line(x, x / np.linalg.norm(x) * (reach - 0.01)), q, limits=False).whole
 
 
 @pytest.mark.campaign
@@ -175,23 +175,23 @@ def test_a_joint_that_is_held_at_its_limit_is_refused_as_that_and_not_as_singula
     """The posture is regular, is followed, found and commanded: what is not proven is that it keeps off the limit."""
     rng = np.random.default_rng(seed)
     robot = hk.from_dh([{"a": 1.0, "lower": -2.0, "upper": 2.0} for _ in range(3)], name="bars")
-    law = hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock(k := int(rng.integers(3))))
+    G = hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock(k := int(rng.integers(3))))
     q = rng.uniform(-1.5, 1.5, 3)
     q[k] = rng.choice([-2.0, 2.0])
-    while law.gain(q)[1] < 0.1:  # nearly singular
+    while G.gain(q)[1] < 0.1:  # nearly singular
         q[[(k + 1) % 3, (k + 2) % 3]] = rng.uniform(-1.5, 1.5, 2)
     T = robot.pose(q)
     box = hk.workspace(box=(T[:3, 3], [0.01, 0.01, 0.0]), rotation=T[:3, :3])
     path = hk.line(T[:3, 3], T[:3, 3] + [0.005, 0.005, 0.0])
     for where in (box, path):
-        proof = hk.certify(law, where, q)
+        proof = hk.certify(G, where, q)
         assert proof.extent is Extent.LIMIT and "a joint is at its limit" in str(proof) and len(proof) == 0
-    assert hk.follow(law, path, q, samples=5).status is hk.motion.Status.COMPLETE
-    assert hk.ik(law, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
-    control = hk.controller(law, dt=0.01, q0=q)
+    assert hk.follow(G, path, q, samples=5).status is hk.motion.Status.COMPLETE
+    assert hk.ik(G, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
+    control = hk.controller(G, dt=0.01, q0=q)
     control.step(q, T[:3, 3] + 1e-5, np.full(3, 1e-3))
     assert control.status is hk.motion.StepStatus.OK
-    assert not hk.unique_region(law, q, box, budget=200).whole
+    assert not hk.unique_region(G, q, box, budget=200).whole
 
 
 # --- What a path's certificate says where the tool comes to a pose again: the joints return, or they are others.
@@ -235,18 +235,18 @@ def test_a_closed_path_that_leaves_the_joints_elsewhere_is_not_proven_and_its_dr
 
 @pytest.mark.campaign
 def test_joints_return_where_the_proof_is_whole_whatever_the_law_and_the_circle() -> None:
-    """Drawn at random: starts, circles round the base and beside it, laws in which q1 counts and does not."""
+    """Drawn at random: starts, circles round the base and beside it, strategies in which q1 counts and does not."""
     rng, ends = np.random.default_rng(26), []
     for k in range(8):
         q = np.array([rng.uniform(-3, 3), *rng.uniform(0.5, 1.2, 2)])
         a = [rng.uniform(-0.06, 0.06) * rng.integers(0, 2), rng.uniform(-0.5, 0.5), 1.0]
         x = start(PLANAR, q)
-        law = hk.holonomic(hk.position(PLANAR), hk.linear([a]))
+        G = hk.holonomic(hk.position(PLANAR), hk.linear([a]))
         center = np.zeros(3) if k % 4 else x - [*rng.uniform(0.05, 0.3, 2), 0]
         path = hk.circle(x, center=(*center[:2], x[2]))
-        proof = hk.certify(law, path, q, limits=False)
+        proof = hk.certify(G, path, q, limits=False)
         if proof.covered:
-            moved = np.ptp(hk.follow(law, path, q, limits=False).q[[0, -1]], axis=0)
+            moved = np.ptp(hk.follow(G, path, q, limits=False).q[[0, -1]], axis=0)
             assert proof.whole == bool((np.abs(moved - np.abs(2 * np.pi * proof.turns)) < 1e-6).all()), proof.theorem
             ends.append(proof.whole)
     assert len(ends) >= 6 and 0 < sum(ends) < len(ends)
@@ -254,28 +254,28 @@ def test_joints_return_where_the_proof_is_whole_whatever_the_law_and_the_circle(
 
 def test_an_open_path_that_crosses_itself_is_judged_by_the_joints_at_the_crossing() -> None:
     """Round the base and back to a crossing q3 is half a turn on; beside the base it is as it was."""
-    law, q = half_angle()
-    x = start(law.task.robot, q)
+    G, q = half_angle()
+    x = start(G.task.robot, q)
     corners = [[-0.5, 1, 0], [-1, -1, 0], [1.5, -1.0, 0], [1.4, 1.5, 0]]
-    proof = hk.certify(law, hk.polyline([x, *corners]), q)
+    proof = hk.certify(G, hk.polyline([x, *corners]), q)
     assert proof.extent is Extent.ELSEWHERE and proof.covered
     np.testing.assert_allclose((proof.revisit.low[2], proof.revisit.high[2]), np.pi, atol=1e-9)
     (i, u), (k, v) = proof.revisit.first, proof.revisit.second
     ends = np.array([x, *corners])
     np.testing.assert_allclose(ends[i] + u * (ends[i + 1] - ends[i]), ends[k] + v * (ends[k + 1] - ends[k]), atol=2e-9)
     for points in ([x, x + [0.5, 0, 0], x + [0.5, 0.5, 0], x + [0.2, -0.3, 0]], [x, x + [0.5, 0, 0], x]):
-        proof = hk.certify(law, hk.polyline(points), q)
+        proof = hk.certify(G, hk.polyline(points), q)
         assert proof.whole and "comes back to a tool pose, the joints are the same" in proof.theorem
 
 
 @pytest.mark.campaign
 def test_a_second_lap_with_other_joints_is_found_though_all_of_it_lies_on_the_first() -> None:
     """Twice round, q3 has made one whole turn: the end is the beginning, and what is between is not."""
-    law, q = half_angle()
-    x = start(law.task.robot, q)
+    G, q = half_angle()
+    x = start(G.task.robot, q)
     lap = hk.circle(x, center=(0, 0, 0))
-    assert hk.certify(law, lap + lap, q).extent is Extent.ELSEWHERE
-    assert hk.certify(law, lap + hk.line(x, x + [0.1, 0, 0]), q).extent is Extent.ELSEWHERE
+    assert hk.certify(G, lap + lap, q).extent is Extent.ELSEWHERE
+    assert hk.certify(G, lap + hk.line(x, x + [0.1, 0, 0]), q).extent is Extent.ELSEWHERE
     planar, path = round_base([0.0, 1.0, -1.0])  # the joints of the second lap are a whole turn on: the same posture
     proof = hk.certify(planar, path + path, Q, limits=False)
     assert proof.whole and "but for the whole turns" in proof.theorem
@@ -284,13 +284,13 @@ def test_a_second_lap_with_other_joints_is_found_though_all_of_it_lies_on_the_fi
 @pytest.mark.campaign
 def test_near_by_is_not_the_same_and_what_is_not_decided_is_not_proven() -> None:
     """Lines 1e-6 m apart after a way round the base have no common pose; of tubes too small nothing is known."""
-    law, q = half_angle()
-    robot = law.task.robot
+    G, q = half_angle()
+    robot = G.task.robot
     x = start(robot, q)
     path = hk.polyline([x, [-0.5, 1, 0], [-1, -1, 0], [1.5, -1, 0], x + [0.1, -1e-6, 0], x + [-0.1, -1e-6, 0]])
-    assert hk.certify(law, path, q).extent is Extent.WHOLE
+    assert hk.certify(G, path, q).extent is Extent.WHOLE
     there_and_back = hk.polyline([x, x + [0.3, 0, 0], x])
-    proof = hk.certify(law, there_and_back, q)
+    proof = hk.certify(G, there_and_back, q)
     domain = Pathway(proof.equation, proof.c, (), proof.pieces, np.ones(2), np.zeros((2, PARTS)))
     small = replace(proof.proven, findings=replace(proof.findings, alone=0.0 * proof.findings.alone))
     assert Revisits(domain, proof.proven).anywhere() == (Extent.WHOLE, None)
@@ -339,8 +339,8 @@ def test_the_tool_poses_that_are_compared_hold_those_of_the_path(monkeypatch: py
     made: list[Revisits] = []
     monkeypatch.setattr(Revisits, "anywhere", lambda self: made.append(self) or (Extent.WHOLE, None))
     q = np.array([0.3, 0.9, 0.9])
-    law, x = hk.holonomic(hk.position(PLANAR), hk.linear([[0, 1, -1]])), start(PLANAR, q)
-    hk.certify(law, hk.circle(x, center=x - [0.1, 0, 0]), q, limits=False)
+    G, x = hk.holonomic(hk.position(PLANAR), hk.linear([[0, 1, -1]])), start(PLANAR, q)
+    hk.certify(G, hk.circle(x, center=x - [0.1, 0, 0]), q, limits=False)
     rng, found = np.random.default_rng(0), made[0].proven
     low, high = found.boxes.low.copy(), found.boxes.high.copy()
     high[-1], low[-2] = low[-1] + 2.0**-50, high[-2] - 2.0**-50

@@ -33,10 +33,10 @@ FEW, SOME = 100, 800
 @cache
 def of_panda(name: str, budget: int) -> UniqueRegion:
     """A box about the start, for a few cells: given, or found."""
-    law = hk.holonomic(hk.pose(hk.load("panda")), LAWS[name])
-    T = law.task.pose(PANDA)
+    G = hk.holonomic(hk.pose(hk.load("panda")), LAWS[name])
+    T = G.task.pose(PANDA)
     space = hk.workspace(box=(T[:3, 3], [0.015, 0.03, 0.015]), rotation=T[:3, :3]) if budget == FEW else None
-    return hk.unique_region(law, PANDA, space, budget=budget)
+    return hk.unique_region(G, PANDA, space, budget=budget)
 
 
 @cache

@@ -128,7 +128,7 @@ class PoseRegion(Value, Domain):
         sides = np.where(np.isin((0, 1, 2), strategy.task.rows), space.solid.half, 0.0)
         half = np.concatenate([sides, turn]) if turning else sides
         equation = equation_of(strategy, PoseBox(turning))
-        c, middle = equation.level(q0), np.zeros(equation.d)
+        c, middle = np.atleast_1d(strategy.g(q0)), np.zeros(equation.d)
         region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
         if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
             return replace(region, u0=at)
@@ -273,8 +273,7 @@ class PoseRegion(Value, Domain):
         return q
 
     def led(self, places: Matrix, postures: Matrix, boxes: Boxes) -> Matrix:
-        """Joints (k, n) at the middles of boxes, continued on the leaf from postures (k, n) at places (k, d); NaN where
-        the leaf ends on the way."""
+        """Joints (k, n) in the middles of boxes, on the leaf from those (k, n) at places (k, d); NaN where it ends."""
         q, go = np.full(postures.shape, np.nan), self._continued()
         begun, ends = self.poses_at(places), self.poses_at((boxes.low + boxes.high) / 2)
         for i, start in enumerate(postures[:, : self.equation.joints]):
@@ -284,8 +283,7 @@ class PoseRegion(Value, Domain):
         return q
 
     def _continued(self) -> Callable[[Vector, Matrix | None, Matrix], Vector | None]:
-        """(q, its tool pose (4, 4), or None to compute it, another one) -> the posture there, on the leaf from q; None
-        where the leaf ends on the way."""
+        """(q, its tool pose (4, 4) or None, another) -> the posture there, on the leaf from q; None where it ends."""
         strategy, leaf = self.equation.strategy, self.c
         correct, go, task = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES), strategy.task
         side = float(correct(self.q, *task._place(self.q), leaf)[3])

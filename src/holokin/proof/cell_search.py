@@ -325,8 +325,7 @@ class Demands(Value):
             final |= good & (held | (findings.low > high) | (findings.high < low)).any(axis=1)
         if self.clear is None:
             return findings, kept, final, near
-        # Shapes: nearer than asked in the middle already, or over a cell that moves less than 1 mm: where this decides,
-        # nobody should drive.
+        # Shapes: nearer than asked in the middle already, or over a cell that moves less than 1 mm.
         rows, count = np.flatnonzero(kept), len(self.clear.pairs)
         bounds = self.clear.over(some(cells, rows), findings.r[rows])
         apart, planes = np.full((len(good), count), -np.inf), np.zeros((len(good), count, 3))
@@ -353,8 +352,7 @@ GRID = 2.0**-50
 """Bounds of boxes are whole multiples of it, and at most 1: their sums, differences and middles are exact."""
 
 BATCH, FEW = 1024, 32
-"""Cells examined at once: 100 MB of intervals; where none was proven before: a place where the proof fails is then
-found soon."""
+"""Cells examined at once: 100 MB of intervals; where none was proven before, so that a failure is found soon."""
 
 NOWHERE = KeptCells()
 """Keeps no cells."""
@@ -419,13 +417,9 @@ class Domain(ABC):
 
 
 def covered(
-    domain: Domain,
-    boxes: Boxes,
-    demands: Demands,
-    budget: int,
-    progress: Callable[[int, int, float], None],
+    domain: Domain, boxes: Boxes, demands: Demands, budget: int, progress: Callable[[int, int, float], None],
     kept_cells: KeptCells = NOWHERE,
-) -> Covered:
+) -> Covered:  # fmt: skip
     """The boxes, halved where they must be, that are proven of some boxes, and why no more of them are.
 
     progress: hears how many are proven, how many were examined, and which share of the boxes is proven, 0 to 1.

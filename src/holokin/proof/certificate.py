@@ -354,8 +354,7 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-# --- `joint_rates`: how fast each joint is at most, over the speed of the tool, wherever the tool goes in what is
-# proven.
+# --- `joint_rates`: how fast each joint is at most, over the speed of the tool, anywhere in what is proven.
 #
 # Along the predictor p(y) of a cell E(p(y), y) changes by F', and at the roots q(y) the derivative is q' = p' - A^-1
 # (F' + ...), so that |q' - p'| is at most (|Y F'| + (|Y D_q D_y E| + omega |p'|) r) / (1 - e - omega r). The sizes of

@@ -363,14 +363,9 @@ class _PairCells:
 
 
 def _pair_cells(
-    robot: Robot,
-    pair: ShapePair,
-    frames: list[tuple[Matrix, Array]],
-    steps: tuple[Array, Array],
-    moved: Matrix,
-    r: Vector,
-    travel: Vector,
-) -> tuple[_PairCells, float]:
+    robot: Robot, pair: ShapePair, frames: list[tuple[Matrix, Array]], steps: tuple[Array, Array], moved: Matrix,
+    r: Vector, travel: Vector,
+) -> tuple[_PairCells, float]:  # fmt: skip
     """(a pair over cells, the size of what the bounds are computed from [m])."""
     # The joints between the shapes: from the one's up to the last before a common one, and down to the other's.
     one_up, other_up = (joints_above(robot.joints, shape.joint) for shape in (pair.one, pair.other))

@@ -25,8 +25,7 @@ from ..symbolic.expression import Separated
 from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..symbolic.rotations import frame_about, one_formula, skew
 
-# --- Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box of poses, d = 3 or
-# 6.
+# --- Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box, d = 3 or 6.
 #
 # They are expressions of the `dimension` parameters y and of some `numbers`, u0 and h the last of them, so that one
 # expression serves all cells of a proof. Where the tool turns in it, a family is `turning`. Two cells with a value of u
@@ -328,10 +327,6 @@ class Equation(Value):
     def d(self) -> int:
         """Parameters of the family."""
         return self.family.dimension
-
-    def level(self, q0: Vector) -> Vector:
-        """The c of E: the leaf through a posture (joints,)."""
-        return np.atleast_1d(self.strategy.g(q0))
 
     def completed(self, q: Matrix) -> Matrix:
         """All unknowns (k, n) at postures (k, joints)."""

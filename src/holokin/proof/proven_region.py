@@ -42,16 +42,6 @@ from .kept_apart import TooNear, gap_distances, short_of
 STEPS = 8
 """Samples from the start to each side of what is looked at."""
 
-REGULAR = 0.15
-"""Of the rcond at the start, what samples must have: cells are many where it is small."""
-
-AWAY = 0.02
-"""How much farther [m] than asked shapes must be apart at samples: in between they come nearer."""
-
-LIMIT_ROOM = 0.02
-"""How far [joint units] samples must be from joint limits: in between the joints go farther. But of a joint that is
-nearer to its limit at the start, half as far as there."""
-
 NEARER, LEAST = 0.9, 0.3
 """Of its distance from the start, where a box ends before a place at which the proof failed; and of the box, what must
 be left then: else all of it is made smaller."""
@@ -99,8 +89,7 @@ def _proven_box(
     budget: int,
     progress: Callable[[str], None],
 ) -> tuple[Certificate, PoseRegion, PoseRange]:
-    """The certificate of a box, or of a smaller one about the start, the first of 16 that is proven whole; or the
-    last."""
+    """The certificate of a box, or of a smaller one about the start: the first of 16 that is proven, or the last."""
     tool, began, left = strategy.task.pose(q0)[:3, 3], time.perf_counter(), 16
     while True:
         # The first cells may take 0.4 of the budget, since some are halved.
@@ -138,12 +127,15 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands
     solutions, robot = ik(strategy, q0, limits=False).batch(poses), strategy.task.robot
     good = solutions.reached.copy()
     q = solutions.q[good]
-    sound = np.array([strategy.gain(posture)[1] for posture in q]) >= REGULAR * strategy.gain(q0)[1]
+    # Cells are many where rcond is small.
+    sound = np.array([strategy.gain(posture)[1] for posture in q]) >= 0.15 * strategy.gain(q0)[1]
+    # Between samples the joints go farther, and shapes come nearer: 0.02 rad, m; a joint that is nearer to its limit at
+    # the start keeps half as far from it as there.
     if asked.limits is not None:
-        room = np.minimum(LIMIT_ROOM, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
+        room = np.minimum(0.02, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
         sound &= ((q >= robot.lower + room) & (q <= robot.upper - room)).all(axis=1)
     if asked.clear is not None and len(q):
-        sound &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
+        sound &= (asked.clear.distances(q) >= asked.clear.wanted + 0.02).all(axis=1)
     good[good] = sound
     return good
 
@@ -182,9 +174,6 @@ CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf end
 
 UNPROVEN, ANOTHER, LIMIT, END, NEAR = range(len(CAUSES))
 
-MOST_PARTS, MOST_ASKED, ASKED = 8_000, 24_000, 9
-"""Parts that a box is cut into, poses of all of them that are asked about, and of each: about, and at most."""
-
 
 @dataclass(frozen=True, eq=False)
 class Asked(Value):
@@ -217,8 +206,7 @@ def _asked_about(clear: ClearCells | None, poses: Array, ik: InverseKinematics) 
 
 @dataclass(frozen=True, eq=False)
 class OpenParts(Value):
-    """The parts of a box of tool poses that are not proven, as boxes low <= u <= high (k, d) of its parameters, which
-    go from -1 to 1 across it.
+    """The parts of a box that are not proven, as boxes low <= u <= high (k, d) of its parameters, -1 to 1 across it.
 
     A part is "too near", and so refuted, where a posture of the leaf was found in it at which things are nearer than
     was asked: `found` holds it. Another part is called after the pose in its middle.
@@ -265,9 +253,9 @@ def _open_parts(
     boxes, d, clear = certificate.proven.boxes, certificate.equation.d, certificate.demands.clear
     tree = partition(boxes.low, boxes.high, [(-1.0, 1.0)] * d, lambda i: i + 1)
     low, high = _cut_up(*left_open(tree, [(-1.0, 1.0)] * d), region.grid)
-    # The postures in the middle of each part, and at corners of it.
+    # The postures in the middle of each part, and at corners of it: at most 9, and about 24,000 of all parts.
     k, corners = len(low), np.array(list(product((-1.0, 1.0), repeat=d)))
-    most = max(1, min(ASKED, MOST_ASKED // max(k, 1)))
+    most = max(1, min(9, 24_000 // max(k, 1)))
     chosen = np.random.default_rng(0).permutation(len(corners))[: most - 1]
     ends = np.vstack([np.zeros((1, d)), corners[np.sort(chosen)]])
     places, count = ((low + high) / 2)[:, None] + ends * ((high - low) / 2)[:, None], len(ends)
@@ -292,9 +280,9 @@ def _open_parts(
 
 
 def _cut_up(low: Matrix, high: Matrix, grid: list[Vector]) -> tuple[Matrix, Matrix]:
-    """Boxes (k, d), cut where a grid has its cuts; by fewer cuts of it where the parts would be too many."""
+    """Boxes (k, d), cut where a grid has its cuts; by fewer cuts of it where all of it would have over 8,000 parts."""
     stride = 1
-    while np.prod([np.ceil((len(cuts) - 1) / stride) for cuts in grid]) > MOST_PARTS:
+    while np.prod([np.ceil((len(cuts) - 1) / stride) for cuts in grid]) > 8_000:
         stride += 1
     for axis, cuts in enumerate(grid):
         for cut in cuts[1:-1:stride]:

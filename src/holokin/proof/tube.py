@@ -101,7 +101,8 @@ MARGIN = 1.25
 
 def pair_weights(d: int) -> Vector:
     """Of the pairs i <= j in 1/2 Q y y, written without doubles: 1/2 for i = j, else 1."""
-    return np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
+    i, j = np.triu_indices(d)
+    return np.where(i == j, 0.5, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +137,8 @@ class Cells(Value):
 
     def predicted(self, y: Matrix) -> Matrix:
         """q(y) (k, n) at y (k, d), within `slip` of it."""
-        d = self.V.shape[2]
-        pairs = [(i, j) for i in range(d) for j in range(i, d)]
-        products = np.array([y[:, i] * y[:, j] * (0.5 if i == j else 1.0) for i, j in pairs]).T
+        i, j = np.triu_indices(self.V.shape[2])
+        products = y[:, i] * y[:, j] * pair_weights(self.V.shape[2])
         return self.q0 + np.einsum("knd,kd->kn", self.V, y) + np.einsum("knp,kp->kn", self.Q, products)
 
     @property
