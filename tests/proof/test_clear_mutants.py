@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,15 +12,13 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from forged import cells, changed
+from forged import Data, cells, changed, sealed
 from holokin.base.errors import ArgumentError
-from holokin.proof.certificate import digest
 from holokin.proof.recheck import recheck
 from holokin.robot import Box, Capsule, Hull, LinkShape, with_capsules
 
 pytest.importorskip("flint")
 
-Data = dict[str, Any]
 START = np.array([0.3, 0.9, 0.9])
 WALL = hk.obstacle("wall", Box(np.array([0.1, 3.0, 1.0])), (-1.0, 0.0, 0.0))
 POST = hk.obstacle("post", Capsule(0.05, 0.5), (1.2, -0.6, 0.0))
@@ -49,7 +46,7 @@ def proof(arm: hk.Robot) -> hk.proof.Certificate:
 
 
 def said(data: Data, file: Path, robot: hk.Robot) -> tuple[bool, str]:
-    file.write_text(json.dumps(data | {"sha256": digest(data)}) + "\n", "utf-8")
+    file.write_text(sealed(data), "utf-8")
     return recheck(file, robot=robot)
 
 

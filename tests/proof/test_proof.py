@@ -256,18 +256,13 @@ def strangers(found: Covered, chosen: np.ndarray) -> Covered:
     return replace(found, findings=replace(f, r=r, alone=alone))
 
 
-def pathway(G: hk.strategies.HolonomicStrategy, path: hk.Path) -> Pathway:
-    """A path's domain by 64 samples of it."""
-    plan = make_plan(G.task, path, 64, G.task.pose(PANDA_START)[:3, :3])
-    return Pathway.of(G, plan, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q)
-
-
 def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> None:
     """Roots of some cells made strangers: the path is proven up to there, of a box the rest."""
     G = hk.holonomic(hk.pose(panda), hk.lock(2))
     x = start(panda, PANDA_START)
     path = hk.line(x, x - [0.2, 0.0, 0.0])
-    domain = pathway(G, path)
+    plan = make_plan(G.task, path, 64, G.task.pose(PANDA_START)[:3, :3])
+    domain = Pathway.of(G, plan, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q)
     found = domain.arranged(covered(domain, domain.first(), Demands(None), 200, lambda *_progress: None))
     assert domain.connected(found) is found and len(found) > 5
     part = domain.connected(strangers(found, np.arange(len(found)) == 4))
@@ -285,22 +280,6 @@ def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> Non
     assert len(region.connected(lost)) == len(lost) == behind.sum()
 
 
-@pytest.mark.campaign
-def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
-    """With limits=False it is proven."""
-    x = start(panda, PANDA_START)
-    G = hk.holonomic(hk.pose(panda), hk.lock(2))
-    path = hk.line(x, x + [0.0, 0.0, -0.05])
-    free = certify(G, path, PANDA_START, limits=False)
-    assert free.whole
-    upper = panda.upper.copy()
-    moved = int(np.argmax(free.high - PANDA_START))
-    upper[moved] = (free.high[moved] + PANDA_START[moved]) / 2
-    domain = pathway(G, path)
-    found = covered(domain, domain.first(), Demands(Interval(panda.lower, upper)), 2000, lambda *_progress: None)
-    assert found.extent is Extent.LIMIT and (domain.arranged(found).findings.high <= upper).all()
-
-
 # --- Proofs of stationary postures, two hands, boxes that turn: against the library's own kinematics and constraints.
 
 
@@ -313,29 +292,22 @@ def yumi() -> hk.Robot:
     return hk.load("yumi")
 
 
-@pytest.mark.campaign
-@sampled(1, "cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
-@pytest.mark.parametrize("free", [None, (2,)], ids=["unit", "chang"])
-def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(
-    panda: hk.Robot, cost: C.Cost, free: tuple[int, ...] | None
-) -> None:
+STATIONARY = {
+    "centring": hk.stationary(C.centring_cost()),
+    "posture, by Chang's null vector": hk.stationary(C.posture_cost(PANDA_START + 0.1), free=(2,)),
+    "tilted": C.tilted(hk.stationary(C.centring_cost()), lambda x: 0.1 * x[0]),
+}
+
+
+@sampled(1, "name", STATIONARY)
+def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(panda: hk.Robot, name: str) -> None:
     """The null vector is an unknown of the proof; the constraint, by reflections, is the same along all of it."""
-    G = hk.holonomic(hk.pose(panda), hk.stationary(cost, free=free))
+    G = hk.holonomic(hk.pose(panda), STATIONARY[name])
     walk = hk.follow(G, near_panda(panda), PANDA_START, samples=20)
     proof = hk.certify(G, near_panda(panda), PANDA_START)
     assert proof.whole and proof.equation.n > proof.equation.joints == 7 and proof.low.shape == (7,)
-    level = G.g(PANDA_START)
-    assert max(float(np.abs(G.g(q) - level).max()) for q in walk.q) < 1e-12
+    assert max(float(np.abs(G.g(q) - G.g(PANDA_START)).max()) for q in walk.q) < 1e-12
     assert (proof.low <= walk.q + 1e-12).all() and (walk.q - 1e-12 <= proof.high).all()
-
-
-def test_a_stationary_constraint_that_is_tilted_is_certified() -> None:
-    """Its unknowns go with it; the level is that of the whole."""
-    robot, q = hk.load("panda"), PANDA_START
-    G = hk.holonomic(hk.pose(robot), C.tilted(hk.stationary(C.centring_cost()), lambda x: 0.1 * x[0]))
-    walk = hk.follow(G, near_panda(robot), q, samples=10)
-    proof = hk.certify(G, near_panda(robot), q)
-    assert proof.whole and max(float(np.abs(G.g(p) - G.g(q)).max()) for p in walk.q) < 1e-12
 
 
 @pytest.mark.campaign

@@ -317,23 +317,6 @@ def test_the_command_line_ends_with_1_where_a_closed_path_drifts_and_says_by_how
     assert again.exit_code == 0 and "covers all that was asked" not in again.output
 
 
-def test_a_strategy_that_cannot_be_certified_is_left_out_and_named(tmp_path: Path) -> None:
-    """As in the job that `holokin new` writes for a robot: the verdict is on `lock`."""
-    job = tmp_path / "three.toml"
-    job.write_text(
-        'title = "a line"\n[robot]\nname = "planar-3r"\n[start]\nq = [0.3, 0.9, 0.9]\n[task]\n'
-        'kind = "position"\n[path]\nkind = "polyline"\nrelative = true\npoints = [[0.0, 0.0], [0.05, 0.0]]\n'
-        '[strategies.moore-penrose]\nkind = "moore-penrose"\n[strategies.radial]\nkind = "radial"\n'
-        '[strategies.lock]\nkind = "lock"\njoints = [2]\n',
-        "utf-8",
-    )
-    found = CliRunner().invoke(app, ["certify", str(job), "--out", str(tmp_path)])
-    text = " ".join(found.output.split())
-    assert found.exit_code == 0, text + repr(found.exception)
-    assert "left out: moore-penrose, radial; the verdict is on the others" in text and "hk.strategies.fitted" in text
-    assert (tmp_path / "three-proof" / "lock-certificate.json").exists()
-
-
 def test_the_tool_poses_that_are_compared_hold_those_of_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of random parts of cells, halved up to and beyond what is enclosed at once; some cells as small as rounding."""
     made: list[Revisits] = []
