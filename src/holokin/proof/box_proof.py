@@ -80,9 +80,6 @@ def _column(x: Vector, y: Vector) -> Vector:
     return y / (2 * a * (a + y**2)) + np.arctan(y / np.sqrt(a)) / (2 * a * np.sqrt(a))
 
 
-NEAR = 1e-9
-"""A pose is in a box without extent if it is as near [m, 1]."""
-
 PORTION = 10_000
 """Pairs of cells that are compared at a time."""
 
@@ -230,9 +227,9 @@ class PoseRegion(Value, Domain):
                 turn = deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
             with np.errstate(divide="ignore", invalid="ignore"):
                 w = np.where(turn[:, 3:] > 1e-9, 2 * turn[:, :3] / turn[:, 3:], np.inf)
-        # Shares of the half sides; where the box is flat the pose must lie in it.
+        # Shares of the half sides; where the box is flat the pose must lie in it, to round-off [m, 1].
         sides, wide = np.hstack([p - self.p0, w]), half > 0
-        u = np.where(wide, sides / np.where(wide, half, 1.0), np.where(np.abs(sides) < NEAR, 0.0, np.inf))
+        u = np.where(wide, sides / np.where(wide, half, 1.0), np.where(np.abs(sides) < 1e-9, 0.0, np.inf))
         u[np.isinf(u).any(axis=1)] = np.inf
         return u[:, : self.equation.d]
 

@@ -42,10 +42,6 @@ from .kept_apart import TooNear, gap_distances, short_of
 STEPS = 8
 """Samples from the start to each side of what is looked at."""
 
-NEARER, LEAST = 0.9, 0.3
-"""Of its distance from the start, where a box ends before a place at which the proof failed; and of the box, what must
-be left then: else all of it is made smaller."""
-
 
 def _largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: float, asked: Demands) -> PoseRange:
     """A box that looks regular: from the start's pose, side by side, as long as all samples of a new layer do."""
@@ -155,15 +151,18 @@ def _about(box: PoseRange, tool: Vector, share: float) -> PoseRange:
 
 
 def _cut(box: PoseRange, tool: Vector, stop: Vector | None) -> PoseRange:
-    """The box less what is beyond a place where the proof failed: the side is cut that costs least of it."""
+    """The box less what is beyond 0.9 of the way to where the proof failed: the side is cut that costs least of it.
+
+    All of it is made smaller where less than 0.3 would be left.
+    """
     ends, away = _ends(box), np.zeros(3) if stop is None else stop - tool
     side = (away > 0).astype(int)
-    lengths = np.abs(NEARER * away) + np.abs(ends[np.arange(3), 1 - side] - tool)
+    lengths = np.abs(0.9 * away) + np.abs(ends[np.arange(3), 1 - side] - tool)
     shares = np.where(away != 0, lengths / (ends[:, 1] - ends[:, 0]), 0.0)
     axis = int(np.argmax(shares))
-    if not LEAST < shares[axis] < 1:
+    if not 0.3 < shares[axis] < 1:
         return _about(box, tool, 0.8)
-    ends[axis, side[axis]] = tool[axis] + NEARER * away[axis]
+    ends[axis, side[axis]] = tool[axis] + 0.9 * away[axis]
     return _box(ends, box.rotation, box.tilt, box.spin)
 
 
