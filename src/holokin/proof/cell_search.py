@@ -35,7 +35,7 @@ from .tube import UP, Cells, Findings, centred, examined
 # in the same order, and ends with the same certificate. Whole batches are kept or none, whatever is killed and when. Of
 # their contents a hash is kept, too; a batch that is not as it was written is examined anew.
 
-FORM = 1
+FORM = 2
 """Of the file; a later form is another number."""
 
 ANOTHER = "give another file, or delete it"
@@ -523,7 +523,7 @@ def reasons_of(batch: Batch, chosen: Flags) -> list[Extent]:
 
 def joinable(findings: Findings) -> Flags:
     """(k,) True where the test holds, with room for gluing."""
-    return findings.passed & (LONE * findings.r <= findings.alone)
+    return np.isfinite(findings.r) & (LONE * findings.r <= findings.alone)
 
 
 def one_root(off: Vector, r: Vector, alone: Vector, other_r: Vector, other_alone: Vector) -> Flags:

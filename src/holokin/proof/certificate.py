@@ -185,8 +185,8 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     @cached_property
     def theorem(self) -> str:
         """What is proven, in one sentence."""
-        found, equation, box = len(self), self.equation, isinstance(self.asked, Workspace)
-        if not found:
+        count, equation, box = len(self), self.equation, isinstance(self.asked, Workspace)
+        if not count:
             return f"Nothing is proven: at {self.where or 'the start'} {self.extent.cause}."
         # One posture for each place.
         strategy, with_others, q = equation.strategy, "", ""
@@ -201,7 +201,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
             about = f"every place {'on the path' if self.covered else 'of the path up to there'}"
         parts = [
             f"on the leaf of {strategy.name!r} for the task {strategy.task.name!r} through the start, {about} has "
-            f"exactly one posture{with_others} in the tube of its cell ({found} cells); this posture is a {function}, "
+            f"exactly one posture{with_others} in the tube of its cell ({count} cells); this posture is a {function}, "
             f"with |det {equation.derivative}| >= {at_least(self.determinant, 2)}{q}"
         ]
         # Limits and distances.
