@@ -22,13 +22,17 @@ Data = dict[str, Any]
 VERIFIED, REJECTED, NONE = "verified", "rejected", "no certificate"
 
 
+def sealed(data: Data) -> str:
+    """The file of data, with the digest that fits them."""
+    try:
+        return json.dumps(data | {"sha256": digest(data)}) + "\n"
+    except ValueError:  # NaN or infinity, which holokin does not write
+        return json.dumps(data | {"sha256": "0"}) + "\n"
+
+
 def outcome(data: Data, file: Path) -> str:
     """Of data with a digest that fits them. Any other error is a failure of the checker."""
-    try:
-        text = json.dumps(data | {"sha256": digest(data)}) + "\n"
-    except ValueError:  # NaN, which holokin does not write
-        text = json.dumps(data | {"sha256": "0"}) + "\n"
-    return outcome_of(text, file)
+    return outcome_of(sealed(data), file)
 
 
 def outcome_of(text: str, file: Path) -> str:
@@ -77,8 +81,8 @@ def cells(tree: Any) -> Iterator[Data]:
         yield from cells(tree[3])
 
 
-def shifted(values: list[float], by: float) -> None:
-    values[0] += by
+def shifted(values: list[float], by: float, at: int = 0) -> None:
+    values[at] += by
 
 
 def torn(data: Data, by: float) -> None:

@@ -35,6 +35,7 @@ from forged import (
     outcome_of,
     parabola,
     residual,
+    sealed,
     shifted,
     torn,
     triangle,
@@ -65,10 +66,6 @@ def box() -> hk.proof.Certificate:
 def test_a_theorem_that_is_true_is_verified_whether_found_or_made_by_hand(loop: Data, box: Any, file: Path) -> None:
     assert outcome(loop, file) == outcome(box.data, file) == outcome(parabola(), file) == VERIFIED
     assert outcome(parabola((-1.0, -1.0)), file) == VERIFIED
-
-
-def test_two_branches_are_not_glued(file: Path) -> None:
-    assert outcome(parabola((1.0, -1.0)), file) == REJECTED
 
 
 def test_a_root_that_is_double_is_not_certified(file: Path) -> None:
@@ -143,31 +140,24 @@ def first(data: Data) -> Data:
     return next(cells(data["pieces"][0]["cells"]))
 
 
-FALSE: dict[str, Callable[[Data], Any]] = {
+def comb(depth: int) -> Any:
+    """Cells cut within each other."""
+    return [0, 0.5, None, comb(depth - 1)] if depth else None
+
+
+FALSE: dict[str, Callable[[Data], Any]] = {  # parts that are of another kind or missing: test_certificate.py
     "a start that is not on the leaf": lambda d: shifted(d["pieces"][0]["q"], 1e-6),
     "a start at the other elbow": lambda d: d["pieces"][0].update(q=[2.1, -0.9, -0.9]),
     "a piece that begins elsewhere": lambda d: shifted(d["pieces"][1]["q"], 1e-6),
-    "pieces in another order": lambda d: d["pieces"].reverse(),
-    "a piece left out": lambda d: d["pieces"].pop(1),
-    "a piece twice": lambda d: d["pieces"].insert(1, d["pieces"][0]),
-    "no piece": lambda d: d["pieces"].clear(),
-    "no cells": lambda d: d["pieces"][0].update(cells=None),
-    "no cells, as an empty one": lambda d: d["pieces"][0].update(cells={}),
-    "a half without cells": lambda d: d["pieces"][0]["cells"].__setitem__(2, None),
     "the halves changed over": lambda d: d["pieces"][0].update(
         cells=d["pieces"][0]["cells"][:2] + d["pieces"][0]["cells"][:1:-1]
     ),
-    "three parts of a cut": lambda d: d["pieces"][0]["cells"].append(d["pieces"][0]["cells"][3]),
     "a cut outside": lambda d: d["pieces"][0]["cells"].__setitem__(1, 1.5),
     "a cut at an end": lambda d: d["pieces"][0]["cells"].__setitem__(1, 0.0),
-    "a cut at no number": lambda d: d["pieces"][0]["cells"].__setitem__(1, math.nan),
-    "a cut across what is not there": lambda d: d["pieces"][0]["cells"].__setitem__(0, 1),
     "a cut across a negative axis": lambda d: d["pieces"][0]["cells"].__setitem__(0, -1),
     "a turn that is not": lambda d: d["claims"].update(turns=[1, 0, 0]),
     "half a turn": lambda d: d["claims"].update(turns=[0.5, 0, 0]),
-    "turns of two joints": lambda d: d["claims"].update(turns=[0, 0]),
     "a hull that is too small": lambda d: d["claims"]["joints"][1].__setitem__(0, d["claims"]["joints"][1][0] + 0.05),
-    "a hull of two joints": lambda d: d["claims"]["joints"][2].pop(),
     "limits within the hull": lambda d: d["claims"]["joints"][3].__setitem__(1, d["claims"]["joints"][2][1] - 1e-9),
     "a larger determinant": lambda d: d["claims"].update(determinant=1e3 * d["claims"]["determinant"]),
     "a smaller gap": lambda d: d["claims"].update(gap=1e-17),
@@ -179,34 +169,18 @@ FALSE: dict[str, Callable[[Data], Any]] = {
     "limits the wrong way round": lambda d: d["claims"]["joints"].reverse(),
     "a hull that is none": lambda d: d["claims"]["joints"][2].__setitem__(0, 1e300),
     "degrees": lambda d: d.update(units=["deg", "deg", "deg"]),
-    "more units than joints": lambda d: d["units"].append("m"),
-    "no units": lambda d: d.update(units=[]),
-    "a format of its own": lambda d: d.update(format="mine"),
-    "no format": lambda d: d.update(format=None),
     "operations without end": lambda d: d.update(operations=d["operations"] + [["add", 0, 0]] * 300_000),
     "joints without end": lambda d: [piece.update(q=[0.0] * 3000) for piece in d["pieces"]],
-    "a negative gap": lambda d: d["claims"].update(gap=-1.0),
-    "no gap": lambda d: d["claims"].update(gap=math.nan),
-    "an endless gap": lambda d: d["claims"].update(gap=math.inf),
     "another leaf": lambda d: shifted(d["level"], 1e-6),
-    "a level of two numbers": lambda d: d["level"].append(0.0),
-    "no level": lambda d: d["level"].clear(),
-    "no joints": lambda d: [piece.update(q=[]) for piece in d["pieces"]],
     "joints that do not count": lambda d: d.update(outputs=[d["outputs"][-1]] * len(d["outputs"])),
-    "a row less": lambda d: d["outputs"].pop(0),
-    "a row twice": lambda d: d["outputs"].__setitem__(1, d["outputs"][0]),
     "a tool that faces away": lambda d: d["constants"].__setitem__(-1, -1.0),
-    "an unknown operation": lambda d: d["operations"][0].__setitem__(0, "floor"),
-    "an operation without arguments": lambda d: d["operations"].__setitem__(0, ["add"]),
     "an operation of what comes later": lambda d: d["operations"].__setitem__(0, ["sin", 10_000]),
-    "an operation of half a place": lambda d: d["operations"].__setitem__(0, ["sin", 0.5]),
-    "a name for a number": lambda d: first(d)["q0"].__setitem__(0, "one"),
-    "no number": lambda d: first(d)["q0"].__setitem__(0, math.nan),
-    "a list for a number": lambda d: first(d)["V"].__setitem__(0, [[1.0]]),
-    "a predictor of two joints": lambda d: first(d)["q0"].pop(),
     "a matrix Y that is singular": lambda d: first(d).update(Y=[[0.0] * 3] * 3),
-    "a cell as a list of lists": lambda d: d["pieces"][0].update(cells=[[[]]]),
-    "a file that is a list": lambda d: d.update(claims=[]),
+    "an operand before the first": lambda d: d["operations"].__setitem__(2, ["sub", -1, 5]),
+    "an output before the first": lambda d: d["outputs"].__setitem__(0, -1),
+    "an equation that is singular": lambda d: d["operations"].__setitem__(0, ["sub", 0, 0]),
+    "cells cut without end": lambda d: d["pieces"][0].update(cells=comb(300)),
+    "turns without end": lambda d: d["claims"].update(turns=[10**300, 0, 0]),
 }  # fmt: skip
 
 
@@ -215,18 +189,8 @@ def test_a_false_certificate_with_the_right_digest_is_not_verified(name: str, lo
     assert outcome(changed(loop, FALSE[name]), file) in (REJECTED, NONE)
 
 
-def test_a_certificate_without_one_of_its_parts_is_rejected(loop: Data, file: Path) -> None:
-    words = {"task", "title", "theorem", "where", "robot", "names"}
-    for key in set(loop) - words:
-        assert outcome(changed(loop, lambda d, key=key: d.pop(key)), file) == (NONE if key == "format" else REJECTED), (
-            key
-        )
-    for key in loop["claims"]:
-        assert outcome(changed(loop, lambda d, key=key: d["claims"].pop(key)), file) == REJECTED, key
-
-
 def test_a_file_that_is_not_byte_for_byte_what_was_written_is_rejected(loop: Data, file: Path) -> None:
-    text = json.dumps(loop | {"sha256": digest(loop)}) + "\n"
+    text = sealed(loop)
     assert outcome_of(text, file) == VERIFIED
     assert outcome_of(text.replace('"whole": true', '"whole": false, "whole": true'), file) == REJECTED
     assert outcome_of(text.replace("0.5", "0.50", 1), file) == REJECTED
@@ -278,29 +242,6 @@ def test_a_certificate_with_any_number_changed_is_rejected_or_still_true(
         assert_true(other)
 
 
-STATED = [("level",), ("pieces", 0, "q"), ("pieces", 1, "q"), ("pieces", 2, "q"), ("claims", "turns")]
-
-
-@given(st.data(), st.floats(-1, 1).filter(lambda x: abs(x) > 0.2), st.integers(-9, 0))
-def test_another_leaf_start_or_turn_is_always_rejected(
-    loop: Data, file: Path, draw: st.DataObject, amount: float, power: int
-) -> None:
-    place = draw.draw(st.sampled_from([p for p in leaves(loop) if any(p[: len(s)] == s for s in STATED)]))
-    other = with_number(loop, place, relevant(loop, place, amount * (1 if "turns" in place else 10.0**power)))
-    assert outcome(other, file) in (REJECTED, NONE)
-
-
-@given(st.data(), st.floats(0.2, 1), st.booleans())
-def test_a_number_changed_under_the_old_digest_is_always_rejected(
-    loop: Data, file: Path, draw: st.DataObject, amount: float, small: bool
-) -> None:
-    place = draw.draw(st.sampled_from(list(leaves(loop))))
-    value = number_at(loop, place)
-    other = np.nextafter(value, np.inf) if small and isinstance(value, float) else value + amount
-    text = json.dumps(with_number(loop, place, float(other)) | {"sha256": digest(loop)}) + "\n"
-    assert outcome_of(text, file) == REJECTED
-
-
 def test_a_piece_that_is_moved_is_proven_by_itself_so_that_only_the_tear_rejects_it(loop: Data, file: Path) -> None:
     alone = changed(loop, lambda d: torn(d, 1e-4))
     alone["pieces"] = alone["pieces"][1:2]
@@ -317,7 +258,7 @@ def test_what_is_said_is_computed_and_the_words_of_the_file_are_named_as_such(lo
         loop, lambda d: d.update(title="\x1b[31mred\x1b]0;x\x07", robot="panda\n\x9b2J", theorem="all robots")
     )
     forged["names"] = ["\x1b[2J", "\u202egnirts", 3]
-    file.write_text(json.dumps(forged | {"sha256": digest(forged)}) + "\n", "utf-8")
+    file.write_text(sealed(forged), "utf-8")
     found = checker.check(str(file))
     text = "".join([*found.lines, found.words])
     assert text.isprintable() and "all robots" not in text and "panda" not in "".join(found.lines)
@@ -368,7 +309,7 @@ def test_files_that_are_none_are_not_read(file: Path, tmp_path: Path) -> None:
 
 
 def test_the_time_is_limited(loop: Data, file: Path) -> None:
-    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
+    file.write_text(sealed(loop), "utf-8")
     with pytest.raises(TimeoutError):
         checker.check(str(file), seconds=0.0)
     with pytest.raises(hk.base.errors.CertificateError, match="--seconds"):
@@ -382,7 +323,7 @@ def test_the_checker_alone_ends_with_0_1_or_2(loop: Data, file: Path) -> None:
         assert "Traceback" not in found.stderr
         return found.returncode, found.stdout + found.stderr
 
-    code, said = run(json.dumps(loop | {"sha256": digest(loop)}) + "\n")
+    code, said = run(sealed(loop))
     assert code == 0 and "VERIFIED" in said and "..." in said
     assert run(json.dumps(loop) + "\n")[0] == 1
     assert run("no JSON")[0] == 2
@@ -391,7 +332,7 @@ def test_the_checker_alone_ends_with_0_1_or_2(loop: Data, file: Path) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: Data, file: Path) -> None:
-    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
+    file.write_text(sealed(loop), "utf-8")
     code = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "  # a background job ignores it
         "from holokin.app.cli import main; from holokin.proof import checker; "
@@ -400,25 +341,6 @@ def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: 
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 128 + signal.SIGINT and "Traceback" not in found.stderr, found.stderr
-
-
-@pytest.mark.campaign
-def test_honest_certificates_of_functions_with_a_pole_near_by_are_verified(tmp_path: Path) -> None:
-    """c / d^4 about a centre that is 0.15 to 0.6 m from where a PPR arm begins to move: large cells next to a pole."""
-    rng, robot = np.random.default_rng(7), hk.load("ppr")
-    for _ in range(4):
-        q = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-2, 2)])
-        direction = rng.uniform(-np.pi, np.pi)
-        center = q[:2] + rng.uniform(0.15, 0.6) * np.array([np.cos(direction), np.sin(direction)])
-        c = rng.uniform(-0.3, 0.3) * 10 ** rng.uniform(-5, -3)
-
-        def g(v: casadi.SX, center: np.ndarray = center, c: float = c) -> casadi.SX:
-            return v[2] + c / ((v[0] - center[0]) ** 2 + (v[1] - center[1]) ** 2) ** 2
-
-        x, way = robot.pose(q)[:3, 3], rng.normal(size=2)
-        path = hk.line(x, x + [*(rng.uniform(0.05, 0.5) * way / np.linalg.norm(way)), 0.0])
-        proof = hk.certify(hk.holonomic(hk.position(robot), hk.custom(g)), path, q, limits=False)
-        assert len(proof) and checker.check(str(proof.save(tmp_path / "pole.json"))).lines
 
 
 # --- The functions that the checker encloses, and honest certificates that it verifies: angles beside their cut, roots.
@@ -524,20 +446,30 @@ def test_a_path_whose_ends_cannot_be_compared_is_not_called_closed(tmp_path: Pat
 
 
 @pytest.mark.campaign
-def test_honest_certificates_of_angles_that_end_at_their_cut_are_verified(tmp_path: Path) -> None:
-    """q3 = k atan2 about a centre, on lines towards its cut, where it jumps by no whole turn: cells ever smaller."""
-    rng, robot = np.random.default_rng(5), hk.load("ppr")
-    for _ in range(2):
+@pytest.mark.parametrize("kind", ["pole", "angle"])
+def test_honest_certificates_of_functions_with_a_pole_near_by_and_of_angles_that_end_at_their_cut_are_verified(
+    kind: str, tmp_path: Path
+) -> None:
+    """q3 + c / d^4, and q3 - k atan2, about a centre that is 0.15 to 0.6 m from where a PPR arm begins to move: large
+    cells next to a pole; lines towards the cut, where q3 jumps by no whole turn, in cells ever smaller."""
+    rng, robot, proven = np.random.default_rng(7), hk.load("ppr"), 0
+    for _ in range(4):
         q = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-2, 2)])
-        direction, k = rng.uniform(-0.8, 0.8), rng.choice([-0.5, 0.3, 0.5])
+        direction = rng.uniform(-np.pi, np.pi) if kind == "pole" else rng.uniform(-0.8, 0.8)
         center = q[:2] + rng.uniform(0.15, 0.6) * np.array([np.cos(direction), np.sin(direction)])
+        c, k = rng.uniform(-0.3, 0.3) * 10 ** rng.uniform(-5, -3), rng.choice([-0.5, 0.3, 0.5])
 
-        def g(v: casadi.SX, center: np.ndarray = center, k: float = k) -> casadi.SX:
-            return v[2] - k * casadi.atan2(v[1] - center[1], v[0] - center[0])
+        def g(v: casadi.SX, center: np.ndarray = center, c: float = c, k: float = k) -> casadi.SX:
+            x, y = v[0] - center[0], v[1] - center[1]
+            return v[2] + c / (x**2 + y**2) ** 2 if kind == "pole" else v[2] - k * casadi.atan2(y, x)
 
-        x, way = robot.pose(q)[:3, 3], np.array([rng.uniform(-0.1, 0.1), -np.sign(q[1] - center[1]), 0.0])
-        path = hk.line(x, x + rng.uniform(0.3, 0.6) * way)
-        proof = hk.certify(
-            hk.holonomic(hk.position(robot), hk.custom(g, angular=True)), path, q, limits=False, budget=150
-        )
-        assert len(proof) and checker.check(str(proof.save(tmp_path / "angle.json"))).lines
+        x, way = robot.pose(q)[:3, 3], np.append(rng.normal(size=2), 0.0)
+        if kind == "angle":
+            way = np.array([rng.uniform(-0.1, 0.1), -np.sign(q[1] - center[1]), 0.0])
+        path = hk.line(x, x + rng.uniform(0.3, 0.5) * way / np.linalg.norm(way))
+        G = hk.holonomic(hk.position(robot), hk.custom(g, angular=kind == "angle"))
+        proof = hk.certify(G, path, q, limits=False, budget=20_000 if kind == "pole" else 150)
+        if len(proof):  # a path may end at the cut before the first cell
+            proven += 1
+            assert checker.check(str(proof.save(tmp_path / "honest.json"))).lines
+    assert proven >= 2

@@ -1,8 +1,10 @@
-"""Shapes that are proven to keep apart: no posture on the leaf inside brings them nearer than is said."""
+"""Shapes that are proven to keep apart: no posture on the leaf inside brings them nearer than is said.
+
+Shapes that no proof can be about are refused; where a box is not proven, a posture shows it.
+"""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -15,12 +17,13 @@ import holokin as hk
 from conftest import campaign, sampled
 from holokin.base.errors import ArgumentError, HolokinError, UnknownNameError
 from holokin.proof.cell_search import Extent
-from holokin.proof.certificate import Certificate, digest
-from holokin.proof.kept_apart import kept_apart
+from holokin.proof.kept_apart import kept_apart, too_near_along
+from holokin.proof.proven_region import CAUSES, NEAR, region_of
 from holokin.proof.recheck import recheck
-from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, with_capsules
+from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, with_capsules
 
 coal, pin = pytest.importorskip("coal"), pytest.importorskip("pinocchio")
+trimesh = pytest.importorskip("trimesh")
 
 Q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 TABLE = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, -0.1))
@@ -145,35 +148,19 @@ def test_distances_at_postures_are_those_of_coal(panda: hk.Robot) -> None:
 
 def test_an_obstacle_that_is_one_millimetre_too_near_is_never_proven_away(panda: hk.Robot) -> None:
     strategy, space = leaf(panda), box(panda, 0.01)
-    found = hk.certify(strategy, space, Q0, scene=hk.Scene(obstacles=[POST], clearance=0.0, self_collision=False))
+
+    def asked_for(clearance: float) -> hk.proof.Certificate:
+        return hk.certify(strategy, space, Q0, scene=hk.Scene([POST], clearance=clearance, self_collision=False))
+
+    found = asked_for(0.0)
     corners = np.array([np.ravel(c) for c in np.meshgrid(*[[-1.0, 1.0]] * 3)]).T
     T = np.tile(panda.pose(Q0), (8, 1, 1))
     T[:, :3, 3] += 0.01 * corners
     seen = coal_distances(panda, found.demands.clear.pairs, [POST], hk.ik(strategy, Q0).batch(T).q)
     nearest = float(seen.min())
-    asked = hk.certify(
-        strategy, space, Q0, scene=hk.Scene(obstacles=[POST], clearance=nearest + 0.001, self_collision=False)
-    )
+    asked = asked_for(nearest + 0.001)
     assert not asked.whole and asked.extent is Extent.NEAR
-    assert hk.certify(
-        strategy, space, Q0, scene=hk.Scene(obstacles=[POST], clearance=nearest - 0.01, self_collision=False)
-    ).whole
-
-
-def test_a_corner_that_an_obstacle_takes_is_left_out_and_the_rest_is_proven(panda: hk.Robot) -> None:
-    strategy, space = leaf(panda), box(panda, 0.02)
-    T = panda.pose(Q0)
-    corner = T[:3, 3] + 0.02
-    ball = hk.obstacle("ball", Capsule(0.02), tuple(corner + [0.06, 0.06, 0.0]))
-    found = hk.unique_region(
-        strategy, Q0, space, scene=hk.Scene(obstacles=[ball], clearance=0.0, self_collision=False), budget=4000
-    )
-    poses = space.poses(300)
-    inside = found.contains(poses)
-    Q = hk.ik(strategy, Q0).batch(poses).q
-    seen = coal_distances(panda, found.certificate.demands.clear.pairs, [ball], Q).min(axis=1)
-    assert (seen < 0).any() and (seen[inside] > 0).all()
-    assert 0.5 < found.share < 1.0
+    assert asked_for(nearest - 0.01).whole
 
 
 def test_along_a_path_with_a_floor(panda: hk.Robot) -> None:
@@ -185,65 +172,10 @@ def test_along_a_path_with_a_floor(panda: hk.Robot) -> None:
         hk.certify(leaf(panda), circle, Q0, scene=hk.Scene(floor=float(T[2, 3]) - 0.2, clearance=0.0))
 
 
-@pytest.fixture(scope="module")
-def certified(panda: hk.Robot) -> Certificate:
-    return hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(obstacles=[TABLE], clearance=0.05))
-
-
-@pytest.fixture(scope="module")
-def good(certified: Certificate, tmp_path_factory: pytest.TempPathFactory) -> tuple[bool, str]:
-    """What is said of the certificate that nobody changed."""
-    return spoilt(certified, tmp_path_factory.mktemp("clear") / "good.json", lambda data: None)
-
-
-def spoilt(certificate: Certificate, file: Path, change: object) -> tuple[bool, str]:
-    data = json.loads(json.dumps(certificate.data))
-    change(data)
-    file.write_text(json.dumps(data | {"sha256": digest(data)}) + "\n", "utf-8")
-    return recheck(file, robot=certificate.equation.strategy.task.robot)
-
-
-def _cells(tree: object) -> list[dict]:
-    return [tree] if isinstance(tree, dict) else [c for part in tree[2:] for c in _cells(part)] if tree else []
-
-
-def _turn_planes(data: dict) -> None:
-    for cell in _cells(data["pieces"][0]["cells"]):
-        cell["planes"] = [[-x for x in plane] for plane in cell["planes"]]
-
-
-def _no_planes(data: dict) -> None:
-    for cell in _cells(data["pieces"][0]["cells"]):
-        cell["planes"] = [[0.0, 0.0, 0.0] for _ in cell["planes"]]
-
-
-def _claim_more(data: dict) -> None:
-    for pair in data["clear"]["pairs"]:
-        pair["apart"] += 0.5
-
-
-def _grow(data: dict) -> None:
-    data["clear"]["shapes"][0]["radius"] += 1.0
-
-
-def _thinner(data: dict) -> None:
-    for shape in data["clear"]["shapes"]:
-        shape["radius"] *= 0.5
-
-
-def _longer(data: dict) -> None:
-    data["clear"]["joints"][3]["origin"][0] += 0.01
-
-
-@pytest.mark.parametrize("change", [_turn_planes, _no_planes, _claim_more, _grow, _thinner, _longer])
-def test_the_checker_verifies_it_and_rejects_what_was_changed(
-    certified: Certificate, good: tuple[bool, str], tmp_path: Path, change: object
-) -> None:
-    assert certified.whole
-    rejected, text = good
-    assert not rejected and "m apart or more, 0.05 claimed" in text
-    rejected, text = spoilt(certified, tmp_path / "bad.json", change)
-    assert rejected, text
+def test_the_checker_verifies_the_distances(panda: hk.Robot, tmp_path: Path) -> None:
+    proof = hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(obstacles=[TABLE], clearance=0.05))
+    rejected, text = recheck(proof.save(tmp_path / "clear.json"), robot=panda)
+    assert proof.whole and not rejected and "m apart or more, 0.05 claimed" in text
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.03])
@@ -285,22 +217,190 @@ def test_of_two_tools_the_speed_is_that_of_the_fastest() -> None:
     assert (rates.per_speed >= speeds * (1 - 1e-3)).all() and (rates.per_speed <= 1.5 * speeds).all()
 
 
+# --- Shapes that no proof can be about: told at once, with what is the matter and what to do.
+
+
+def asked(panda: hk.Robot, *things: LinkShape, **more: object) -> hk.proof.Certificate:
+    return hk.certify(leaf(panda), box(panda, 0.004), Q0, scene=hk.Scene(things, **more))
+
+
+def meshed(file: Path, mesh: trimesh.Trimesh) -> Mesh:
+    mesh.export(file)
+    return Mesh(file)
+
+
+def corner_of(file: Path) -> Mesh:
+    """Two plates that meet at a right angle, as one mesh."""
+    plates = [trimesh.creation.box((0.3, 0.3, 0.02)), trimesh.creation.box((0.02, 0.3, 0.3))]
+    plates[1].apply_translation((0.15, 0, 0.15))
+    return meshed(file, trimesh.util.concatenate(plates))
+
+
+def test_a_ball_that_the_arm_is_in_at_the_start_is_told_with_its_pair_and_depth(panda: hk.Robot) -> None:
+    """The ball is about the tool, so that it is in the last link's capsule by its radius and that of the capsule."""
+    tip = panda.pose(Q0)[:3, 3]
+    with pytest.raises(ArgumentError, match=r"panda_joint7 and ball overlap by 0\.\d+ m there") as told:
+        asked(panda, hk.obstacle("ball", Capsule(0.05), tuple(tip)))
+    (capsule,) = [s for s in hk.robot.with_capsules(panda).shapes if s.joint == 6]
+    depth = float(str(told.value).partition("overlap by ")[2].partition(" m")[0])
+    assert depth == pytest.approx(0.05 + capsule.shape.radius, abs=2e-3)
+
+
+def test_a_mesh_that_is_not_convex_is_refused_and_its_hull_and_its_parts_are_taken(
+    panda: hk.Robot, tmp_path: Path
+) -> None:
+    mesh, at = corner_of(tmp_path / "corner.stl"), (0.9, 0.3, 0.3)
+    assert not mesh.convex
+    with pytest.raises(ArgumentError, match="convex parts"):
+        asked(panda, hk.obstacle("corner", mesh, at))
+    assert asked(panda, hk.obstacle("corner", mesh.hull, at)).whole
+    block = meshed(tmp_path / "block.stl", trimesh.creation.box((0.1, 0.2, 0.3)))
+    assert block.convex and asked(panda, hk.obstacle("block", block, at)).whole
+
+
 @pytest.mark.parametrize(
-    ("more", "word"),
+    ("shape", "convex"),
     [
-        ({"obstacles": [hk.obstacle("ball", Capsule(0.3), (0.3, 0.0, 0.5))]}, "ball"),
-        ({"obstacles": [LinkShape("moving", 2, np.eye(4), Capsule(0.1), obstacle=True)]}, "still"),
-        ({"obstacles": [hk.obstacle("table", Box(np.array([1000.0, 1000.0, 50.0])), (600.0, 0.0, -100.0))]}, "metres"),
-        ({"floor": -800.0}, "metres"),
-        ({"clearance": 200.0}, "metres"),
-        ({"self_collision": False}, "obstacles"),
+        (trimesh.creation.icosphere(subdivisions=3, radius=0.2), True),
+        (trimesh.creation.cylinder(0.1, 0.4), True),
+        (trimesh.creation.annulus(0.1, 0.2, 0.3), False),
+        (
+            trimesh.Trimesh(*(lambda b: (b.vertices, b.faces[2:]))(trimesh.creation.box((1, 1, 1))), process=False),
+            False,
+        ),
     ],
+    ids=["ball", "cylinder", "pipe", "a box without its lid"],
 )
-def test_what_cannot_be_asked_is_refused(panda: hk.Robot, more: dict, word: str) -> None:
-    with pytest.raises(ArgumentError, match=word):
-        hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(**more))
+def test_a_mesh_is_convex_as_its_volume_over_that_of_its_hull_says(
+    tmp_path: Path, shape: trimesh.Trimesh, convex: bool
+) -> None:
+    mesh = meshed(tmp_path / "shape.stl", shape)
+    assert mesh.convex is convex
+    if shape.is_watertight:
+        assert bool(shape.volume / shape.convex_hull.volume > 0.999) is convex
+
+
+def _box(*sides: float) -> Box:
+    return Box(np.array(sides))
+
+
+@pytest.mark.parametrize(
+    ("things", "more", "words"),
+    [
+        ([hk.obstacle("table", _box(1000, 1000, 50), (600, 0, -100))], {}, "give metres"),
+        ([hk.obstacle("ball", Capsule(60.0), (0.3, 0, 0.4))], {}, "given in mm"),
+        ([hk.obstacle("ball", Capsule(0.02), (0.6, 300, 0.5))], {}, "give metres"),
+        ([], {"clearance": 20.0}, "give metres"),
+        ([], {"floor": -200.0}, "metres"),
+        ([], {"self_collision": False}, "obstacles"),
+    ],
+    ids=["table", "ball", "place", "clearance", "floor", "nothing"],
+)
+def test_lengths_in_millimetres_and_empty_scenes_are_told_as_such(
+    panda: hk.Robot, things: list, more: dict, words: str
+) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        asked(panda, *things, **more)
+
+
+def test_a_robot_whose_own_shape_is_in_millimetres_is_told(panda: hk.Robot) -> None:
+    large = hk.robot.with_shape(panda, "gripper", _box(80, 80, 120))
+    with pytest.raises(ArgumentError, match="its scale"):
+        asked(large, hk.obstacle("post", Capsule(0.02, 1.0), (0.45, -0.25, 0.5)))
+
+
+def test_shapes_without_points_or_sides_cannot_be_made(tmp_path: Path) -> None:
+    for make in (
+        lambda: Hull(np.zeros((0, 3))),
+        lambda: _box(0, 1, 1),
+        lambda: Capsule(0.0),
+        lambda: _box(1, 1, np.nan),
+    ):
+        with pytest.raises(HolokinError):
+            make()
+
+
+def test_a_mesh_without_triangles_is_refused(panda: hk.Robot, tmp_path: Path) -> None:
+    file = tmp_path / "empty.stl"
+    file.write_text("solid none\nendsolid none\n")
+    with pytest.raises(ArgumentError, match="no triangles"):
+        asked(panda, hk.obstacle("nothing", Mesh(file), (0.9, 0.3, 0.3)))
+
+
+def test_what_moves_is_refused(panda: hk.Robot) -> None:
+    moving = LinkShape("cart", 2, np.eye(4), Capsule(0.1), obstacle=True)
+    with pytest.raises(ArgumentError, match=r"stand still.*with_shape"):
+        asked(panda, moving)
 
 
 def test_an_unknown_link_is_refused(panda: hk.Robot) -> None:
     with pytest.raises(UnknownNameError):
-        hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(obstacles=[TABLE], allowed=[("elbow", "table")]))
+        asked(panda, TABLE, allowed=[("elbow", "table")])
+
+
+# --- Where a box is not proven: a part is refuted by a posture alone that touches.
+
+
+RADIUS, WANTED, HALF = 0.02, 0.002, 0.02
+ARM = hk.load("panda")
+TOOL = ARM.pose(Q0)
+CORNER = TOOL[:3, 3] + HALF
+BALL = CORNER + [0.06, 0.06, 0.0]
+NEAR_BALL = hk.Scene([hk.obstacle("ball", Capsule(RADIUS), tuple(BALL))], clearance=WANTED, self_collision=False)
+
+
+@cache
+def region() -> hk.proof.UniqueRegion:
+    """A cube of 4 cm, of which one corner alone comes near a ball."""
+    return hk.unique_region(leaf(ARM), Q0, box(ARM, HALF), scene=NEAR_BALL, budget=4000)
+
+
+def to_ball(Q: np.ndarray) -> np.ndarray:
+    """(k,) the distance of the arm from the ball, by coal."""
+    pairs = region().certificate.demands.clear.pairs
+    return coal_distances(ARM, pairs, list(NEAR_BALL.obstacles), np.atleast_2d(Q)).min(axis=1)
+
+
+def test_a_refuted_part_holds_a_posture_of_the_leaf_that_is_too_near() -> None:
+    parts, strategy = region().parts, region().strategy
+    refuted = np.flatnonzero(parts.cause == NEAR)
+    assert len(refuted) and all((parts.found[i] is not None) == (i in refuted) for i in range(len(parts)))
+    for i in refuted:
+        one = parts.found[i]
+        assert to_ball(one.q)[0] == pytest.approx(one.distance, abs=1e-9) and one.distance < one.wanted == WANTED
+        assert one.q[2] == pytest.approx(Q0[2], abs=1e-12) and set(one.names) >= {"ball"}
+        assert np.abs(strategy.task.pose(one.q) - one.pose).max() < 1e-9
+        u = (one.pose[:3, 3] - TOOL[:3, 3]) / HALF
+        assert (parts.low[i] - 1e-9 <= u).all() and (u <= parts.high[i] + 1e-9).all()
+    assert parts.worst.distance == min(parts.found[i].distance for i in refuted)
+    assert "and ball overlap by" in str(parts.worst) and "was asked" in str(parts.worst)
+
+
+def test_the_corner_that_the_ball_takes_is_open_and_all_that_touches_is_there() -> None:
+    found, parts = region(), region().parts
+    poses = found.workspace.poses(1500)
+    apart, inside = to_ball(hk.ik(found.strategy, Q0).batch(poses).q), found.contains(poses)
+    assert (apart[inside] >= WANTED).all() and (apart < WANTED).any() and 0.5 < inside.mean() < 1
+    causes = found.causes(poses)
+    assert ((causes == NEAR) == (apart < WANTED)).all()
+    assert found.share + sum(parts.shares.values()) == pytest.approx(1.0, abs=1e-12)
+    assert parts.shares[CAUSES[NEAR]] >= (apart < WANTED).mean(), "parts are refuted as wholes"
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    far = found.workspace.at(TOOL[:3, 3] + 0.999 * HALF * corners[np.any(corners[:, :2] < 0, axis=1)])
+    assert found.contains(far).all() and not found.contains(found.workspace.at([CORNER - 1e-6])).any()
+    assert "too near" in str(found)
+
+
+def test_a_box_that_is_not_proven_whole_has_the_posture_that_refutes_it() -> None:
+    """`certify` ends at the first place where it fails; what is too near is found all the same."""
+    proof = hk.certify(region().strategy, region().workspace, Q0, scene=NEAR_BALL)
+    worst = region_of(proof).parts.worst
+    assert not proof.whole and to_ball(worst.q)[0] < WANTED
+
+
+def test_along_a_path_the_posture_is_found_that_is_nearest() -> None:
+    path, strategy = hk.polyline([TOOL[:3, 3], CORNER]), region().strategy
+    proof = hk.certify(strategy, path, Q0, scene=NEAR_BALL)
+    one = too_near_along(proof)
+    walk = to_ball(hk.follow(strategy, path, Q0, samples=200).q)
+    assert not proof.whole and one.distance == pytest.approx(walk.min(), abs=1e-6) and one.distance < 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,15 +12,13 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from forged import cells, changed
+from forged import Data, cells, changed, sealed
 from holokin.base.errors import ArgumentError
-from holokin.proof.certificate import digest
 from holokin.proof.recheck import recheck
 from holokin.robot import Box, Capsule, Hull, LinkShape, with_capsules
 
 pytest.importorskip("flint")
 
-Data = dict[str, Any]
 START = np.array([0.3, 0.9, 0.9])
 WALL = hk.obstacle("wall", Box(np.array([0.1, 3.0, 1.0])), (-1.0, 0.0, 0.0))
 POST = hk.obstacle("post", Capsule(0.05, 0.5), (1.2, -0.6, 0.0))
@@ -49,7 +46,7 @@ def proof(arm: hk.Robot) -> hk.proof.Certificate:
 
 
 def said(data: Data, file: Path, robot: hk.Robot) -> tuple[bool, str]:
-    file.write_text(json.dumps(data | {"sha256": digest(data)}) + "\n", "utf-8")
+    file.write_text(sealed(data), "utf-8")
     return recheck(file, robot=robot)
 
 
@@ -89,11 +86,7 @@ def place(data: Data, pair: Data) -> int:
 
 REJECTED: dict[str, Callable[[Data], Any]] = {
     "no planes": lambda d: all_planes(d, [0.0, 0.0, 0.0]),
-    "planes of two numbers": lambda d: all_planes(d, [1.0, 0.0]),
     "a plane for all": lambda d: all_planes(d, [1.0, 0.0, 0.0]),
-    "a plane too many": lambda d: next(cells(d["pieces"][0]["cells"]))["planes"].append([1.0, 0.0, 0.0]),
-    "a plane less": lambda d: next(cells(d["pieces"][0]["cells"]))["planes"].pop(),
-    "a cell without planes": lambda d: next(cells(d["pieces"][0]["cells"])).pop("planes"),
     "a distance that is too large": lambda d: pairs(d, "wall", last(d))[0].update(apart=3.0),
     "a distance below 0": lambda d: pairs(d, "wall", last(d))[0].update(apart=-1.0),
     "a thinner link": lambda d: shape(d, last(d)).update(radius=0.01),
@@ -108,10 +101,7 @@ REJECTED: dict[str, Callable[[Data], Any]] = {
     "a corner of a mesh outside": lambda d: shape(d, first(d), 1)["holds"].append([1.0, 0.0, 0.0]),
     "a mesh without its corners": lambda d: shape(d, first(d), 1).update(holds=[]),
     "a mesh that is smaller": lambda d: shape(d, first(d), 1).update(radius=1e-3, holds=[]),
-    "no points": lambda d: shape(d, "wall").update(points=[]),
     "a radius below 0": lambda d: shape(d, "wall").update(radius=-0.1),
-    "no number": lambda d: shape(d, "wall")["points"][0].__setitem__(0, float("nan")),
-    "no number, as a word": lambda d: shape(d, "wall")["points"][0].__setitem__(0, "nan"),
     "a longer arm": lambda d: d["clear"]["joints"][1]["origin"].__setitem__(0, 0.1),
     "an axis twice as long": lambda d: d["clear"]["joints"][1].update(axis=[0.0, 0.0, 2.0]),
     "an axis that does not turn": lambda d: d["clear"]["joints"][1].update(axis=[0.0, 0.0, 0.0]),
@@ -121,24 +111,17 @@ REJECTED: dict[str, Callable[[Data], Any]] = {
     "a joint on the base": lambda d: d["clear"]["joints"][2].update(parent=-1),
     "a joint on one behind it": lambda d: d["clear"]["joints"][0].update(parent=2),
     "an offset": lambda d: d["clear"]["joints"][0].update(offset=0.3),
-    "a joint less": lambda d: d["clear"]["joints"].pop(),
     "one of a link's shapes left out": lambda d: without(d, place(d, pairs(d, "wall", first(d))[1])),
     "one of a link's shapes twice": lambda d: pairs(d, "wall", first(d))[1].update(pairs(d, "wall", first(d))[0]),
     "names changed over": lambda d: pairs(d, "wall", last(d))[0].update(names=["post", last(d)]),
-    "no names": lambda d: pairs(d, "wall", last(d))[0].update(names=None),
-    "a word for names": lambda d: pairs(d, "wall", last(d))[0].update(names="ab"),
     "shapes changed over": lambda d: pairs(d, "wall", last(d))[0].update(shapes=pairs(d, "post", last(d))[0]["shapes"]),
-    "a pair of three": lambda d: pairs(d, "wall", last(d))[0]["shapes"].append(0),
-    "a pair of no shape": lambda d: pairs(d, "wall", last(d))[0].update(shapes=[0, 99]),
-    "a pair of a shape before the first": lambda d: pairs(d, "wall", last(d))[0].update(shapes=[0, -1]),
     "a floor above the arm": lambda d: shape(d, "floor").update(points=[[0.0, 0.0, 1.0]]),
     "a floor upside down": lambda d: shape(d, "floor").update(normal=[0.0, 0.0, -1.0]),
-    "a floor of another normal": lambda d: shape(d, "floor").update(normal=[1.0, 0.0]),
     "a floor that is a table": lambda d: shape(d, "floor").update(link="table"),
 }
 
 
-@sampled(24, "name", REJECTED)
+@sampled(16, "name", REJECTED)
 def test_a_false_certificate_about_shapes_is_rejected(
     name: str, proof: hk.proof.Certificate, arm: hk.Robot, tmp_path: Path
 ) -> None:

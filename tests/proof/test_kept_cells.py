@@ -39,7 +39,7 @@ obstacles = [{ name = "table", kind = "box", sides = [1.0, 1.0, 0.05], xyz = [0.
 
 
 @cache
-def law(joint: int = 2) -> hk.HolonomicStrategy:
+def G(joint: int = 2) -> hk.HolonomicStrategy:
     return hk.holonomic(hk.pose(hk.load("panda")), hk.lock(joint))
 
 
@@ -52,11 +52,11 @@ def proof(
     **more: object,
 ) -> Certificate:
     """Over a cube above a table: some batches of cells."""
-    T = law().task.pose(Q0)
+    T = G().task.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [half] * 3), rotation=T[:3, :3])
     table = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, z))
     return hk.certify(
-        law(joint),
+        G(joint),
         space,
         Q0,
         scene=hk.Scene(obstacles=[table], clearance=clearance, self_collision=False),
@@ -120,7 +120,7 @@ def test_one_that_was_killed_ends_with_the_same_certificate(tmp_path: Path) -> N
 
 
 def test_a_region_is_kept_too(tmp_path: Path) -> None:
-    strategy, T = law(), law().task.pose(Q0)
+    strategy, T = G(), G().task.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [0.02] * 3), rotation=T[:3, :3])
 
     def say(_text: str) -> None:
@@ -194,7 +194,7 @@ def test_the_command_goes_on_where_it_was_stopped_and_leaves_certificates_alone(
     from holokin.proof import cell_search
 
     batches = []
-    looked_up = cell_search._looked_up
+    looked_up = cell_search.looked_up
 
     def once(*given: object) -> object:
         batches.append(looked_up(*given))
@@ -202,7 +202,7 @@ def test_the_command_goes_on_where_it_was_stopped_and_leaves_certificates_alone(
             raise KeyboardInterrupt
         return batches[-1]
 
-    monkeypatch.setattr(cell_search, "_looked_up", once)
+    monkeypatch.setattr(cell_search, "looked_up", once)
     halted = holokin("certify", job, "--workspace", "--out", out, "--check", 0)
     assert halted.code == 130 and "cells are kept" in halted.out and "--resume" in halted.out and cells.exists()
     again = holokin("certify", job, "--workspace", "--out", out, "--check", 0)

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import casadi
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -16,6 +17,8 @@ from conftest import SOUND
 from holokin.app.cli.main import app
 from holokin.base.errors import JobError, JointLimitError, MissingExtraError
 from holokin.proof import Certificate, Extent
+from holokin.proof.certify_leaf import ONCE, PARTS, Parts, Pathway, Revisits
+from roots import start
 
 SLIDING = np.array([0.25, 0.0, 0.7])
 
@@ -35,10 +38,6 @@ def slider() -> hk.strategies.HolonomicStrategy:
     return hk.holonomic(hk.position(robot), hk.lock(2))
 
 
-def tool(strategy: hk.Strategy, q: np.ndarray) -> np.ndarray:
-    return strategy.task.robot.pose(q)[:3, 3]
-
-
 def ended(proof: Certificate, extent: Extent, place: str = "") -> None:
     """Refused for one reason at one place, with what was proven up to there."""
     assert proof.extent is extent and not proof.whole, proof.theorem
@@ -50,7 +49,7 @@ def ended(proof: Certificate, extent: Extent, place: str = "") -> None:
 @pytest.mark.campaign
 def test_a_joint_that_only_touches_its_limit_is_refused_there(slider: hk.strategies.HolonomicStrategy) -> None:
     """At the end of a path, in a corner, at the tangent of a circle: what is proven stays within the limit."""
-    x = tool(slider, SLIDING)
+    x = start(slider.task.robot, SLIDING)
     most = x + [0.25, 0.0, 0.0]
     touching = {
         "100 % of piece 1": hk.line(x, most),
@@ -65,7 +64,7 @@ def test_a_joint_that_only_touches_its_limit_is_refused_there(slider: hk.strateg
 
 
 def test_a_joint_that_stops_a_micrometre_before_its_limit_is_proven(slider: hk.strategies.HolonomicStrategy) -> None:
-    x = tool(slider, SLIDING)
+    x = start(slider.task.robot, SLIDING)
     proof = hk.certify(slider, hk.line(x, x + [0.25 - 1e-6, 0.0, 0.0]), SLIDING)
     assert proof.whole and 0 < proof.to_limit[0] <= 1e-6
 
@@ -73,24 +72,24 @@ def test_a_joint_that_stops_a_micrometre_before_its_limit_is_proven(slider: hk.s
 @pytest.mark.campaign
 def test_a_joint_that_goes_beyond_its_limit_or_begins_at_it_is_refused(slider: hk.strategies.HolonomicStrategy) -> None:
     """Nothing is proven from a start at the limit; a start beyond it is an error."""
-    x = tool(slider, SLIDING)
+    x = start(slider.task.robot, SLIDING)
     ended(hk.certify(slider, hk.line(x, x + [0.3, 0.0, 0.0]), SLIDING), Extent.LIMIT, "83")
     at = np.array([0.5, 0.0, 0.7])
-    proof = hk.certify(slider, hk.line(tool(slider, at), x), at)
+    proof = hk.certify(slider, hk.line(start(slider.task.robot, at), x), at)
     assert proof.extent is Extent.LIMIT and not len(proof) and str(proof).startswith("Nothing is proven")
     beyond = np.array([0.6, 0.0, 0.7])
     with pytest.raises(JointLimitError):
-        hk.certify(slider, hk.line(tool(slider, beyond), x), beyond)
+        hk.certify(slider, hk.line(start(slider.task.robot, beyond), x), beyond)
 
 
 def test_a_posture_that_is_singular_at_the_very_end_of_a_path_is_refused() -> None:
     """A planar arm that becomes straight there, and not before."""
     robot, q = hk.load("planar-3r"), np.array([0.3, 0.3, 0.3])
-    law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
-    x = tool(law, q)
+    G = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
+    x = start(robot, q)
     reach = float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3]))
-    ended(hk.certify(law, hk.line(x, x / np.linalg.norm(x) * reach), q, limits=False), Extent.END, "99")
-    assert hk.certify(law, hk.line(x, x / np.linalg.norm(x) * (reach - 0.01)), q, limits=False).whole
+    ended(hk.certify(G, hk.line(x, x / np.linalg.norm(x) * reach), q, limits=False), Extent.END, "99")
+    assert hk.certify(G, hk.line(x, x / np.linalg.norm(x) * (reach - 0.01)), q, limits=False).whole
 
 
 @pytest.mark.campaign
@@ -103,9 +102,9 @@ def test_a_box_that_holds_a_singular_pose_of_an_arm_angle_is_proven_only_in_part
     regular, conventional = (
         hk.holonomic(hk.pose(robot), hk.arm_angle(definition=d)) for d in ("stereographic", "conventional")
     )
-    x = tool(regular, q)
+    x = start(robot, q)
     q = hk.follow(regular, hk.line(x, x - [0.1, 0, 0]), q, samples=20, limits=False).q[-1]
-    box = hk.workspace(box=(tool(regular, q), (0.011, 0.0, 0.0)), rotation=robot.pose(q)[:3, :3])
+    box = hk.workspace(box=(start(robot, q), (0.011, 0.0, 0.0)), rotation=robot.pose(q)[:3, :3])
     proof = hk.certify(conventional, box, q, limits=False, budget=300)
     ended(proof, Extent.BUDGET, "the pose at [0.126656")
     assert (proof.proven.boxes.low[:, 0] > -0.99).all()  # of the end where it is singular nothing
@@ -176,20 +175,167 @@ def test_a_joint_that_is_held_at_its_limit_is_refused_as_that_and_not_as_singula
     """The posture is regular, is followed, found and commanded: what is not proven is that it keeps off the limit."""
     rng = np.random.default_rng(seed)
     robot = hk.from_dh([{"a": 1.0, "lower": -2.0, "upper": 2.0} for _ in range(3)], name="bars")
-    law = hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock(k := int(rng.integers(3))))
+    G = hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock(k := int(rng.integers(3))))
     q = rng.uniform(-1.5, 1.5, 3)
     q[k] = rng.choice([-2.0, 2.0])
-    while law.gain(q)[1] < 0.1:  # nearly singular
+    while G.gain(q)[1] < 0.1:  # nearly singular
         q[[(k + 1) % 3, (k + 2) % 3]] = rng.uniform(-1.5, 1.5, 2)
     T = robot.pose(q)
     box = hk.workspace(box=(T[:3, 3], [0.01, 0.01, 0.0]), rotation=T[:3, :3])
     path = hk.line(T[:3, 3], T[:3, 3] + [0.005, 0.005, 0.0])
     for where in (box, path):
-        proof = hk.certify(law, where, q)
+        proof = hk.certify(G, where, q)
         assert proof.extent is Extent.LIMIT and "a joint is at its limit" in str(proof) and len(proof) == 0
-    assert hk.follow(law, path, q, samples=5).status is hk.motion.Status.COMPLETE
-    assert hk.ik(law, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
-    control = hk.controller(law, dt=0.01, q0=q)
+    assert hk.follow(G, path, q, samples=5).status is hk.motion.Status.COMPLETE
+    assert hk.ik(G, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
+    control = hk.controller(G, dt=0.01, q0=q)
     control.step(q, T[:3, 3] + 1e-5, np.full(3, 1e-3))
     assert control.status is hk.motion.StepStatus.OK
-    assert not hk.unique_region(law, q, box, budget=200).whole
+    assert not hk.unique_region(G, q, box, budget=200).whole
+
+
+# --- What a path's certificate says where the tool comes to a pose again: the joints return, or they are others.
+
+PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
+
+
+def round_base(a: list[float], q: np.ndarray = Q) -> tuple[hk.strategies.HolonomicStrategy, hk.Path]:
+    """A linear constraint of a planar arm, and a circle round its base."""
+    x = start(PLANAR, q)
+    return hk.holonomic(hk.position(PLANAR), hk.linear([a])), hk.circle(x, center=(0.0, 0.0, x[2]))
+
+
+def half_angle() -> tuple[hk.strategies.HolonomicStrategy, np.ndarray]:
+    """A PPR arm whose q3 is half the direction of the tool from the base: round it, q3 goes on by half a turn."""
+    robot = hk.load("ppr")
+
+    def g(q: casadi.SX) -> casadi.SX:
+        return 2 * q[2] - casadi.atan2(q[1] + casadi.sin(q[2]), q[0] + casadi.cos(q[2]))
+
+    return hk.holonomic(hk.position(robot), hk.custom(g, angular=True)), np.array([0.5, 0.3, 0.2])
+
+
+@pytest.fixture(scope="module")
+def drifting() -> Certificate:
+    return hk.certify(*round_base([0.02, 0.0, 1.0]), Q, limits=False)
+
+
+def test_a_closed_path_that_leaves_the_joints_elsewhere_is_not_proven_and_its_drift_is(
+    drifting: Certificate,
+) -> None:
+    """The joints at its end, by following it."""
+    walk = hk.follow(*round_base([0.02, 0.0, 1.0]), Q, limits=False)
+    moved = walk.q[-1] - walk.q[0]
+    assert drifting.extent is Extent.ELSEWHERE and not drifting.whole and drifting.covered
+    assert drifting.gap == np.inf and moved[0] > 6
+    assert (drifting.revisit.low <= moved + 1e-9).all() and (moved - 1e-9 <= drifting.revisit.high).all()
+    assert (drifting.revisit.high - drifting.revisit.low < 1e-9).all()
+    assert "function of the pose" not in drifting.theorem and "q1 by 6.2315" in drifting.theorem
+
+
+@pytest.mark.campaign
+def test_joints_return_where_the_proof_is_whole_whatever_the_law_and_the_circle() -> None:
+    """Drawn at random: starts, circles round the base and beside it, strategies in which q1 counts and does not."""
+    rng, ends = np.random.default_rng(26), []
+    for k in range(8):
+        q = np.array([rng.uniform(-3, 3), *rng.uniform(0.5, 1.2, 2)])
+        a = [rng.uniform(-0.06, 0.06) * rng.integers(0, 2), rng.uniform(-0.5, 0.5), 1.0]
+        x = start(PLANAR, q)
+        G = hk.holonomic(hk.position(PLANAR), hk.linear([a]))
+        center = np.zeros(3) if k % 4 else x - [*rng.uniform(0.05, 0.3, 2), 0]
+        path = hk.circle(x, center=(*center[:2], x[2]))
+        proof = hk.certify(G, path, q, limits=False)
+        if proof.covered:
+            moved = np.ptp(hk.follow(G, path, q, limits=False).q[[0, -1]], axis=0)
+            assert proof.whole == bool((np.abs(moved - np.abs(2 * np.pi * proof.turns)) < 1e-6).all()), proof.theorem
+            ends.append(proof.whole)
+    assert len(ends) >= 6 and 0 < sum(ends) < len(ends)
+
+
+def test_an_open_path_that_crosses_itself_is_judged_by_the_joints_at_the_crossing() -> None:
+    """Round the base and back to a crossing q3 is half a turn on; beside the base it is as it was."""
+    G, q = half_angle()
+    x = start(G.task.robot, q)
+    corners = [[-0.5, 1, 0], [-1, -1, 0], [1.5, -1.0, 0], [1.4, 1.5, 0]]
+    proof = hk.certify(G, hk.polyline([x, *corners]), q)
+    assert proof.extent is Extent.ELSEWHERE and proof.covered
+    np.testing.assert_allclose((proof.revisit.low[2], proof.revisit.high[2]), np.pi, atol=1e-9)
+    (i, u), (k, v) = proof.revisit.first, proof.revisit.second
+    ends = np.array([x, *corners])
+    np.testing.assert_allclose(ends[i] + u * (ends[i + 1] - ends[i]), ends[k] + v * (ends[k + 1] - ends[k]), atol=2e-9)
+    for points in ([x, x + [0.5, 0, 0], x + [0.5, 0.5, 0], x + [0.2, -0.3, 0]], [x, x + [0.5, 0, 0], x]):
+        proof = hk.certify(G, hk.polyline(points), q)
+        assert proof.whole and "comes back to a tool pose, the joints are the same" in proof.theorem
+
+
+@pytest.mark.campaign
+def test_a_second_lap_with_other_joints_is_found_though_all_of_it_lies_on_the_first() -> None:
+    """Twice round, q3 has made one whole turn: the end is the beginning, and what is between is not."""
+    G, q = half_angle()
+    x = start(G.task.robot, q)
+    lap = hk.circle(x, center=(0, 0, 0))
+    assert hk.certify(G, lap + lap, q).extent is Extent.ELSEWHERE
+    assert hk.certify(G, lap + hk.line(x, x + [0.1, 0, 0]), q).extent is Extent.ELSEWHERE
+    planar, path = round_base([0.0, 1.0, -1.0])  # the joints of the second lap are a whole turn on: the same posture
+    proof = hk.certify(planar, path + path, Q, limits=False)
+    assert proof.whole and "but for the whole turns" in proof.theorem
+
+
+@pytest.mark.campaign
+def test_near_by_is_not_the_same_and_what_is_not_decided_is_not_proven() -> None:
+    """Lines 1e-6 m apart after a way round the base have no common pose; of tubes too small nothing is known."""
+    G, q = half_angle()
+    robot = G.task.robot
+    x = start(robot, q)
+    path = hk.polyline([x, [-0.5, 1, 0], [-1, -1, 0], [1.5, -1, 0], x + [0.1, -1e-6, 0], x + [-0.1, -1e-6, 0]])
+    assert hk.certify(G, path, q).extent is Extent.WHOLE
+    there_and_back = hk.polyline([x, x + [0.3, 0, 0], x])
+    proof = hk.certify(G, there_and_back, q)
+    domain = Pathway(proof.equation, proof.c, (), proof.pieces, np.ones(2), np.zeros((2, PARTS)))
+    small = replace(proof.proven, findings=replace(proof.findings, alone=0.0 * proof.findings.alone))
+    assert Revisits(domain, proof.proven).anywhere() == (Extent.WHOLE, None)
+    assert Revisits(domain, small).anywhere() == (Extent.RETURN, None)
+    assert Revisits(domain, small).end() == (Extent.RETURN, None)
+
+
+def test_the_command_line_ends_with_1_where_a_closed_path_drifts_and_says_by_how_much(tmp_path: Path) -> None:
+    job, call, q = tmp_path / "round.toml", CliRunner().invoke, np.array([-3.13, 0.9, 0.9])
+    center = (-start(PLANAR, q)).tolist()
+    job.write_text(
+        f'title = "round the base"\n[robot]\nname = "planar-3r"\n[start]\nq = {q.tolist()}\n[task]\nkind = "position"\n'
+        f'[path]\nkind = "circle"\ncenter = {center}\nrelative = true\n'
+        '[strategies.home]\nkind = "linear"\nmatrix = [[0.02, 0, 1]]\n',
+        "utf-8",
+    )
+    found = call(app, ["certify", str(job), "--out", str(tmp_path)])
+    assert found.exit_code == 1, found.output + repr(found.exception)
+    text = " ".join(found.output.split())
+    assert "drifts" in text and "at the end of the path the tool is where it was at its start" in text
+    facts = json.loads((tmp_path / "round-proof" / "result.json").read_text("utf-8"))["strategies"]["home"]
+    assert not facts["proven"] and 6.2 < facts["drift"]["least"][0] < facts["drift"]["most"][0] < 6.3
+    again = call(app, ["check-certificate", str(tmp_path / "round-proof" / "home-certificate.json")])
+    assert again.exit_code == 0 and "covers all that was asked" not in again.output
+
+
+def test_the_tool_poses_that_are_compared_hold_those_of_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of random parts of cells, halved up to and beyond what is enclosed at once; some cells as small as rounding."""
+    made: list[Revisits] = []
+    monkeypatch.setattr(Revisits, "anywhere", lambda self: made.append(self) or (Extent.WHOLE, None))
+    q = np.array([0.3, 0.9, 0.9])
+    G, x = hk.holonomic(hk.position(PLANAR), hk.linear([[0, 1, -1]])), start(PLANAR, q)
+    hk.certify(G, hk.circle(x, center=x - [0.1, 0, 0]), q, limits=False)
+    rng, found = np.random.default_rng(0), made[0].proven
+    low, high = found.boxes.low.copy(), found.boxes.high.copy()
+    high[-1], low[-2] = low[-1] + 2.0**-50, high[-2] - 2.0**-50
+    tiny = Revisits(made[0].domain, replace(found, boxes=replace(found.boxes, low=low, high=high)))
+    for level in range(ONCE + 2):
+        cell = np.concatenate([rng.integers(0, len(found), 60), np.repeat(len(found) - np.array([1, 2]), 20)])
+        parts = Parts(cell, low[cell, 0], high[cell, 0])
+        for _ in range(level):
+            upper = rng.random(len(cell)) < 0.5
+            one, other = parts.half(False), parts.half(True)
+            parts = Parts(cell, np.where(upper, other.low, one.low), np.where(upper, other.high, one.high))
+        below, above = tiny._poses_at(parts, level)
+        for u in (parts.low, (parts.low + parts.high) / 2, parts.high):
+            least, most = tiny._poses(Parts(cell, u, u))
+            assert (below <= (least + most) / 2).all() and ((least + most) / 2 <= above).all()

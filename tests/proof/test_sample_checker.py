@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import copy
 import re
 from functools import cache
 from pathlib import Path
@@ -13,9 +13,9 @@ import pytest
 
 import holokin as hk
 from conftest import Command
+from forged import cells, sealed
 from holokin.base.errors import ArgumentError
 from holokin.proof import Certificate
-from holokin.proof.certificate import digest
 from holokin.proof.recheck import recheck
 
 pytest.importorskip("flint")
@@ -38,17 +38,13 @@ def file(tmp_path: Path) -> Path:
     return proof().save(tmp_path / "square.json")
 
 
-def leaves(tree: Any) -> list[dict]:
-    return [tree] if isinstance(tree, dict) else [c for part in tree[2:] for c in leaves(part)] if tree else []
-
-
 def spoilt(file: Path, which: Any) -> Path:
     """The file with a Y in the chosen cells that is no inverse."""
-    data = {key: value for key, value in json.loads(file.read_text()).items() if key != "sha256"}
-    cells = leaves(data["pieces"][0]["cells"])
-    for i in which(len(cells)):
-        cells[i]["Y"] = (3 * np.array(cells[i]["Y"])).tolist()
-    file.write_text(json.dumps(data | {"sha256": digest(data)}) + "\n")
+    data = copy.deepcopy(proof().data)
+    rows = list(cells(data["pieces"][0]["cells"]))
+    for i in which(len(rows)):
+        rows[i]["Y"] = (3 * np.array(rows[i]["Y"])).tolist()
+    file.write_text(sealed(data))
     return file
 
 
@@ -96,7 +92,7 @@ def test_a_fault_in_all_cells_is_found_by_the_smallest_sample(file: Path) -> Non
 
 @pytest.mark.campaign
 def test_a_fault_in_a_tenth_of_the_cells_is_found_about_as_often_as_is_said(file: Path) -> None:
-    """With a tenth of the cells faulty and M checked in pairs, the chance is between those of M / 2 and of M cells."""
+    """With a tenth of the cells faulty and M checked in pairs, the chance is between rows of M / 2 and of M cells."""
     tenth = np.random.default_rng(0)
     spoilt(file, lambda k: tenth.permutation(k)[: k // 10])
     found = [recheck(file, sample=6 / len(proof()), seed=seed)[0] for seed in range(12)]
@@ -104,12 +100,12 @@ def test_a_fault_in_a_tenth_of_the_cells_is_found_about_as_often_as_is_said(file
 
 
 def test_a_gap_is_found_whatever_is_drawn(file: Path) -> None:
-    data = {key: value for key, value in json.loads(file.read_text()).items() if key != "sha256"}
+    data = copy.deepcopy(proof().data)
     tree = data["pieces"][0]["cells"]
     while not isinstance(tree[2], dict):
         tree = tree[2]
     tree[2] = None
-    file.write_text(json.dumps(data | {"sha256": digest(data)}) + "\n")
+    file.write_text(sealed(data))
     assert proof().whole
     rejected, text = recheck(file, sample=1e-6)
     assert rejected and "gap" in text
@@ -120,11 +116,11 @@ def test_neighbours_that_jump_are_rejected_where_they_are_drawn(file: Path) -> N
     cell is sound, and no seam between the halves is."""
     found = sample_checker.check_sample(str(file), sample=0.99, seed=1)
     assert found.lines[0].startswith(f"of {len(proof()):,} cells")
-    data = {key: value for key, value in json.loads(file.read_text()).items() if key != "sha256"}
-    for cell in leaves(data["pieces"][0]["cells"][3]):
+    data = copy.deepcopy(proof().data)
+    for cell in cells(data["pieces"][0]["cells"][3]):
         cell["q0"] = [cell["q0"][0] + 20 * np.pi, cell["q0"][1], cell["q0"][2] - 6 * np.pi]
     data["claims"]["joints"][1:3] = [-99.0] * 3, [99.0] * 3
-    file.write_text(json.dumps(data | {"sha256": digest(data)}) + "\n")
+    file.write_text(sealed(data))
     rejected, text = recheck(file, sample=0.99, seed=1)
     assert rejected and "may jump" in text
 

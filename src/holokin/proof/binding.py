@@ -135,6 +135,7 @@ class Lowered:
             return do("exp", x), do("exp", do("sub", zero, x))
 
         rules: Mapping[str, Callable[..., Place]] = {
+            # arithmetic
             "assign": lambda x: x,
             "neg": lambda x: do("sub", zero, x),
             "twice": lambda x: do("add", x, x),
@@ -142,6 +143,7 @@ class Lowered:
             "div": lambda x, y: do("mul", x, do("inv", y)),
             "pow": self.power,
             "constpow": self.power,
+            # functions
             "tan": lambda x: do("mul", do("sin", x), do("inv", do("cos", x))),
             "atan2": self.angle,
             "asin": lambda x: do("atan", do("mul", x, do("inv", root(do("sub", one, x), do("add", one, x))))),
@@ -157,6 +159,7 @@ class Lowered:
             "expm1": lambda x: do("sub", do("exp", x), one),
             "log1p": lambda x: do("log", do("add", one, x)),
             "hypot": lambda x, y: do("sqrt", do("add", do("sq", x), do("sq", y))),
+            # signs, comparisons and truth values
             "fabs": lambda x: do("mul", x, do("sign", x)),
             "copysign": lambda x, y: do("mul", do("mul", x, do("sign", x)), do("sign", y)),
             "fmin": lambda x, y: self.choice(self.less(x, y), x, y),

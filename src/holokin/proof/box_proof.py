@@ -80,9 +80,6 @@ def _column(x: Vector, y: Vector) -> Vector:
     return y / (2 * a * (a + y**2)) + np.arctan(y / np.sqrt(a)) / (2 * a * np.sqrt(a))
 
 
-NEAR = 1e-9
-"""A pose is in a box without extent if it is as near [m, 1]."""
-
 PORTION = 10_000
 """Pairs of cells that are compared at a time."""
 
@@ -128,7 +125,7 @@ class PoseRegion(Value, Domain):
         sides = np.where(np.isin((0, 1, 2), strategy.task.rows), space.solid.half, 0.0)
         half = np.concatenate([sides, turn]) if turning else sides
         equation = equation_of(strategy, PoseBox(turning))
-        c, middle = equation.level(q0), np.zeros(equation.d)
+        c, middle = np.atleast_1d(strategy.g(q0)), np.zeros(equation.d)
         region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
         if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
             return replace(region, u0=at)
@@ -162,8 +159,8 @@ class PoseRegion(Value, Domain):
             q = ik(self.equation.strategy, self.q, limits=False)(pose_from(self.p0, self.R0))
         except HolokinError:
             return counts, rho
-        *middle, passed = self._counted(np.zeros(self.equation.d), q)
-        return (middle[0], middle[1]) if passed else (counts, rho)
+        middle = self._counted(np.zeros(self.equation.d), q)
+        return middle[:2] if middle[2] else (counts, rho)
 
     def _counted(self, u: Vector, q: Vector) -> tuple[list[int], float, bool]:
         """(cells along each axis, radius of their tubes, whether one of them passes the test) by the posture q at u."""
@@ -230,9 +227,9 @@ class PoseRegion(Value, Domain):
                 turn = deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
             with np.errstate(divide="ignore", invalid="ignore"):
                 w = np.where(turn[:, 3:] > 1e-9, 2 * turn[:, :3] / turn[:, 3:], np.inf)
-        # Shares of the half sides; where the box is flat the pose must lie in it.
+        # Shares of the half sides; where the box is flat the pose must lie in it, to round-off [m, 1].
         sides, wide = np.hstack([p - self.p0, w]), half > 0
-        u = np.where(wide, sides / np.where(wide, half, 1.0), np.where(np.abs(sides) < NEAR, 0.0, np.inf))
+        u = np.where(wide, sides / np.where(wide, half, 1.0), np.where(np.abs(sides) < 1e-9, 0.0, np.inf))
         u[np.isinf(u).any(axis=1)] = np.inf
         return u[:, : self.equation.d]
 
@@ -273,8 +270,7 @@ class PoseRegion(Value, Domain):
         return q
 
     def led(self, places: Matrix, postures: Matrix, boxes: Boxes) -> Matrix:
-        """Joints (k, n) at the middles of boxes, continued on the leaf from postures (k, n) at places (k, d); NaN where
-        the leaf ends on the way."""
+        """Joints (k, n) in the middles of boxes, on the leaf from those (k, n) at places (k, d); NaN where it ends."""
         q, go = np.full(postures.shape, np.nan), self._continued()
         begun, ends = self.poses_at(places), self.poses_at((boxes.low + boxes.high) / 2)
         for i, start in enumerate(postures[:, : self.equation.joints]):
@@ -284,8 +280,7 @@ class PoseRegion(Value, Domain):
         return q
 
     def _continued(self) -> Callable[[Vector, Matrix | None, Matrix], Vector | None]:
-        """(q, its tool pose (4, 4), or None to compute it, another one) -> the posture there, on the leaf from q; None
-        where the leaf ends on the way."""
+        """(q, its tool pose (4, 4) or None, another) -> the posture there, on the leaf from q; None where it ends."""
         strategy, leaf = self.equation.strategy, self.c
         correct, go, task = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES), strategy.task
         side = float(correct(self.q, *task._place(self.q), leaf)[3])

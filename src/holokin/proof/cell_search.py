@@ -37,7 +37,7 @@ from .tube import UP, Cells, Findings, centred, examined
 # in the same order, and ends with the same certificate. Whole batches are kept or none, whatever is killed and when. Of
 # their contents a hash is kept, too; a batch that is not as it was written is examined anew.
 
-FORM = 1
+FORM = 2
 """Of the file; a later form is another number."""
 
 
@@ -233,8 +233,8 @@ class Covered(Value):
 
     def only(self, chosen: Any) -> Covered:
         """Some of them."""
-        rows = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
-        return Covered(*rows, self.extent, self.stopped)
+        boxes, cells, findings = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
+        return replace(self, boxes=boxes, cells=cells, findings=findings)
 
 
 COMPARED = 4096
@@ -295,8 +295,7 @@ class Demands(Value):
             final |= good & (held | (findings.low > high) | (findings.high < low)).any(axis=1)
         if self.clear is None:
             return findings, kept, final, near
-        # Shapes: nearer than asked in the middle already, or over a cell that moves less than 1 mm: where this decides,
-        # nobody should drive.
+        # Shapes: nearer than asked in the middle already, or over a cell that moves less than 1 mm.
         rows, count = np.flatnonzero(kept), len(self.clear.pairs)
         bounds = self.clear.over(some(cells, rows), findings.r[rows])
         apart, planes = np.full((len(good), count), -np.inf), np.zeros((len(good), count, 3))
@@ -326,8 +325,7 @@ GRID = 2.0**-50
 """Bounds of boxes are whole multiples of it, and at most 1: their sums, differences and middles are exact."""
 
 BATCH, FEW = 1024, 32
-"""Cells examined at once: 100 MB of intervals; where none was proven before: a place where the proof fails is then
-found soon."""
+"""Cells examined at once: 100 MB of intervals; where none was proven before, so that a failure is found soon."""
 
 NOWHERE = KeptCells()
 """Keeps no cells."""
@@ -392,13 +390,9 @@ class Domain(ABC):
 
 
 def covered(
-    domain: Domain,
-    boxes: Boxes,
-    demands: Demands,
-    budget: int,
-    progress: Callable[[int, int, float], None],
+    domain: Domain, boxes: Boxes, demands: Demands, budget: int, progress: Callable[[int, int, float], None],
     kept_cells: KeptCells = NOWHERE,
-) -> Covered:
+) -> Covered:  # fmt: skip
     """The boxes, halved where they must be, that are proven of some boxes, and why no more of them are.
 
     progress: hears how many are proven, how many were examined, and which share of the boxes is proven, 0 to 1.
@@ -438,11 +432,11 @@ def covered(
         left = joined(waiting, again, parts)
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
-    rows = (joined(*parts) for parts in zip(*done, strict=True))
+    proven = Covered(*(joined(*parts) for parts in zip(*done, strict=True)))
     if not stopped:
-        return Covered(*rows)
+        return proven
     first = min(range(len(stopped)), key=lambda i: stopped[i])
-    return Covered(*rows, reasons[first], stopped[first])
+    return replace(proven, extent=reasons[first], stopped=stopped[first])
 
 
 def too_small(boxes: Boxes, cells: Cells) -> Flags:
@@ -502,7 +496,7 @@ def reasons_of(batch: Batch, chosen: Flags) -> list[Extent]:
 
 def joinable(findings: Findings) -> Flags:
     """(k,) True where the test holds, with room for gluing."""
-    return findings.passed & (LONE * findings.r <= findings.alone)
+    return np.isfinite(findings.r) & (LONE * findings.r <= findings.alone)
 
 
 def one_root(off: Vector, r: Vector, alone: Vector, other_r: Vector, other_alone: Vector) -> Flags:

@@ -185,8 +185,8 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     @cached_property
     def theorem(self) -> str:
         """What is proven, in one sentence."""
-        found, equation, box = len(self), self.equation, isinstance(self.asked, Workspace)
-        if not found:
+        count, equation, box = len(self), self.equation, isinstance(self.asked, Workspace)
+        if not count:
             return f"Nothing is proven: at {self.where or 'the start'} {self.extent.cause}."
         # One posture for each place.
         strategy, with_others, q = equation.strategy, "", ""
@@ -201,7 +201,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
             about = f"every place {'on the path' if self.covered else 'of the path up to there'}"
         parts = [
             f"on the leaf of {strategy.name!r} for the task {strategy.task.name!r} through the start, {about} has "
-            f"exactly one posture{with_others} in the tube of its cell ({found} cells); this posture is a {function}, "
+            f"exactly one posture{with_others} in the tube of its cell ({count} cells); this posture is a {function}, "
             f"with |det {equation.derivative}| >= {at_least(self.determinant, 2)}{q}"
         ]
         # Limits and distances.
@@ -354,8 +354,7 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-# --- `joint_rates`: how fast each joint is at most, over the speed of the tool, wherever the tool goes in what is
-# proven.
+# --- `joint_rates`: how fast each joint is at most, over the speed of the tool, anywhere in what is proven.
 #
 # Along the predictor p(y) of a cell E(p(y), y) changes by F', and at the roots q(y) the derivative is q' = p' - A^-1
 # (F' + ...), so that |q' - p'| is at most (|Y F'| + (|Y D_q D_y E| + omega |p'|) r) / (1 - e - omega r). The sizes of

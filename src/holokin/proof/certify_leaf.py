@@ -128,7 +128,7 @@ class Pathway(Value, Domain):
         equation = equation_of(strategy, family)
         numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
         spins = _free_turns(plan, ends)
-        return Pathway(equation, equation.level(postures[0]), tuple(splines), numbers, np.array(ends), spins)
+        return Pathway(equation, np.atleast_1d(strategy.g(postures[0])), tuple(splines), numbers, np.array(ends), spins)
 
     def first(self) -> Boxes:
         """Cells in which e is about `AIM`, from omega at sampled postures."""
@@ -348,8 +348,7 @@ FEW = 24
 """Of too many pairs so many are looked at to the end."""
 
 ONCE = 4
-"""Halvings of a cell down to which tool poses are enclosed all at once: most neighbours are shown to have one root
-before that."""
+"""Halvings of a cell down to which tool poses are enclosed all at once: most pairs are done before that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -407,8 +406,7 @@ class Revisits(Value):
             left = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
             widths = np.maximum(high_a - low_b, high_b - low_a)[left]
             a, b = some(a, left), some(b, left)
-            # Where the tool poses are the same, the joints may be shown to differ: if the predictors are farther apart
-            # than the roots are from them.
+            # Where the tool poses are the same, the joints differ if predictors are farther apart than roots from them.
             same = np.flatnonzero((widths <= SAME).all(axis=1))  # most often none
             if len(same):
                 r, gaps = self.proven.findings.r, self._apart(some(a, same), some(b, same))[0]
@@ -622,16 +620,10 @@ def question(domain: Domain, start: Vector, asked: Demands) -> dict[str, Any]:
 
 
 def certificate(
-    where: AnyPath | Workspace,
-    domain: Domain,
-    start: Vector,
-    asked: Demands,
-    budget: int,
-    progress: Callable[[str], None],
-    began: float,
-    ended: tuple[Extent, str] = (Extent.WHOLE, ""),
+    where: AnyPath | Workspace, domain: Domain, start: Vector, asked: Demands, budget: int,
+    progress: Callable[[str], None], began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""),
     kept_cells: KeptCells = NOWHERE,
-) -> Certificate:
+) -> Certificate:  # fmt: skip
     """What can be proven over a domain. ended: why and where the postures of a path ended early."""
     robot = domain.equation.strategy.task.robot
     # The cells, and how far apart the shapes are at least over them.
@@ -708,5 +700,5 @@ def _both(one: Covered, other: Covered) -> Covered:
     """The cells of both, ended where the first of them is."""
     ends = [(part.stopped, part.extent) for part in (one, other) if part.stopped is not None]
     stopped, extent = min(ends, key=lambda end: end[0], default=(None, Extent.WHOLE))
-    rows = (joined(getattr(one, name), getattr(other, name)) for name in ("boxes", "cells", "findings"))
-    return Covered(*rows, extent, stopped)
+    rows = {name: joined(getattr(one, name), getattr(other, name)) for name in ("boxes", "cells", "findings")}
+    return Covered(**rows, extent=extent, stopped=stopped)

@@ -11,8 +11,8 @@ where sliders are among them. So everywhere in the cell
     distance >= min_b w_b(q0) - |grad w_b V|_1 - |grad w_b Q|_w - |grad w_b| r - max_a m . a - r_A - r_B - 1/2 R^T K R
 
 with R_i >= |D_i|. The plane m is only a witness: any one gives a bound. Frames at q0 are enclosed by interval
-arithmetic, and their half width is taken off; what follows are some thousand roundings of numbers no larger than
-`_OnePair.size`, for which `SLACK` is taken.
+arithmetic, and their half width is taken off; what follows are some thousand roundings of numbers no larger than a
+size, for which some of it is taken off, too.
 """
 
 from __future__ import annotations
@@ -45,9 +45,6 @@ AROUND = 16
 
 MOST_POINTS = 48
 """Points of a hull or a mesh that are kept; of more, some stand for their neighbours, and the radius grows."""
-
-WIDER = 1 + 1e-9
-"""By how much a shape is made larger, for the rounding of its points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +79,8 @@ def convex(shape: LinkShape) -> Convex:
     else:
         points, radius = _holding(solid)
     points, holds = (rows @ T[:3, :3].T + T[:3, 3] for rows in (points, holds))
-    slack = (WIDER - 1) * (1 + np.abs(points).max())
-    return Convex(shape.link, shape.joint, points, radius * WIDER + slack, holds)
+    slack = 1e-9 * (1 + np.abs(points).max() + radius)  # for the rounding of the points
+    return Convex(shape.link, shape.joint, points, radius + slack, holds)
 
 
 def _holding(shape: Shape) -> tuple[Matrix, float]:
@@ -122,9 +119,6 @@ def _fewer(corners: Matrix) -> tuple[Matrix, float]:
 
 
 # --- Distances over cells.
-
-SLACK = 1e-10
-"""What is taken off a bound, over the size of what it was computed from: 10^5 roundings are less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +230,7 @@ class ClearCells(Value):
         """(of each joint, and last of the base, positions (k, 3) and rotations (k, 3, 3); half width (k,))."""
         numbers, k = self._frame_numbers(q.T, q.T), len(q)
         width = (numbers.high - numbers.low).max(axis=0, initial=0.0) / 2
-        each = numbers.middle.reshape(-1, 12, k)
+        each = numbers.middle.reshape(len(self.robot.joints), 12, k)
         frames = [(rows[:3].T, np.swapaxes(rows[3:].T.reshape(k, 3, 3), 1, 2)) for rows in each]
         return [*frames, (np.zeros((k, 3)), np.tile(np.eye(3), (k, 1, 1)))], width
 
@@ -261,7 +255,8 @@ class ClearCells(Value):
         steps = cells.V[:, :n], cells.Q[:, :n] * pair_weights(cells.V.shape[2])
         for p, pair in enumerate(self.pairs):
             bounds, size = _pair_cells(self.robot, pair, frames, steps, moved, r, travel)
-            bound, planes[:, p], motion[:, p], middle[:, p] = bounds.least(pair, float(close[p]), SLACK * size)
+            slack = 1e-10 * size  # 10^5 roundings of numbers of that size are less
+            bound, planes[:, p], motion[:, p], middle[:, p] = bounds.least(pair, float(close[p]), slack)
             bound = bound - off * size
             least[:, p] = np.where(np.isnan(bound), -np.inf, bound)
         return Apart(least, planes, motion, middle)
@@ -363,14 +358,9 @@ class _PairCells:
 
 
 def _pair_cells(
-    robot: Robot,
-    pair: ShapePair,
-    frames: list[tuple[Matrix, Array]],
-    steps: tuple[Array, Array],
-    moved: Matrix,
-    r: Vector,
-    travel: Vector,
-) -> tuple[_PairCells, float]:
+    robot: Robot, pair: ShapePair, frames: list[tuple[Matrix, Array]], steps: tuple[Array, Array], moved: Matrix,
+    r: Vector, travel: Vector,
+) -> tuple[_PairCells, float]:  # fmt: skip
     """(a pair over cells, the size of what the bounds are computed from [m])."""
     # The joints between the shapes: from the one's up to the last before a common one, and down to the other's.
     one_up, other_up = (joints_above(robot.joints, shape.joint) for shape in (pair.one, pair.other))

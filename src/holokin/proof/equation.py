@@ -25,8 +25,7 @@ from ..symbolic.expression import Separated
 from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..symbolic.rotations import frame_about, one_formula, skew
 
-# --- Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box of poses, d = 3 or
-# 6.
+# --- Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box, d = 3 or 6.
 #
 # They are expressions of the `dimension` parameters y and of some `numbers`, u0 and h the last of them, so that one
 # expression serves all cells of a proof. Where the tool turns in it, a family is `turning`. Two cells with a value of u
@@ -293,6 +292,9 @@ def deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
 
 Family = Stretches | PoseBox
 
+ROOM = 6_000_000
+"""Numbers of intervals that may be in memory at once: 100 MB."""
+
 
 @dataclass(frozen=True, eq=False)
 class Equation(Value):
@@ -318,17 +320,13 @@ class Equation(Value):
 
     @cached_property
     def at_once(self) -> int:
-        """Cells whose second derivatives are enclosed at once: 6,000,000 numbers of intervals take 100 MB."""
-        return max(1, 6_000_000 // (self.curvature.operations + 4 * self.n**3))
+        """Cells whose second derivatives are enclosed at once, in `ROOM`."""
+        return max(1, ROOM // (self.curvature.operations + 4 * self.n**3))
 
     @property
     def d(self) -> int:
         """Parameters of the family."""
         return self.family.dimension
-
-    def level(self, q0: Vector) -> Vector:
-        """The c of E: the leaf through a posture (joints,)."""
-        return np.atleast_1d(self.strategy.g(q0))
 
     def completed(self, q: Matrix) -> Matrix:
         """All unknowns (k, n) at postures (k, joints)."""

@@ -42,20 +42,6 @@ from .kept_apart import TooNear, gap_distances, short_of
 STEPS = 8
 """Samples from the start to each side of what is looked at."""
 
-REGULAR = 0.15
-"""Of the rcond at the start, what samples must have: cells are many where it is small."""
-
-AWAY = 0.02
-"""How much farther [m] than asked shapes must be apart at samples: in between they come nearer."""
-
-LIMIT_ROOM = 0.02
-"""How far [joint units] samples must be from joint limits: in between the joints go farther. But of a joint that is
-nearer to its limit at the start, half as far as there."""
-
-NEARER, LEAST = 0.9, 0.3
-"""Of its distance from the start, where a box ends before a place at which the proof failed; and of the box, what must
-be left then: else all of it is made smaller."""
-
 
 def _largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: float, asked: Demands) -> PoseRange:
     """A box that looks regular: from the start's pose, side by side, as long as all samples of a new layer do."""
@@ -99,8 +85,7 @@ def _proven_box(
     budget: int,
     progress: Callable[[str], None],
 ) -> tuple[Certificate, PoseRegion, PoseRange]:
-    """The certificate of a box, or of a smaller one about the start, the first of 16 that is proven whole; or the
-    last."""
+    """The certificate of a box, or of a smaller one about the start: the first of 16 that is proven, or the last."""
     tool, began, left = strategy.task.pose(q0)[:3, 3], time.perf_counter(), 16
     while True:
         # The first cells may take 0.4 of the budget, since some are halved.
@@ -138,12 +123,15 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands
     solutions, robot = ik(strategy, q0, limits=False).batch(poses), strategy.task.robot
     good = solutions.reached.copy()
     q = solutions.q[good]
-    sound = np.array([strategy.gain(posture)[1] for posture in q]) >= REGULAR * strategy.gain(q0)[1]
+    # Cells are many where rcond is small.
+    sound = np.array([strategy.gain(posture)[1] for posture in q]) >= 0.15 * strategy.gain(q0)[1]
+    # Between samples the joints go farther, and shapes come nearer: 0.02 rad, m; a joint that is nearer to its limit at
+    # the start keeps half as far from it as there.
     if asked.limits is not None:
-        room = np.minimum(LIMIT_ROOM, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
+        room = np.minimum(0.02, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
         sound &= ((q >= robot.lower + room) & (q <= robot.upper - room)).all(axis=1)
     if asked.clear is not None and len(q):
-        sound &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
+        sound &= (asked.clear.distances(q) >= asked.clear.wanted + 0.02).all(axis=1)
     good[good] = sound
     return good
 
@@ -163,15 +151,18 @@ def _about(box: PoseRange, tool: Vector, share: float) -> PoseRange:
 
 
 def _cut(box: PoseRange, tool: Vector, stop: Vector | None) -> PoseRange:
-    """The box less what is beyond a place where the proof failed: the side is cut that costs least of it."""
+    """The box less what is beyond 0.9 of the way to where the proof failed: the side is cut that costs least of it.
+
+    All of it is made smaller where less than 0.3 would be left.
+    """
     ends, away = _ends(box), np.zeros(3) if stop is None else stop - tool
     side = (away > 0).astype(int)
-    lengths = np.abs(NEARER * away) + np.abs(ends[np.arange(3), 1 - side] - tool)
+    lengths = np.abs(0.9 * away) + np.abs(ends[np.arange(3), 1 - side] - tool)
     shares = np.where(away != 0, lengths / (ends[:, 1] - ends[:, 0]), 0.0)
     axis = int(np.argmax(shares))
-    if not LEAST < shares[axis] < 1:
+    if not 0.3 < shares[axis] < 1:
         return _about(box, tool, 0.8)
-    ends[axis, side[axis]] = tool[axis] + NEARER * away[axis]
+    ends[axis, side[axis]] = tool[axis] + 0.9 * away[axis]
     return _box(ends, box.rotation, box.tilt, box.spin)
 
 
@@ -181,9 +172,6 @@ CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf end
 """What the poses of a workspace are that are not in its region."""
 
 UNPROVEN, ANOTHER, LIMIT, END, NEAR = range(len(CAUSES))
-
-MOST_PARTS, MOST_ASKED, ASKED = 8_000, 24_000, 9
-"""Parts that a box is cut into, poses of all of them that are asked about, and of each: about, and at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +205,7 @@ def _asked_about(clear: ClearCells | None, poses: Array, ik: InverseKinematics) 
 
 @dataclass(frozen=True, eq=False)
 class OpenParts(Value):
-    """The parts of a box of tool poses that are not proven, as boxes low <= u <= high (k, d) of its parameters, which
-    go from -1 to 1 across it.
+    """The parts of a box that are not proven, as boxes low <= u <= high (k, d) of its parameters, -1 to 1 across it.
 
     A part is "too near", and so refuted, where a posture of the leaf was found in it at which things are nearer than
     was asked: `found` holds it. Another part is called after the pose in its middle.
@@ -265,9 +252,9 @@ def _open_parts(
     boxes, d, clear = certificate.proven.boxes, certificate.equation.d, certificate.demands.clear
     tree = partition(boxes.low, boxes.high, [(-1.0, 1.0)] * d, lambda i: i + 1)
     low, high = _cut_up(*left_open(tree, [(-1.0, 1.0)] * d), region.grid)
-    # The postures in the middle of each part, and at corners of it.
+    # The postures in the middle of each part, and at corners of it: at most 9, and about 24,000 of all parts.
     k, corners = len(low), np.array(list(product((-1.0, 1.0), repeat=d)))
-    most = max(1, min(ASKED, MOST_ASKED // max(k, 1)))
+    most = max(1, min(9, 24_000 // max(k, 1)))
     chosen = np.random.default_rng(0).permutation(len(corners))[: most - 1]
     ends = np.vstack([np.zeros((1, d)), corners[np.sort(chosen)]])
     places, count = ((low + high) / 2)[:, None] + ends * ((high - low) / 2)[:, None], len(ends)
@@ -281,8 +268,9 @@ def _open_parts(
         near = rows[asked.cause[rows] == NEAR]
         for j in near[np.argsort(-asked.short[near])].tolist():
             if clear is not None and not elsewhere(asked.poses[j], asked.q[j]):
-                gap, limit = (of[int(asked.gap[j])] for of in (clear.looked_at.gaps, clear.looked_at.limits))
-                too_near[i] = TooNear(asked.poses[j], asked.q[j], gap.names, float(asked.distance[j]), limit)
+                gaps, g = clear.looked_at, int(asked.gap[j])
+                distance, limit = float(asked.distance[j]), gaps.limits[g]
+                too_near[i] = TooNear(asked.poses[j], asked.q[j], gaps.gaps[g].names, distance, limit)
                 cause[i] = NEAR
                 break
         if cause[i] == UNPROVEN and elsewhere(asked.poses[rows[0]], asked.q[rows[0]]):
@@ -291,9 +279,9 @@ def _open_parts(
 
 
 def _cut_up(low: Matrix, high: Matrix, grid: list[Vector]) -> tuple[Matrix, Matrix]:
-    """Boxes (k, d), cut where a grid has its cuts; by fewer cuts of it where the parts would be too many."""
+    """Boxes (k, d), cut where a grid has its cuts; by fewer cuts of it where all of it would have over 8,000 parts."""
     stride = 1
-    while np.prod([np.ceil((len(cuts) - 1) / stride) for cuts in grid]) > MOST_PARTS:
+    while np.prod([np.ceil((len(cuts) - 1) / stride) for cuts in grid]) > 8_000:
         stride += 1
     for axis, cuts in enumerate(grid):
         for cut in cuts[1:-1:stride]:
@@ -497,13 +485,17 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
 
 @typed
-@kept
 def region_of(certificate: Certificate) -> UniqueRegion:
     """The tool poses that the certificate of a box proves: with their `parts`, why it does not prove the others.
 
     Raises:
         ArgumentError: it is of a path.
     """
+    return _region_of(certificate)
+
+
+@kept
+def _region_of(certificate: Certificate) -> UniqueRegion:
     space, anchors, equation = certificate.asked, certificate.anchors, certificate.equation
     if not isinstance(space, PoseRange):
         raise ArgumentError("the certificate", certificate.title, "give one of a box of poses")

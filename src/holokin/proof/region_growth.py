@@ -41,9 +41,6 @@ WAITING, PROVEN, JOINED, ENDED, REPLACED = range(5)
 UNKNOWN, GLUED, TORN = range(3)
 """What a face of two boxes is: where both are proven they have one root there, or two."""
 
-SAME = 1e-6
-"""How near to the start [joint units] its cell's root is at its pose, which is known to the grid of the boxes."""
-
 
 def grown(
     domain: PoseRegion,
@@ -126,8 +123,7 @@ class _Search:
         return chosen[:most]
 
     def guesses(self, chosen: Indices) -> Matrix:
-        """Joints (k, n) near the roots in the middles of boxes, continued from the joined cells beside them, or else
-        from the nearest ones."""
+        """Joints (k, n) near the roots in the middles of boxes, from joined cells beside them, or else the nearest."""
         k, place, boxes = len(chosen), np.full(len(self.state), -1), some(self.boxes, chosen)
         place[chosen] = np.arange(k)
         u, q = np.tile(self.domain.u0, (k, 1)), np.tile(self.posture, (k, 1))
@@ -233,7 +229,8 @@ class _Search:
         at_start = np.flatnonzero((self.state == PROVEN) & self.holds)
         if len(at_start):
             off = self._predicted(at_start, np.tile(self.domain.u0, (len(at_start), 1))) - self.posture
-            same = np.linalg.norm(off, axis=1) <= np.maximum(self.alone[self.row[at_start]], SAME)
+            # The pose of the start is known to the grid of the boxes.
+            same = np.linalg.norm(off, axis=1) <= np.maximum(self.alone[self.row[at_start]], 1e-6)
             if same.any():
                 self.state[at_start[np.argmax(same)]] = JOINED
                 return

@@ -30,7 +30,7 @@ class SampleChecker(Checker):
         """A cell that is not proven yet."""
         return data, sides
 
-    def meet(self, *_cut: Any) -> None:
+    def meet(self, lower: list[Any], upper: list[Any], axis: int, cut: float) -> None:
         """Of cells that are not proven nothing is asked."""
 
     def verify(self) -> Verified:
@@ -62,9 +62,9 @@ class SampleChecker(Checker):
 
         # The cell of the posture.
         u = [0] if self.d == 1 else piece["u"]
-        first = next((i for i, (_, box) in enumerate(cover) if _holds(box, u)), None)
-        need(first is not None, f"no cell is at {u}, where the posture is")
-        need(self.off(cell(first or 0), u, piece["q"]) <= self.claims["gap"], "the leaf may miss the start")
+        inside = [all(a <= x <= b for x, (a, b) in zip(u, box, strict=True)) for _, box in cover]
+        need(any(inside), f"no cell is at {u}, where the posture is")
+        need(self.off(cell(inside.index(True)), u, piece["q"]) <= self.claims["gap"], "the leaf may miss the start")
         # (axis, place) -> cells that begin there, and that end there.
         ends: Any = [{}, {}]
         for i, (_, box) in enumerate(cover):
@@ -106,10 +106,6 @@ class SampleChecker(Checker):
             "that a path closes or comes back to a tool pose was not looked at",
             *(self.clear.lines() if self.clear else []),
         ]
-
-
-def _holds(box: Any, u: Any) -> bool:
-    return all(a <= x <= b for x, (a, b) in zip(u, box, strict=True))
 
 
 def _meet(box: Any, other: Any, across: int) -> bool:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.types import Array, Flags, Matrix, Value, Vector, joined, some
+from ..base.types import Array, Matrix, Value, Vector, joined, some
 from ..symbolic.intervals import PI, Interval, absolute, add, divide, multiply, outward, point, subtract
 from .equation import Equation
 
@@ -101,7 +101,8 @@ MARGIN = 1.25
 
 def pair_weights(d: int) -> Vector:
     """Of the pairs i <= j in 1/2 Q y y, written without doubles: 1/2 for i = j, else 1."""
-    return np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
+    i, j = np.triu_indices(d)
+    return np.where(i == j, 0.5, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +137,8 @@ class Cells(Value):
 
     def predicted(self, y: Matrix) -> Matrix:
         """q(y) (k, n) at y (k, d), within `slip` of it."""
-        d = self.V.shape[2]
-        pairs = [(i, j) for i in range(d) for j in range(i, d)]
-        products = np.array([y[:, i] * y[:, j] * (0.5 if i == j else 1.0) for i, j in pairs]).T
+        i, j = np.triu_indices(self.V.shape[2])
+        products = y[:, i] * y[:, j] * pair_weights(self.V.shape[2])
         return self.q0 + np.einsum("knd,kd->kn", self.V, y) + np.einsum("knp,kp->kn", self.Q, products)
 
     @property
@@ -153,10 +153,9 @@ class Cells(Value):
 @dataclass(frozen=True, eq=False)
 class Findings(Value):
     """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within
-    that it is the only one; facing, the least of it and of the guards, must be positive; low, high (k, joints) of the
-    joints at the roots; slopes (k, joints, d), the largest size of the derivatives of the joints at the roots by y.
-    Of P pairs of shapes, where some are asked about: apart (k, P), how far they are apart at least
-    [m], and the planes (k, P, 3) between them."""
+    that it is the only one; low, high (k, joints) of the joints at the roots; slopes (k, joints, d), the largest size
+    of the derivatives of the joints at the roots by y. Of P pairs of shapes, where some are asked about: apart (k, P),
+    how far they are apart at least [m], and the planes (k, P, 3) between them."""
 
     Y: Array
     omega: Vector
@@ -164,17 +163,11 @@ class Findings(Value):
     eta: Vector
     r: Vector
     alone: Vector
-    facing: Vector
     low: Matrix
     high: Matrix
     slopes: Array
     apart: Matrix
     planes: Array
-
-    @property
-    def passed(self) -> Flags:
-        """(k,) True where the theorem holds."""
-        return np.isfinite(self.r)
 
 
 def centred(equation: Equation, q: Matrix, numbers: Matrix, c: Vector, rho: Vector, newtons: int = 1) -> Cells:
@@ -266,7 +259,7 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
     slopes = _slopes(slope.magnitude, missed, varied, curved, turned, r)
     joints = slice(0, equation.joints)
     low, high, slopes = low[:, joints], high[:, joints], slopes[:, joints]
-    return Findings(Y, omega, e, eta, r, alone, clear, low, high, slopes, np.zeros((k, 0)), np.zeros((k, 0, 3)))
+    return Findings(Y, omega, e, eta, r, alone, low, high, slopes, np.zeros((k, 0)), np.zeros((k, 0, 3)))
 
 
 def _slopes(steep: Array, missed: Array, varied: Array, curved: Matrix, turned: Matrix, r: Vector) -> Array:
