@@ -383,7 +383,7 @@ def test_its_derivatives_are_those_of_differences(panda: hk.Robot, rows: tuple[i
     c = coordinates_of(chart_of(task, np.eye(3)), Q)
     mp, series = hk.moore_penrose(task), series_over(law, c, Q, 2, None)
     problem = SampledSeries.of(mp, law, series, np.linspace(1, 2, c.d), Q)
-    cost, x = problem.cost(0.01), 0.02 * np.random.default_rng(0).normal(size=problem.white.shape[1])
+    cost, x = problem.cost(0.01), 0.02 * np.random.default_rng(0).normal(size=len(problem._linear[1]))
     way, h = np.random.default_rng(1).normal(size=len(x)), 1e-6
     here, ahead, behind = (cost(x + s * h * way, None) for s in (0, 1, -1))
     assert here is not None and ahead is not None and behind is not None

@@ -53,7 +53,7 @@ def test_derivatives_of_clearance_are_those_of_differences(task: hk.Task, wanted
     pushed = search.violations(search.near)[0][:, 8:] > 0
     assert pushed.any() == (wanted > 0)
     t = len(search.section.terms)
-    cost = search._augmented(1, t, search._no_push, 2.0)
+    cost = search._augmented(1, t, np.zeros_like(search.violations(search.near)[0]), 2.0)
     rng = np.random.default_rng(0)
     x, way = np.pad(search.near.levels[:1], ((0, 0), (0, t - 1))).ravel(), rng.normal(size=t)
     x = (x[None] @ np.linalg.inv(search._whitening)).ravel() + 0.01 * rng.normal(size=t)

@@ -408,9 +408,6 @@ def _palm(chain: tuple[str, ...], chains: Mapping[str, tuple[str, ...]]) -> tupl
 # It is how strategies and their leaves are compared before a few are looked at closely: a hundred times faster than one
 # pose after the other, but a step is judged by Newton's own convergence alone, so that it may, rarely, change branches.
 
-SHORTEST = 1 / 256
-"""Share of a line below which a step is given up: the leaf ends there, or bends too sharply to be of use."""
-
 
 @dataclass(frozen=True, eq=False)
 class LineEnds(Value):
@@ -431,12 +428,12 @@ def along_leaf(
     poses: Array,
     levels: Vector | None = None,
     native_from: int | None = None,
-    shortest: float = SHORTEST,
+    shortest: float = 1 / 256,
 ) -> LineEnds:
     """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,).
 
     native_from: lines side by side from which on native code runs, which takes a second to build; see `Function.batch`.
-    shortest: share of a line below which a step is given up.
+    shortest: share of a line below which a step is given up: the leaf ends there, or bends too sharply to be of use.
     """
     lines = _Lines.each_to_each(strategy.task, starts, poses)
     q, share = _followed(strategy, lines, levels, native_from, first=0.125, shortest=shortest)
