@@ -293,10 +293,10 @@ class Problem(Value):
         share = self.hard.rcond / float(rconds.min())
         return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), share, nearer.max(axis=0))
 
-    def broken(self, at: Sampled) -> int:
+    def broken(self, sampled: Sampled) -> int:
         """At how many samples of a section a hard limit is broken."""
-        beyond = (self.over(at.Q) > 0).any(axis=1) | (at.rcond < self.hard.rcond)
-        return int(np.sum(beyond | (self.hard.nearer(at.Q) > 0).any(axis=1)))
+        beyond = (self.over(sampled.Q) > 0).any(axis=1) | (sampled.rcond < self.hard.rcond)
+        return int(np.sum(beyond | (self.hard.nearer(sampled.Q) > 0).any(axis=1)))
 
     def over(self, Q: Matrix) -> Matrix:
         """By how much joints at postures (k, n) are beyond the hard limits (k, n)."""
@@ -305,35 +305,35 @@ class Problem(Value):
     def measured(self, strategy: HolonomicStrategy, Q: Matrix, poses: int) -> SectionMetrics:
         """The metrics of a strategy at postures (k, n) that it reaches, of so many poses."""
         robot, c, costs, apart = strategy.task.robot, self.coordinates, self.costs, self.hard.apart
-        at = TiltedLeaves(strategy, c).through(Q, np.zeros((len(Q), strategy.constraint.rows, c.d)))
+        sampled = TiltedLeaves(strategy, c).through(Q, np.zeros((len(Q), strategy.constraint.rows, c.d)))
         off = np.abs(Q - costs.middle) / costs.half
         k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
         distances = np.full((1, 1), np.inf)
         if apart is not None:
             distances = counted(apart.distances(Q), apart.limits, apart.wanted)
         closest = int(distances.min(axis=0).argmin())
-        shares = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
+        shares = np.sqrt(np.sum((sampled.G * costs.columns) ** 2, axis=2)) * costs.speeds
         return SectionMetrics(
             poses=poses,
             reached=len(Q),
             within_limits=int(robot.within(Q).sum()),
-            squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
+            squared_speed=costs.squared_speed(Q, sampled.G, sampled.rcond).value,
             worst_speed=float(shares.max()) if (costs.speeds > 0).all() else np.nan,
             joint_limits=float(off[k, joint]),
             worst_joint=robot.joint_names[joint],
             rcond=float(strategy.gain.batch(Q)[1].min()),
-            travel=costs.travel(Q, at.G, at.rcond).value,
+            travel=costs.travel(Q, sampled.G, sampled.rcond).value,
             own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
             clearance=float(distances.min()),
             closest=None if apart is None or not np.isfinite(distances).any() else apart.names[closest],
         )
 
-    def _weights(self, at: Sampled) -> dict[str, float]:
+    def _weights(self, sampled: Sampled) -> dict[str, float]:
         """The weights of the costs, each divided by what it is at a section, where there are several."""
         weights = self.goal.weights
         if len(weights) == 1:
             return dict.fromkeys(weights, 1.0)
-        sizes = {name: self.costs.known[name](at.Q, at.G, at.rcond).value for name in weights}
+        sizes = {name: self.costs.known[name](sampled.Q, sampled.G, sampled.rcond).value for name in weights}
         sizes |= {"clearance": 1.0}  # a share already, and 0 where all is far
         for name in weights:
             if not sizes[name] > 0:

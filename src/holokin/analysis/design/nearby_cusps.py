@@ -93,20 +93,20 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
     if constraint is None or constraint.looped is not None:
         return NearbyCusps(None, np.nan, "its formulas are too long")
     try:
-        found = cusps(strategy, q0, starts=STARTS)
+        leaf_cusps = cusps(strategy, q0, starts=STARTS)
     except HolokinError as problem:  # such as a posture beyond the joint limits, where a design could not keep them
         return NearbyCusps(None, np.nan, str(problem))
-    if found.excluded:
-        return NearbyCusps(found, np.inf)
+    if leaf_cusps.excluded:
+        return NearbyCusps(leaf_cusps, np.inf)
     # Those of the search, and those that Newton's method finds from the workspace
     poses = space.poses(16_384)
     ends = ik(strategy, q0, limits=False).batch(space.poses(STARTS)).last
-    near = cusps_from(found.strategy, found.level, ends[np.isfinite(ends).all(axis=1)], limits=True)
-    tool_poses = np.concatenate([found.poses, near])
+    near = cusps_from(leaf_cusps.strategy, leaf_cusps.level, ends[np.isfinite(ends).all(axis=1)], limits=True)
+    tool_poses = np.concatenate([leaf_cusps.poses, near])
     if not len(tool_poses):
-        return NearbyCusps(found, np.inf)
+        return NearbyCusps(leaf_cusps, np.inf)
     away = tool_away(strategy.task, tool_poses, poses)
-    return NearbyCusps(found, float(away.min()), pose=tool_poses[away.argmin()])
+    return NearbyCusps(leaf_cusps, float(away.min()), pose=tool_poses[away.argmin()])
 
 
 def _capital(sentence: str) -> str:

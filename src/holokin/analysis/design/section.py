@@ -104,20 +104,20 @@ class TiltedLeaves(Value):
             raise SingularityError(SingularityKind.REPRESENTATION, Q[0], self.coordinates.chart.name, 0.0)
         return sampled
 
-    def back(self, at: Sampled, by_G: Array, by_rcond: Vector) -> tuple[Matrix, Array]:
+    def back(self, sampled: Sampled, by_G: Array, by_rcond: Vector) -> tuple[Matrix, Array]:
         """Derivatives by Q (S, n) and by A (S, r, d) of a cost whose derivatives by G and rcond are given.
 
         M G = [P; 0] gives dG = -M^-1 dM G, so the cost's derivative by M is -M^-T by_G G^T, and that by the posture is
         one sweep back through J and J_phi alone.
         """
-        P, r, GT = self.coordinates.P, at.A.shape[1], np.swapaxes(at.G, 1, 2)
-        by_J, by_rows = (-np.swapaxes(columns, 1, 2) @ by_G @ GT for columns in (at.X, at.Z))
+        P, r, GT = self.coordinates.P, sampled.A.shape[1], np.swapaxes(sampled.G, 1, 2)
+        by_J, by_rows = (-np.swapaxes(columns, 1, 2) @ by_G @ GT for columns in (sampled.X, sampled.Z))
         if by_rcond.any():
-            by_M = by_rcond[:, None, None] * at.rcond_slope
+            by_M = by_rcond[:, None, None] * sampled.rcond_slope
             by_J, by_rows = by_J + by_M[:, :-r], by_rows + by_M[:, -r:]
-        PJ = P.T @ at.M[:, :-r]
-        by_J = by_J - P @ np.swapaxes(at.A, 1, 2) @ by_rows
-        by_Q = self._turning.batch(at.Q, by_J, by_rows)
+        PJ = P.T @ sampled.M[:, :-r]
+        by_J = by_J - P @ np.swapaxes(sampled.A, 1, 2) @ by_rows
+        by_Q = self._turning.batch(sampled.Q, by_J, by_rows)
         return by_Q, -by_rows @ np.swapaxes(PJ, 1, 2)
 
     @cached_property
@@ -171,11 +171,11 @@ class SectionSamples(Value):
         A = np.einsum("rt,std->srd", coefficients, slopes[:, :t])
         return self.leaves.through(Q, A, values[:, :t] @ coefficients.T)
 
-    def slope(self, at: Sampled, cost: Slopes, t: int) -> Matrix:
+    def slope(self, sampled: Sampled, cost: Slopes, t: int) -> Matrix:
         """Derivative (r, t) of a cost by the coefficients."""
-        by_q, by_A = self.leaves.back(at, cost.G, cost.rcond)
+        by_q, by_A = self.leaves.back(sampled, cost.G, cost.rcond)
         values, slopes = self.basis
-        by_level = np.einsum("snr,sn->sr", at.Z, cost.Q + by_q)
+        by_level = np.einsum("snr,sn->sr", sampled.Z, cost.Q + by_q)
         return by_level.T @ values[:, :t] + np.einsum("srd,std->rt", by_A, slopes[:, :t])
 
     def _solve(self, levels: Matrix, near: Matrix) -> Matrix | None:
@@ -288,9 +288,9 @@ class Limits(Value):
         """The same, -inf where they are `SHORT` farther apart than asked, and the derivatives (k, P, n)."""
         if self.apart is None:
             return np.zeros((len(Q), 0)), np.zeros((len(Q), 0, Q.shape[1]))
-        apart = self.distances
-        found, slopes = self.apart.slopes(Q, float(apart.max()) + SHORT)
-        return apart - found, -slopes
+        wanted = self.distances
+        distances, slopes = self.apart.slopes(Q, float(wanted.max()) + SHORT)
+        return wanted - distances, -slopes
 
     @property
     def none(self) -> bool:
@@ -311,19 +311,21 @@ class Search(Value):
     limits: Limits
     near: Sampled
 
-    def cost(self, at: Sampled) -> Slopes:
+    def cost(self, sampled: Sampled) -> Slopes:
         """The objective at a section, with its derivatives."""
-        total = Slopes(0.0, np.zeros_like(at.Q), np.zeros_like(at.G), np.zeros(len(at.Q)))
+        total = Slopes(0.0, np.zeros_like(sampled.Q), np.zeros_like(sampled.G), np.zeros(len(sampled.Q)))
         for name, weight in self.weights.items():
-            total = total.plus(self.costs.known[name](at.Q, at.G, at.rcond), weight)
+            total = total.plus(self.costs.known[name](sampled.Q, sampled.G, sampled.rcond), weight)
         return total
 
-    def violations(self, at: Sampled) -> tuple[Array, Array, Array]:
+    def violations(self, sampled: Sampled) -> tuple[Array, Array, Array]:
         """(S, n + 1 + P) numbers that must not be above 0, and the derivatives of the joints' and the pairs' by q."""
-        off = (at.Q - self.costs.middle) / self.costs.half
+        off = (sampled.Q - self.costs.middle) / self.costs.half
         over = np.abs(off) - self.limits.allowed + KEPT
-        least = np.log(self.limits.rcond / at.rcond) + KEPT if self.limits.rcond > 0 else np.full(len(at.Q), -1.0)
-        near, slopes = self.limits.nearer_slopes(at.Q)
+        least = (
+            np.log(self.limits.rcond / sampled.rcond) + KEPT if self.limits.rcond > 0 else np.full(len(sampled.Q), -1.0)
+        )
+        near, slopes = self.limits.nearer_slopes(sampled.Q)
         violations = np.column_stack([np.maximum(over, -1.0), least, np.maximum(near / SHORT + KEPT, -1.0)])
         return violations, np.sign(off) / self.costs.half, slopes / SHORT
 
@@ -372,12 +374,12 @@ class Search(Value):
         white, size = self._whitening[:t, :t], self._size
 
         def cost(x: Vector, near: Sampled) -> tuple[float, Vector, Sampled] | None:
-            at = self.section.at(x.reshape(r, t) @ white, near)
-            if at is None:
+            sampled = self.section.at(x.reshape(r, t) @ white, near)
+            if sampled is None:
                 return None
-            total = self.cost(at).plus(self._penalty(at, multipliers, penalty), size)
-            slope = self.section.slope(at, total, t)
-            return total.value, (slope @ white.T).ravel(), at
+            total = self.cost(sampled).plus(self._penalty(sampled, multipliers, penalty), size)
+            slope = self.section.slope(sampled, total, t)
+            return total.value, (slope @ white.T).ravel(), sampled
 
         return cost
 
@@ -386,15 +388,15 @@ class Search(Value):
         """The objective to begin with; 1 where that is 0."""
         return self.cost(self.near).value or 1.0
 
-    def _penalty(self, at: Sampled, multipliers: Matrix, penalty: float) -> Slopes:
+    def _penalty(self, sampled: Sampled, multipliers: Matrix, penalty: float) -> Slopes:
         """sum max(0, multiplier + penalty over)^2 / (2 penalty). [NW06, section 17.3]"""
         if self.limits.none:
             return Slopes(0.0)
-        over, by_q, by_near = self.violations(at)
-        push, n = np.maximum(0.0, multipliers + penalty * over), at.Q.shape[1]
+        over, by_q, by_near = self.violations(sampled)
+        push, n = np.maximum(0.0, multipliers + penalty * over), sampled.Q.shape[1]
         value = float(np.sum(push**2) - np.sum(multipliers**2)) / (2 * penalty)
         pushed = push[:, :n] * by_q + np.einsum("sp,spn->sn", push[:, n + 1 :], by_near)
-        return Slopes(value, Q=pushed, rcond=-push[:, n] / at.rcond)
+        return Slopes(value, Q=pushed, rcond=-push[:, n] / sampled.rcond)
 
     @cached_property
     def _whitening(self) -> Matrix:
