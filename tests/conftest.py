@@ -280,3 +280,9 @@ def assert_untouched(out: Path) -> None:
     """No new entries, hidden ones included, and the old one as it was."""
     assert [entry.name for entry in out.iterdir()] == ["mine.txt"]
     assert (out / "mine.txt").read_text() == "keep me"
+
+
+def fails(error: type[Exception], words: str, call: Callable[[], Any]) -> None:
+    """A call raises an error in whose message these words, a regular expression, stand."""
+    with pytest.raises(error, match=words or None):
+        call()

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START
-from holokin.analysis.coverage import PoseStatus, coverage_slices, posture_reach
+from conftest import PANDA_START, fails
+from holokin.analysis.coverage import Coverage, PoseStatus, coverage_slices, posture_reach
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
 from holokin.motion.ik.pose_paths import nearest_postures
 from holokin.strategies import HolonomicStrategy
@@ -68,30 +68,24 @@ def expected(distance: np.ndarray, limits: bool = True) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def covered(law: HolonomicStrategy) -> hk.analysis.coverage.Coverage:
+def covered(law: HolonomicStrategy) -> Coverage:
     return hk.coverage(law, DISC, START, samples=1024)
 
 
-def test_each_pose_of_a_planar_arm_has_the_cause_that_its_distance_from_the_base_says(
-    covered: hk.analysis.coverage.Coverage,
-) -> None:
+def test_each_pose_of_a_planar_arm_has_the_cause_that_its_distance_from_the_base_says(covered: Coverage) -> None:
     distance = np.linalg.norm(covered.poses[:, :2, 3], axis=1)
     assert np.array_equal(covered.status, expected(distance))
     assert {int(s) for s in covered.status} == {0, 1, 2, 6, 7}
 
 
-def test_the_share_of_a_disc_that_a_locked_arm_reaches_is_an_area_between_two_circles(
-    covered: hk.analysis.coverage.Coverage,
-) -> None:
+def test_the_share_of_a_disc_that_a_locked_arm_reaches_is_an_area_between_two_circles(covered: Coverage) -> None:
     limit, leaf, within, _ = circles()
     area = np.pi * RADIUS**2
     assert covered.share == pytest.approx((lens(leaf) - lens(limit)) / area, abs=4e-3)
     assert covered.reachable == pytest.approx(lens(within) / area, abs=4e-3)
 
 
-def test_joints_margins_and_rcond_are_those_of_the_elbow_in_closed_form(
-    covered: hk.analysis.coverage.Coverage, law
-) -> None:
+def test_joints_margins_and_rcond_are_those_of_the_elbow_in_closed_form(covered: Coverage, law) -> None:
     """The law of cosines gives the elbow; [J; J_g] has the determinant l1 L sin(elbow), zero where the leaf ends."""
     length, angle = forearm(LOCKED)
     known = np.isfinite(covered.q).all(axis=1)
@@ -111,7 +105,7 @@ def test_joints_margins_and_rcond_are_those_of_the_elbow_in_closed_form(
     assert np.isnan(covered.rcond[~known]).all()
 
 
-def test_poses_beyond_a_limit_are_counted_with_the_joint_and_the_side(covered: hk.analysis.coverage.Coverage) -> None:
+def test_poses_beyond_a_limit_are_counted_with_the_joint_and_the_side(covered: Coverage) -> None:
     assert covered.at_limits() == {("q2", "upper"): covered.count(PoseStatus.LIMIT)}
     assert sum(k for _, k in covered.causes()) == len(covered) == 1024
     text = str(covered)
@@ -132,13 +126,10 @@ def test_without_a_search_no_pose_is_called_out_of_reach_and_the_share_is_the_sa
     assert quick.turn == 0 and not quick.remark  # the task leaves the orientation free
 
 
-def test_a_reach_found_before_gives_the_same_causes(
-    law: HolonomicStrategy, covered: hk.analysis.coverage.Coverage
-) -> None:
+def test_a_reach_found_before_gives_the_same_causes(law: HolonomicStrategy, covered: Coverage) -> None:
     reach = posture_reach(law.task, DISC, START, samples=1024)
     assert np.array_equal(hk.coverage(law, DISC, START, samples=1024, reach=reach).status, covered.status)
-    with pytest.raises(ShapeError, match="that of the same poses"):
-        hk.coverage(law, DISC, START, samples=64, reach=reach)
+    fails(ShapeError, "that of the same poses", lambda: hk.coverage(law, DISC, START, samples=64, reach=reach))
 
 
 def test_a_slice_has_the_same_circles_and_is_empty_outside_the_disc(law: HolonomicStrategy) -> None:
@@ -195,9 +186,7 @@ def test_a_workspace_out_of_reach_altogether_has_the_share_0_and_says_so(law: Ho
     assert "none of the 0 for which a posture was found" in far.sentence
 
 
-def test_a_position_task_does_not_look_at_the_rotations(
-    law: HolonomicStrategy, covered: hk.analysis.coverage.Coverage
-) -> None:
+def test_a_position_task_does_not_look_at_the_rotations(law: HolonomicStrategy, covered: Coverage) -> None:
     turned = hk.workspace(cylinder=(CENTER, RADIUS, 0), rotation=np.eye(3), tilt=1.0, spin=1.0)
     other = hk.coverage(law, turned, START, samples=1024)
     assert np.array_equal(other.status, covered.status)
@@ -218,9 +207,7 @@ def test_the_pose_task_of_a_planar_arm_asks_for_rotations_in_its_plane() -> None
         assert np.allclose(robot.pose(q), pose, atol=1e-8)
 
 
-def test_a_file_of_coverage_is_a_workspace_again(
-    law: HolonomicStrategy, covered: hk.analysis.coverage.Coverage, tmp_path: Path
-) -> None:
+def test_a_file_of_coverage_is_a_workspace_again(law: HolonomicStrategy, covered: Coverage, tmp_path: Path) -> None:
     covered.save(tmp_path / "covered.csv")
     again = hk.coverage(law, hk.path.read_workspace(tmp_path / "covered.csv"), START)
     assert np.array_equal(again.status, covered.status)
@@ -229,20 +216,17 @@ def test_a_file_of_coverage_is_a_workspace_again(
     assert [line.split(",")[7] for line in lines[1:]] == [PoseStatus(s).name.lower() for s in covered.status]
 
 
-def test_coverage_can_be_pickled(covered: hk.analysis.coverage.Coverage) -> None:
+def test_coverage_can_be_pickled(covered: Coverage) -> None:
     again = pickle.loads(pickle.dumps(covered))
     assert str(again) == str(covered)
 
 
 def test_a_start_or_strategy_that_is_none_is_refused(law: HolonomicStrategy) -> None:
-    with pytest.raises(JointLimitError, match="q2"):
-        hk.coverage(law, DISC, [0, 2.0, LOCKED], samples=8)
-    with pytest.raises(NotFiniteError):
-        hk.coverage(law, DISC, [0, np.nan, LOCKED], samples=8)
+    fails(JointLimitError, "q2", lambda: hk.coverage(law, DISC, [0, 2.0, LOCKED], samples=8))
+    fails(NotFiniteError, "", lambda: hk.coverage(law, DISC, [0, np.nan, LOCKED], samples=8))
     with pytest.raises(ArgumentError, match="a strategy with leaves"):
         hk.coverage(hk.moore_penrose(law.task), DISC, START, samples=8)
-    with pytest.raises(ArgumentError, match="whole number"):
-        hk.coverage(law, DISC, START, samples=0)
+    fails(ArgumentError, "whole number", lambda: hk.coverage(law, DISC, START, samples=0))
 
 
 @pytest.mark.campaign

@@ -17,7 +17,7 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from conftest import campaign, sampled
+from conftest import campaign, fails, sampled
 from holokin.analysis.curvature import cuspidal_leaf, why_elsewhere, witness_between
 from holokin.analysis.curvature.cusp_search import CuspPoints, cusp_functions, symmetric_joints
 from holokin.analysis.curvature.cuspidal_leaf import candidates
@@ -164,13 +164,10 @@ def test_at_a_cusp_three_postures_of_one_pose_come_together() -> None:
 
 def test_what_cannot_be_searched_is_refused() -> None:
     panda = hk.pose(hk.load("panda"))
-    with pytest.raises(ArgumentError, match="leaves"):
-        hk.cusps(hk.moore_penrose(panda), PANDA)
+    fails(ArgumentError, "leaves", lambda: hk.cusps(hk.moore_penrose(panda), PANDA))
     cusps = found("lock 3")
-    with pytest.raises(SingularityError):
-        hk.cusps(cusps.strategy, cusps.q[0])
-    with pytest.raises(ArgumentError, match="starts"):
-        hk.cusps(hk.holonomic(panda, hk.lock(2)), PANDA, starts=0)
+    fails(SingularityError, "", lambda: hk.cusps(cusps.strategy, cusps.q[0]))
+    fails(ArgumentError, "starts", lambda: hk.cusps(hk.holonomic(panda, hk.lock(2)), PANDA, starts=0))
 
 
 def test_ctrl_c_keeps_the_cusps_that_were_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,10 +236,8 @@ def test_two_postures_far_apart_are_joined_by_a_closed_tool_path() -> None:
     assert np.abs(walk.q[-1] - second).max() < 1e-9
     other = found[(apart > 0.1) & (np.abs(apart - 2.705) > 1e-3)]
     assert len(other) and witness_between(strategy, first, other[0], via=60) is None
-    with pytest.raises(ArgumentError, match="another posture of the same tool pose"):
-        witness_between(strategy, first, first)
-    with pytest.raises(ArgumentError, match="same leaf"):
-        witness_between(strategy, first, PANDA)
+    fails(ArgumentError, "another posture of the same tool pose", lambda: witness_between(strategy, first, first))
+    fails(ArgumentError, "same leaf", lambda: witness_between(strategy, first, PANDA))
 
 
 # --- Every cusp is one by differences of positions alone; orthogonal arms have as many families as algebra counts.
@@ -429,8 +424,7 @@ def test_every_cusp_of_a_random_arm_is_one_by_differences_of_positions(seed: int
 def test_a_whole_turn_of_the_base_is_no_other_posture() -> None:
     """The tool goes once round the base, and the joints are a whole turn further: nothing is else than before."""
     law, q = hk.moore_penrose(hk.position(orthogonal(*ARMS[4]))), RATES[:3]
-    with pytest.raises(ArgumentError, match="whole turns left out"):
-        witness_between(law, q, q + [2 * np.pi, 0, 0])
+    fails(ArgumentError, "whole turns left out", lambda: witness_between(law, q, q + [2 * np.pi, 0, 0]))
     found = hk.cusps(law, q, starts=1)
     turn = CuspPoints(q[None], np.zeros((1, 3)), np.array([[np.pi / 0.8, 0.0, 0.0]]))
     assert not len(candidates(found.strategy, found.level, turn, False)[0].first)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, fails
 from holokin.analysis.curvature import Evidence, measured_curvature
 from holokin.analysis.curvature.curvature_of_planes import noise_of, slope
 from holokin.analysis.curvature.involutive import SURE
@@ -182,18 +182,13 @@ def test_what_is_no_right_inverse_or_no_function_of_q_is_refused_with_the_number
     with pytest.raises(ArgumentError, match=r"\|J G - 1\| .* is 0\.\d+; give a right inverse, without damping"):
         numeric(task, damped)
     for law in (random, remembers):
-        with pytest.raises(ArgumentError, match=r"called at one posture again is \d"):
-            numeric(task, law)
-    with pytest.raises(FunctionError, match="raised ZeroDivisionError: division by zero at q ="):
-        numeric(task, lambda q: 1 / 0)
-    with pytest.raises(NotFiniteError):
-        numeric(task, lambda q: np.full((3, 2), np.nan))
+        fails(ArgumentError, r"called at one posture again is \d", lambda: numeric(task, law))
+    fails(FunctionError, "raised ZeroDivisionError: division by zero at q =", lambda: numeric(task, lambda q: 1 / 0))
+    fails(NotFiniteError, "", lambda: numeric(task, lambda q: np.full((3, 2), np.nan)))
     for bad in (np.ones(3), np.ones((2, 3)), 1.0, []):
-        with pytest.raises(ShapeError, match=r"expected \(3, 2\)"):
-            numeric(task, lambda q, bad=bad: bad)
+        fails(ShapeError, r"expected \(3, 2\)", lambda: numeric(task, lambda q, bad=bad: bad))
     for bad in (None, "G", [[1, 2], [3]], object()):
-        with pytest.raises(ArgumentError, match="give numbers"):
-            numeric(task, lambda q, bad=bad: bad)
+        fails(ArgumentError, "give numbers", lambda: numeric(task, lambda q, bad=bad: bad))
     for more in ({"accuracy": 0}, {"accuracy": "x"}, {"q0": [1]}, {"q0": [np.nan] * 3}, {"name": 3}):
         with pytest.raises(HolokinError):
             numeric(task, lambda q: np.linalg.pinv(J(q)), **more)  # type: ignore[arg-type]
@@ -228,8 +223,7 @@ def test_postures_where_a_function_is_not_defined_are_left_out_and_counted() -> 
     assert not verdict.holonomic and 0 < verdict.singular < 24
     with pytest.raises(EmptyRegionError, match="no solution here"):
         hk.involutivity(given, hk.around(PLANAR_START + [0.5, 0, 0], 0.1), samples=4)
-    with pytest.raises(FunctionError):
-        hk.curvature(given, PLANAR_START + 0.5)
+    fails(FunctionError, "", lambda: hk.curvature(given, PLANAR_START + 0.5))
     with pytest.raises(SingularityError):  # of the user's own call of holokin: it passes as it is
         inner = hk.moore_penrose(task)
         numeric(task, lambda q: inner(q))([0.0, 0.0, 0.0])
@@ -244,9 +238,6 @@ def test_what_needs_a_formula_says_so() -> None:
         lambda: hk.analysis.curvature.filtration(given, PLANAR_START),
         lambda: hk.export.export_c(given, "folder", q0=PLANAR_START),
     ):  # fmt: skip
-        with pytest.raises(ArgumentError, match="a Python function"):
-            asked()
-    with pytest.raises(ArgumentError, match="say how many"):
-        hk.involutivity(given, hk.around(PLANAR_START, 0.1), thorough=True)
-    with pytest.raises(ArgumentError, match="a strategy with leaves"):
-        hk.ik(given, PLANAR_START)
+        fails(ArgumentError, "a Python function", lambda: asked())
+    fails(ArgumentError, "say how many", lambda: hk.involutivity(given, hk.around(PLANAR_START, 0.1), thorough=True))
+    fails(ArgumentError, "a strategy with leaves", lambda: hk.ik(given, PLANAR_START))

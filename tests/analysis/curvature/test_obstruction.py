@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START, campaign, sampled
+from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START, campaign, fails, sampled
+from holokin.analysis import curvature
 from holokin.analysis.curvature import Directions, obstruction
 from holokin.analysis.curvature.sphere_index import TangentField, area, icosphere, poles, turn
 from holokin.base.errors import ArgumentError, OpenPathError
@@ -102,7 +103,7 @@ def test_the_triangles_cover_the_sphere_and_turning_round_one_is_its_area() -> N
 # --- arms ---
 
 
-def places(found: hk.analysis.curvature.Obstruction) -> list[tuple[list[float], int]]:
+def places(found: curvature.Obstruction) -> list[tuple[list[float], int]]:
     return [(w.direction.round(2).tolist(), w.index) for w in found.witnesses]
 
 
@@ -191,8 +192,7 @@ def test_a_stretched_arm_is_undecided(iiwa14: hk.Robot) -> None:
 def test_directions_want_a_shoulder_that_stands_and_a_tool_that_is_turned(panda: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="no joint moves"):
         obstruction(hk.pose(panda), Directions(joints=(3, 4, 6)), PANDA_START)
-    with pytest.raises(ArgumentError, match="orientation"):
-        obstruction(hk.position(panda), Directions(), PANDA_START)
+    fails(ArgumentError, "orientation", lambda: obstruction(hk.position(panda), Directions(), PANDA_START))
     for wrong in ({"fineness": 9}, {"fineness": -1}, {"accuracy": 0.0}):
         with pytest.raises(ArgumentError):
             Directions(**wrong)  # type: ignore[arg-type]
@@ -260,11 +260,9 @@ def test_a_self_motion_that_is_no_circle_is_undecided() -> None:
 
 def test_loops_want_a_law_with_leaves_and_an_end_at_the_start(panda: hk.Robot) -> None:
     p = panda.pose(PANDA_START)[:3, 3]
-    with pytest.raises(ArgumentError, match="leaves"):
-        obstruction(hk.pose(panda), hk.circle(p, p - [0.1, 0, 0]), PANDA_START)
+    fails(ArgumentError, "leaves", lambda: obstruction(hk.pose(panda), hk.circle(p, p - [0.1, 0, 0]), PANDA_START))
     law = hk.holonomic(hk.pose(panda), hk.arm_angle())
-    with pytest.raises(OpenPathError):
-        obstruction(law, hk.polyline([p, p + [0.1, 0, 0]]), PANDA_START)
+    fails(OpenPathError, "", lambda: obstruction(law, hk.polyline([p, p + [0.1, 0, 0]]), PANDA_START))
     with pytest.raises(ArgumentError, match="redundant"):
         two = hk.holonomic(hk.position(panda), hk.lock(0, 1, 2, 6))
         obstruction(two, hk.circle(p, p - [0.1, 0, 0]), PANDA_START)
@@ -294,8 +292,8 @@ def test_the_bound_on_ppr_has_its_closed_form_T11(ppr_given: hk.Strategy) -> Non
 
     First order: kappa R / (2 sqrt 2) = 0.035567; the twin's rms over all angles 0.035674 (rad/m).
     """
-    found = hk.analysis.curvature.distance_to_repeatable(
-        ppr_given, hk.analysis.curvature.ball(CENTER_START, PPR_RADIUS, along=np.pi * np.sqrt(2)), samples=600
+    found = curvature.distance_to_repeatable(
+        ppr_given, curvature.ball(CENTER_START, PPR_RADIUS, along=np.pi * np.sqrt(2)), samples=600
     )
     assert found.bound * UNIT == pytest.approx(0.5 - (1 - np.exp(-PPR_RADIUS / 2)) / PPR_RADIUS, rel=1e-4)
     assert found.bound * UNIT == pytest.approx(0.0471, abs=1e-4)
@@ -330,14 +328,11 @@ def test_no_regular_law_beats_the_bound_and_the_twin_is_within_a_third_of_it(nam
     robot = hk.load(name)
     start, radius = (CENTER_START, PPR_RADIUS) if name == "ppr" else (PANDA_START, 0.1)
     given = hk.moore_penrose(hk.position(robot) if name == "ppr" else hk.pose(robot))
-    found = hk.analysis.curvature.distance_to_repeatable(given, hk.analysis.curvature.ball(start, radius), samples=40)
+    found = curvature.distance_to_repeatable(given, curvature.ball(start, radius), samples=40)
     assert found.circle.shape == (found.points, robot.n)
     assert found.bound < found.radial.largest < 4 / 3 * found.bound
     for law in near_radial_laws(given, start, times):
-        assert (
-            hk.analysis.curvature.deviation(given, law, found.circle, columns=min(3, given.task.m)).largest
-            >= found.bound
-        )
+        assert curvature.deviation(given, law, found.circle, columns=min(3, given.task.m)).largest >= found.bound
 
 
 def cut_law(given: hk.Strategy, sharpness: float) -> hk.Strategy:
@@ -367,9 +362,7 @@ def test_a_law_with_a_cut_has_less_rms_than_the_twin_but_not_less_at_most(ppr_gi
     before = np.inf
     for sharpness in (0.9, 0.99, 0.999):
         law = cut_law(ppr_given, sharpness)
-        found = hk.analysis.curvature.distance_to_repeatable(
-            ppr_given, hk.analysis.curvature.ball(CENTER_START, PPR_RADIUS), law, samples=300
-        )
+        found = curvature.distance_to_repeatable(ppr_given, curvature.ball(CENTER_START, PPR_RADIUS), law, samples=300)
         assert found.ours is not None
         assert found.ours.rms < before
         assert found.bound <= found.ours.largest
@@ -384,7 +377,7 @@ def test_the_bound_is_what_a_direct_search_along_the_circle_finds() -> None:
 
     robot = hk.load("iiwa14")
     given = hk.moore_penrose(hk.pose(robot))
-    found = hk.analysis.curvature.distance_to_repeatable(given, hk.analysis.curvature.ball(IIWA_START, 0.1), samples=10)
+    found = curvature.distance_to_repeatable(given, curvature.ball(IIWA_START, 0.1), samples=10)
     center = robot.pose(IIWA_START)[:3, 3]
     spokes = np.array([robot.pose(q)[:3, 3] - center for q in found.circle])
     assert np.linalg.norm(spokes, axis=1) == pytest.approx(0.1, abs=1e-7)
@@ -406,11 +399,7 @@ def test_the_bound_is_what_a_direct_search_along_the_circle_finds() -> None:
 
 def test_a_price_says_of_what_set_and_norm_it_speaks(panda_given: hk.Strategy) -> None:
     lock = hk.holonomic(panda_given.task, hk.lock(2))
-    text = str(
-        hk.analysis.curvature.distance_to_repeatable(
-            panda_given, hk.analysis.curvature.ball(PANDA_START, 0.1), lock, samples=20
-        )
-    )
+    text = str(curvature.distance_to_repeatable(panda_given, curvature.ball(PANDA_START, 0.1), lock, samples=20))
     for said in (
         "at least 3.9",
         "one or more postures",
@@ -426,20 +415,18 @@ def test_a_price_says_of_what_set_and_norm_it_speaks(panda_given: hk.Strategy) -
 
 def test_what_costs_nothing_is_free_and_what_has_no_price_is_refused(ppr: hk.Robot, panda: hk.Robot) -> None:
     task = hk.position(ppr)
-    free = hk.analysis.curvature.distance_to_repeatable(
-        hk.null_basis(task, paper_frame), hk.analysis.curvature.ball(CENTER_START, 0.2), samples=30
+    free = curvature.distance_to_repeatable(
+        hk.null_basis(task, paper_frame), curvature.ball(CENTER_START, 0.2), samples=30
     )
     assert free.bound < 1e-6
     assert free.first_order < 1e-9
     for strategy, region in (
-        (hk.moore_penrose(hk.position(panda)), hk.analysis.curvature.ball(PANDA_START, 0.1)),
-        (hk.moore_penrose(hk.position(ppr, rows=[0])), hk.analysis.curvature.ball(PPR_START, 0.1)),
+        (hk.moore_penrose(hk.position(panda)), curvature.ball(PANDA_START, 0.1)),
+        (hk.moore_penrose(hk.position(ppr, rows=[0])), curvature.ball(PPR_START, 0.1)),
     ):
-        with pytest.raises(ArgumentError, match="redundant joints"):
-            hk.analysis.curvature.distance_to_repeatable(strategy, region)
+        fails(ArgumentError, "redundant joints", lambda: curvature.distance_to_repeatable(strategy, region))
     for radius in (0.0, np.inf):
-        with pytest.raises(ArgumentError, match="radius"):
-            hk.analysis.curvature.ball(PPR_START, radius)
+        fails(ArgumentError, "radius", lambda: curvature.ball(PPR_START, radius))
 
 
 # --- How the error of a drift forecast falls with the size of the loop: measured, against closed form and integration.
@@ -453,7 +440,7 @@ def shares(given: hk.Strategy, start: np.ndarray, loops: list[hk.Path]) -> tuple
     out = []
     for loop in loops:
         drift = hk.drift(given, loop, start, samples=300).since_start[0]
-        told = hk.analysis.curvature.predicted_drift(given, loop, start)
+        told = curvature.predicted_drift(given, loop, start)
         plain = np.einsum("ij,aij->a", told.area, told.curvature) / 2
         out.append([np.abs(one - drift).max() / np.abs(drift).max() for one in (told.drift, plain)])
     return np.array(out).T
@@ -481,7 +468,7 @@ def test_the_error_falls_with_the_second_power_whatever_the_plane_loop(panda: hk
     carried, plain = shares(given, PANDA_START, [hk.polyline(point + size * corners) for size in SIZES[:3]])
     assert carried[:-1] / carried[1:] == pytest.approx(4 * np.ones(2), rel=0.4)
     assert plain[:-1] / plain[1:] == pytest.approx(2 * np.ones(2), rel=0.3)
-    told = hk.analysis.curvature.predicted_drift(given, hk.polyline(point + 0.01 * corners), PANDA_START)
+    told = curvature.predicted_drift(given, hk.polyline(point + 0.01 * corners), PANDA_START)
     middle = panda.pose(told.center)[:3, 3] - point
     assert middle == pytest.approx(0.01 * corners[:3].mean(axis=0), abs=1e-8)
 
@@ -517,7 +504,7 @@ def test_the_forecast_on_ppr_nears_the_planimeters_closed_form() -> None:
         for phase in np.arange(12) * np.pi / 6:
             point = PPR_CENTER + radius * np.array([np.cos(phase), np.sin(phase), 0])
             start = np.array([point[0] - np.cos(0.5), point[1] - np.sin(0.5), 0.5])
-            told = hk.analysis.curvature.predicted_drift(given, hk.circle(point, PPR_CENTER), start).drift[2]
+            told = curvature.predicted_drift(given, hk.circle(point, PPR_CENTER), start).drift[2]
             worst = max(worst, abs(told / turned_on_ppr(radius, phase, 0.5) - 1))
         errors.append(worst)
     assert errors[0] < 1e-3

@@ -19,7 +19,7 @@ import pytest
 from benchmarks.fuzz.methods import things
 
 import holokin as hk
-from holokin.analysis.design import OwnCost
+from holokin.analysis.design import OwnCost, advice_case
 from holokin.base.errors import AmbiguousTruthError, NoAttributeError
 from holokin.base.types import LONGEST, NoTruthValue, Result, Shown
 from public_nouns import public_classes
@@ -250,7 +250,10 @@ def results() -> dict[str, Any]:
     tool = robot.pose(q0)[:3, 3]
     loop, space = hk.circle(tool, tool - [0.05, 0, 0]), hk.workspace(box=(tool[:2], [0.05, 0.05]))
     design, function = hk.design(task, space, q0, degree=1, samples=8), hk.strategies.numeric(task, given)
-    advised = hk.advise(task, hk.workspace(box=(tool[:2] * 1.2, [0.4, 0.4])), q0=q0)
+    with pytest.MonkeyPatch.context() as few:
+        few.setattr(advice_case, "POSES", 16)
+        few.setattr(advice_case, "DESIGNED", 16)
+        advised = hk.advise(task, hk.workspace(box=(tool[:2] * 1.2, [0.4, 0.4])), q0=q0)
     arm = hk.holonomic(hk.pose(hk.load("iiwa14")), hk.lock(2))
     obstruction = curvature.obstruction(arm, curvature.Directions(fineness=0), [0.3, 0.6, 0.2, -1.4, 0.3, 0.8, 0.2])
     cusps = hk.cusps(law, q0, starts=100)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, R3_START, Command, campaign, urdf
+from conftest import PANDA_START, R3_START, Command, campaign, fails, urdf
 from holokin.analysis.coverage import fitting_task, locked_joints, regular_starts
 from holokin.analysis.coverage.cover_workspace import largest_part
 from holokin.analysis.coverage.pose_postures import along_leaf, along_radial, chain_to_tool, chart_of, coordinates_of
@@ -256,8 +256,7 @@ def test_the_answer_begins_with_the_strategy_to_take_and_names_the_arm_and_the_t
     first, *_, last = str(advice).splitlines()
     assert first.startswith(f"Take {advice.best.name!r}: it reaches 100.0% of the workspace")
     assert last.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
-    with pytest.raises(ArgumentError, match="only files of models"):
-        chain_to_tool(arm(), base="world")
+    fails(ArgumentError, "only files of models", lambda: chain_to_tool(arm(), base="world"))
 
 
 def test_starts_hold_the_pose_within_the_limits_and_lie_apart(panda: hk.Robot) -> None:
@@ -292,28 +291,21 @@ def test_an_arm_of_five_joints_is_advised_on_positions_and_on_directions() -> No
     found = hk.advise(hk.position(hk.load("so101")), space)
     assert found.best.strategy.task.n - found.best.strategy.task.m == 2
     assert found.best.coverage > 0.95
-    with pytest.raises(TaskTooLargeError, match="n = 5 joints"):
-        hk.advise(hk.pose(hk.load("so101")), space)
+    fails(TaskTooLargeError, "n = 5 joints", lambda: hk.advise(hk.pose(hk.load("so101")), space))
 
 
 def test_bad_input_is_refused_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(advice_case, "POSES", 16)
     with pytest.raises(OutOfReachError, match="nearer to the base"):
         hk.advise(hk.position(arm()), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
-    with pytest.raises(ArgumentError, match=r"hk\.ik"):
-        hk.advise(hk.pose(hk.load("irb140")))
-    with pytest.raises(NotFiniteError):
-        hk.advise(hk.position(arm()), PLANE, q0=[0.1, np.nan, 0.2])
-    with pytest.raises(JointLimitError, match="q2"):
-        hk.advise(hk.position(arm()), PLANE, q0=[0.1, 3.0, 0.2])
-    with pytest.raises(UnknownNameError, match="panda_hand_tcp"):
-        chain_to_tool(urdf("panda.urdf"), tip="panda_hand_tpc")
-    with pytest.raises(ArgumentError, match="two, to be redundant"):
-        fitting_task(hk.from_dh([{"a": 1.0}]))
+    fails(ArgumentError, r"hk\.ik", lambda: hk.advise(hk.pose(hk.load("irb140"))))
+    fails(NotFiniteError, "", lambda: hk.advise(hk.position(arm()), PLANE, q0=[0.1, np.nan, 0.2]))
+    fails(JointLimitError, "q2", lambda: hk.advise(hk.position(arm()), PLANE, q0=[0.1, 3.0, 0.2]))
+    fails(UnknownNameError, "panda_hand_tcp", lambda: chain_to_tool(urdf("panda.urdf"), tip="panda_hand_tpc"))
+    fails(ArgumentError, "two, to be redundant", lambda: fitting_task(hk.from_dh([{"a": 1.0}])))
     with pytest.raises(ArgumentError, match=r"give a Task, as hk\.pose\(robot\) makes it"):
         hk.advise(arm(), PLANE)  # type: ignore[arg-type]
-    with pytest.raises(ArgumentError):
-        hk.advise(hk.position(arm()), pose_cloud([arm().pose(R3_START)]))
+    fails(ArgumentError, "", lambda: hk.advise(hk.position(arm()), pose_cloud([arm().pose(R3_START)])))
     with pytest.raises(RobotFileError, match=r"range of joint 'joint1' is from 0 to 0, at speed 0; fill in"):
         hk.advise(fitting_task(hk.load(urdf("double_pendulum.urdf"))))  # its exporter left all limits at 0
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import fails
 from holokin.analysis.design import Objective, OwnCost
 
 ROBOT = hk.load("planar-3r")
@@ -81,9 +82,6 @@ def test_a_broken_cost_is_told_by_its_name(name: str) -> None:
 
 
 def test_a_cost_has_a_name_of_its_own_and_one_way_to_be_given() -> None:
-    with pytest.raises(hk.HolokinError, match="expression= or function="):
-        OwnCost("mine")
-    with pytest.raises(hk.HolokinError, match="names of the costs"):
-        Objective(own=(OwnCost("travel", function=away),))
-    with pytest.raises(hk.HolokinError, match="weight of mine"):
-        OwnCost("mine", function=away, weight=-1.0)
+    fails(hk.HolokinError, "expression= or function=", lambda: OwnCost("mine"))
+    fails(hk.HolokinError, "names of the costs", lambda: Objective(own=(OwnCost("travel", function=away),)))
+    fails(hk.HolokinError, "weight of mine", lambda: OwnCost("mine", function=away, weight=-1.0))

@@ -37,26 +37,6 @@ draws a tenth of the starts or more: 64 miss one once in a thousand poses."""
 STEP = 0.2
 """Arc length between the postures of a self-motion [joint units]."""
 
-LENGTH = 20.0
-"""A walk goes so far each way [joint units]; a Panda's self-motions close after 20 or less."""
-
-LOOKS = ((8, 8), (3, 8), (1, 8))
-"""(places, parts): round the best places of a pose steps are shorter by the parts, three times: the least value is then
-right to 1e-5, also where a joint limit cuts the self-motion."""
-
-LINES = 12
-"""Lines searched for each redundant joint, where there are several; a second and a third third of them have steps that
-are shorter by `SHORTER` and by its square."""
-
-LINE_STEPS = 10
-"""Steps of such a line each way."""
-
-SHORTER = 5
-"""See `LINES`."""
-
-PLACES = (6, 2, 1)
-"""Postures of a pose from which each third of the lines is searched: the best ones."""
-
 Cost = Callable[[Matrix], Vector]
 """Postures (k, n) -> values (k,), inf for those that do not count."""
 
@@ -102,27 +82,24 @@ def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int
     task = task._geometric_twin  # which has no singular angles on the way
     S = len(Q)
     pose = np.repeat(np.arange(S), starts)
-    found, arrived = postures_from(task, spread(task.robot, starts * S), p[pose], R[pose])
-    q, pose = np.concatenate([Q, found[arrived]]), np.concatenate([np.arange(S), pose[arrived]])
+    q, arrived = postures_from(task, spread(task.robot, starts * S), p[pose], R[pose])
+    q, pose = np.concatenate([Q, q[arrived]]), np.concatenate([np.arange(S), pose[arrived]])
     if task.n - task.m > 1:
         return PosePostures(task, p, R, q, pose, np.arange(len(q)))
-    left, curves, whose = np.arange(len(q)), [], []
-    while len(left):
-        poses, first = np.unique(pose[left], return_index=True)
-        first = left[first]
+    # Walk the self-motion of one posture at each pose, and leave out the postures that lie on it, until none is left.
+    # A walk goes 20 joint units each way; a Panda's self-motions close after 20 or less
+    rest, curves, curve_poses = np.arange(len(q)), [], []
+    while len(rest):
+        poses, first = np.unique(pose[rest], return_index=True)
+        first = rest[first]
         motions = SelfMotions(task, p[poses], R[poses])
-        lines = [line.q for line in motions.traced(q[first], step=STEP, length=LENGTH, limits=False)]
-        curves, whose = curves + lines, [*whose, *poses]
-        others = [left[(pose[left] == k) & (left != i)] for k, i in zip(poses, first, strict=True)]
-        left = np.concatenate([i[_apart(task, q[i], line) > STEP] for i, line in zip(others, lines, strict=True)])
-    sizes = [len(line) for line in curves]
-    which = np.repeat(np.arange(len(sizes)), sizes)
-    return PosePostures(task, p, R, np.concatenate(curves), np.array(whose)[which], which)
-
-
-def _apart(task: Task, q: Matrix, line: Matrix) -> Vector:
-    """How far postures (k, n) are from the nearest of others (j, n)."""
-    return away(task, q[:, None], line).min(axis=1)
+        lines = [line.q for line in motions.traced(q[first], step=STEP, length=20.0, limits=False)]
+        curves, curve_poses = curves + lines, [*curve_poses, *poses]
+        others = [rest[(pose[rest] == k) & (rest != i)] for k, i in zip(poses, first, strict=True)]
+        far = [away(task, q[i][:, None], line).min(axis=1) > STEP for i, line in zip(others, lines, strict=True)]
+        rest = np.concatenate([i[apart] for i, apart in zip(others, far, strict=True)])
+    curve = np.repeat(np.arange(len(curves)), [len(line) for line in curves])
+    return PosePostures(task, p, R, np.concatenate(curves), np.array(curve_poses)[curve], curve)
 
 
 def _on_curves(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
@@ -133,31 +110,35 @@ def _on_curves(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
     q, pose, rng = postures.q, postures.pose, np.random.default_rng(0)
     value, excess, best = cost(q), over(q), np.full(len(postures.p), np.inf)
     np.minimum.at(best, pose, value)
+    # Places where the cost, or what is over, is no higher than beside them
     lowest, (dips, steps) = _dips(value, postures.curve)[0], _dips(excess, postures.curve)
     hidden = np.isinf(value) & dips & (excess < steps)
     places, step = np.flatnonzero(lowest | hidden), STEP
     value = np.where(hidden, 0.0, value)  # to be looked at before all others
     q, pose, value, excess = q[places], pose[places], value[places], excess[places]
-    for count, parts in LOOKS:
+    # Three times with steps shorter by eight: the least is then right to 1e-5, also where a limit cuts the self-motion
+    for count, parts in ((8, 8), (3, 8), (1, 8)):
         chosen, step = _lowest(value, excess, pose, count), step / parts
         q, pose = q[chosen], pose[chosen]
-        q, value, excess = best_of(
-            line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, parts), cost, over
-        )
+        line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, parts)
+        q, value, excess = best_of(line, cost, over)
         np.minimum.at(best, pose, value)
     return best
 
 
 def _on_lines(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
-    """The least cost (S,) that lines in random directions of the self-motions come down to, from the best postures."""
+    """The least cost (S,) that lines in random directions of the self-motions come down to, from the best postures.
+
+    Twelve lines for each redundant joint, of ten steps each way: a third of them from the six best postures of a pose,
+    a third from the two best with steps shorter by five, and a third from the best, shorter again.
+    """
     pose, rng, best = postures.pose, np.random.default_rng(0), np.full(len(postures.p), np.inf)
     q, value, excess = best_of(postures.q[None], cost, over)
-    every = LINES * (postures.task.n - postures.task.m)
-    for third, count in enumerate(PLACES):
-        chosen, step = _lowest(value, excess, pose, count), STEP / SHORTER**third
+    for third, count in enumerate((6, 2, 1)):
+        chosen, step = _lowest(value, excess, pose, count), STEP / 5**third
         q, pose = q[chosen], pose[chosen]
-        for _ in range(every // len(PLACES)):
-            line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, LINE_STEPS)
+        for _ in range(4 * (postures.task.n - postures.task.m)):
+            line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, 10)
             q, value, excess = best_of(line, cost, over)
     np.minimum.at(best, pose, value)
     return best
@@ -165,13 +146,13 @@ def _on_lines(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
 
 def line_through(motions: SelfMotions, q: Matrix, v: Matrix, pose: Indices, step: float, count: int) -> Array:
     """Postures (2 count + 1, k, n) on self-motions through some (k, n): these, and so many steps both ways."""
-    found = [q]
+    line = [q]
     for sign in (1.0, -1.0):
-        at, along, _ = motions.step(q, sign * v, pose, np.zeros(len(q)))
+        posture, along, _ = motions.step(q, sign * v, pose, np.zeros(len(q)))
         for _ in range(count):
-            at, along, _ = motions.step(at, along, pose, np.full(len(q), step))
-            found.append(at)
-    return np.array(found)
+            posture, along, _ = motions.step(posture, along, pose, np.full(len(q), step))
+            line.append(posture)
+    return np.array(line)
 
 
 def best_of(line: Array, cost: Cost, over: Cost) -> tuple[Matrix, Vector, Vector]:
@@ -201,9 +182,6 @@ def _lowest(value: Vector, excess: Vector, pose: Indices, count: int) -> Indices
 
 
 # --- The coordinates of a workspace in which polynomials are written: those of the tool pose that vary in it, scaled.
-
-MOVES = 1e-6
-"""Half width [m or rad] of poses along a direction from which on the workspace reaches in it: well over round-off."""
 
 FAR = 3.0
 """Turn [rad] from the middle orientation up to which poses have a rotation vector; at pi it jumps."""
@@ -248,12 +226,10 @@ def chart_of(task: Task, rotation: Matrix) -> FrameTask:
 
     The direction of an axis counts from the middle orientation, too.
     """
-    one = parts_of(task)[0]
-    if one.orientation == "axis":
-        return replace(one, reference=rotation)
-    if one._turns:
-        return replace(one, orientation="rotation-vector", reference=rotation)
-    return replace(one, reference=rotation) if one.robot.planar else one
+    part = parts_of(task)[0]
+    if part.orientation != "axis" and part._turns:
+        return replace(part, orientation="rotation-vector", reference=rotation)
+    return replace(part, reference=rotation) if part.orientation == "axis" or part.robot.planar else part
 
 
 def coordinates_of(chart: FrameTask, Q: Matrix) -> Coordinates:
@@ -275,13 +251,16 @@ def coordinates_of(chart: FrameTask, Q: Matrix) -> Coordinates:
 
 
 def _directions(x: Matrix, rows: Indices) -> Matrix:
-    """Orthonormal directions (m, d) among some rows in which values (k, m) vary; the axes where all do."""
+    """Orthonormal directions (m, d) among some rows in which values (k, m) vary; the axes where all do.
+
+    A half width of 1e-6 m or rad is well over round-off.
+    """
     values = x[:, rows] - x[:, rows].mean(axis=0)
     axes = np.linalg.svd(values, full_matrices=False)[2] if len(rows) else np.zeros((0, 0))
-    axes = axes[np.ptp(values @ axes.T, axis=0) / 2 > MOVES]
-    out = np.zeros((x.shape[1], len(axes)))
-    out[rows] = np.eye(len(rows)) if len(axes) == len(rows) else axes.T
-    return out
+    axes = axes[np.ptp(values @ axes.T, axis=0) / 2 > 1e-6]
+    directions = np.zeros((x.shape[1], len(axes)))
+    directions[rows] = np.eye(len(rows)) if len(axes) == len(rows) else axes.T
+    return directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,44 +274,40 @@ class Polynomial(Value):
     def terms(self) -> Terms:
         """The monomials, the constant first, then by increasing degree."""
         degree = 0
-        while len(found := monomials_up_to(self.coordinates.d, degree)) < self.coefficients.shape[1]:
+        while len(terms := monomials_up_to(self.coordinates.d, degree)) < self.coefficients.shape[1]:
             degree += 1
-        return found
+        return terms
 
     def __call__(self, x: SX) -> SX:
         """zeta as an expression of the tool pose in the chart."""
         return SX(self.coefficients) @ monomials(self.coordinates.of(x), self.terms)
 
-    def keys_over(self, strategy: Mapping[str, Any]) -> dict[str, Any]:
-        """What a job file says of a strategy's constraint less this polynomial, `strategy` what it says of the
-        strategy."""
+    def keys_over(self, keys: Mapping[str, Any]) -> dict[str, Any]:
+        """What a job file says of a strategy's constraint less this polynomial, `keys` what it says of the strategy."""
         u = self.coordinates
         return {
-            "kind": "designed", "base": {key: value for key, value in strategy.items() if key != "level"},
-            "reference": u.chart.reference.tolist(), "directions": u.P.tolist(), "middle": u.middle.tolist(),
-            "scale": u.scale.tolist(), "coefficients": self.coefficients.tolist(),
-        }  # fmt: skip
+            "kind": "designed",
+            "base": {key: value for key, value in keys.items() if key != "level"},
+            "reference": u.chart.reference.tolist(),
+            "directions": u.P.tolist(),
+            "middle": u.middle.tolist(),
+            "scale": u.scale.tolist(),
+            "coefficients": self.coefficients.tolist(),
+        }
 
 
 def values_and_slopes(u: Matrix, terms: Terms) -> tuple[Matrix, Array]:
     """Monomials at points (k, d): their values (k, t) and slopes (k, t, d)."""
     v = symbol("u", u.shape[1])
-    found = monomials(v, terms)
-    basis = Function("monomials", {"u": v}, {"values": found, "slopes": jacobian(found, v)})
-    values, slopes = basis.batch(u)
+    powers = monomials(v, terms)
+    values, slopes = Function("monomials", {"u": v}, {"values": powers, "slopes": jacobian(powers, v)}).batch(u)
     return values.reshape(len(u), len(terms)), slopes.reshape(len(u), len(terms), u.shape[1])
 
 
 # --- The chain of a robot that is asked about: of a URDF that to the palm at the end of its longest arm.
 
-WORDS = ("tcp", "tool_center", "grasp", "tool", "end_effector", "effector", "eef", "ee_", "flange", "gripper", "hand")
-"""Parts of names that links for tools have, the plainest first."""
-
 ARM = 4
 """Joints that an arm has at least: what branches behind fewer is a trunk, not a hand."""
-
-JAW = ("finger", "jaw", "gripper", "thumb")
-"""Parts of names that joints of grippers have: such a joint at the end of a chain does not move the tool."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,9 +325,9 @@ class Chain(Value):
 
     def __str__(self) -> str:
         n, names = self.robot.n, self.robot.joint_names
-        said = f"{self.robot.name}: {n} joint{'s' * (n > 1)}, {names[0]} to {names[-1]}"
-        said += f", from {self.base} to the tip {self.tip}" if self.base else f", tip {self.tip}"
-        return said + (f" (other tips: {', '.join(self.others)})" if self.others else "")
+        ends = f", from {self.base} to the tip {self.tip}" if self.base else f", tip {self.tip}"
+        others = f" (other tips: {', '.join(self.others)})" if self.others else ""
+        return f"{self.robot.name}: {n} joint{'s' * (n > 1)}, {names[0]} to {names[-1]}{ends}{others}"
 
 
 @typed
@@ -369,15 +344,14 @@ def chain_to_tool(
             raise ArgumentError("the base", base, "only files of models take one: give the file, or load it so")
         return Chain(robot, None, tip or robot.tips[0].name, (), False)
     if not is_model(robot):
-        found = load(robot, tip=tip, base=base, trust_units=trust_units)
-        return Chain(found, None, found.tips[0].name, (), False)
+        loaded = load(robot, tip=tip, base=base, trust_units=trust_units)
+        return Chain(loaded, None, loaded.tips[0].name, (), False)
     tips = _arm_tips(robot, base)
     chosen = tip if tip is not None else tips[0]
-    found = load(robot, tip=chosen, base=base, trust_units=trust_units)
-    return Chain(found, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
+    loaded = load(robot, tip=chosen, base=base, trust_units=trust_units)
+    return Chain(loaded, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
 
 
-@typed
 def _arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
     """The links of a model that may be tools, one for each arm, that of the longest arm first.
 
@@ -391,21 +365,36 @@ def _arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
     """
     chains = model_links(path, base)
     ends = {link: _palm(chain, chains) for link, chain in chains.items()}
-    most = max(map(len, ends.values()), default=0)
-    if most == 0:
+    longest = max(map(len, ends.values()), default=0)
+    if longest == 0:
         raise RobotFileError(path, "has no joint that moves", "give a model of an arm")
     inner = {chain[:k] for chain in ends.values() for k in range(len(chain))}
-    arms = [end for end in dict.fromkeys(ends.values()) if end not in inner and len(end) >= min(ARM, most)]
-    found: list[str] = []
-    for end in sorted(arms, key=len, reverse=True):
-        links = [link for link, chain in chains.items() if chain == end]
-        found.append(min(reversed(links), key=_rank))
-    return tuple(found)
+    arms = [end for end in dict.fromkeys(ends.values()) if end not in inner and len(end) >= min(ARM, longest)]
+    # Parts of names that links for tools have, the plainest first
+    words = [
+        "tcp",
+        "tool_center",
+        "grasp",
+        "tool",
+        "end_effector",
+        "effector",
+        "eef",
+        "ee_",
+        "flange",
+        "gripper",
+        "hand",
+    ]
+
+    def rank(link: str) -> int:
+        return next((i for i, word in enumerate(words) if word in link.lower()), len(words))
+
+    tips = [[link for link, chain in chains.items() if chain == end] for end in sorted(arms, key=len, reverse=True)]
+    return tuple(min(reversed(links), key=rank) for links in tips)
 
 
 def _palm(chain: tuple[str, ...], chains: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """A chain of joints without those of fingers."""
-    while len(chain) > ARM and any(word in chain[-1].lower() for word in JAW):
+    """A chain of joints without those of fingers: a last joint named like a gripper's does not move the tool."""
+    while len(chain) > ARM and any(word in chain[-1].lower() for word in ("finger", "jaw", "gripper", "thumb")):
         chain = chain[:-1]
     for k in range(ARM, len(chain)):
         beyond = [other[k:] for other in chains.values() if len(other) > k and other[:k] == chain[:k]]
@@ -414,38 +403,10 @@ def _palm(chain: tuple[str, ...], chains: Mapping[str, tuple[str, ...]]) -> tupl
     return chain
 
 
-def _rank(link: str) -> int:
-    return next((i for i, word in enumerate(WORDS) if word in link.lower()), len(WORDS))
-
-
 # --- Many tool poses at once: from start postures along straight lines, all lines side by side in arrays.
 #
 # It is how strategies and their leaves are compared before a few are looked at closely: a hundred times faster than one
 # pose after the other, but a step is judged by Newton's own convergence alone, so that it may, rarely, change branches.
-
-FIRST = 0.35
-"""Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""
-
-SHORTEST = 1 / 256
-"""Share of a line below which a step is given up: the leaf ends there, or bends too sharply to be of use."""
-
-ROUNDS = 400
-"""Rounds of steps at most: lines of regular leaves take ten."""
-
-NEAR = 1 / 16
-"""The same for lines between neighbours, which are tried in one step first."""
-
-NEWTONS = 5
-"""Corrections of a step: from 0.35 rad, each at most an eighth of the last one; they are quadratic long before."""
-
-EXACT = 1e-8
-"""A correction after which a posture is right for comparisons [rad or m]."""
-
-RADIAL_STEPS = 32
-"""Runge-Kutta steps of a line of a radial strategy: a step is then about 0.05 rad."""
-
-FAST = 25.0
-"""Joint rate over a whole line [rad or m] from which a radial strategy's line counts as singular: four full turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -462,89 +423,95 @@ class LineEnds(Value):
 
 
 def along_leaf(
-    strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None,
-    native_from: int | None = None, shortest: float = SHORTEST,
-) -> LineEnds:  # fmt: skip
+    strategy: HolonomicStrategy,
+    starts: Matrix,
+    poses: Array,
+    levels: Vector | None = None,
+    native_from: int | None = None,
+    shortest: float = 1 / 256,
+) -> LineEnds:
     """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,).
 
     native_from: lines side by side from which on native code runs, which takes a second to build; see `Function.batch`.
-    shortest: share of a line below which a step is given up.
+    shortest: share of a line below which a step is given up: the leaf ends there, or bends too sharply to be of use.
     """
     lines = _Lines.each_to_each(strategy.task, starts, poses)
-    q, share = _followed(strategy, lines, levels, native_from, 0.125, shortest)
+    q, share = _followed(strategy, lines, levels, native_from, first=0.125, shortest=shortest)
     return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
 
 
 def one_by_one(
-    strategy: HolonomicStrategy, starts: Matrix, poses: Array, native_from: int | None = None,
+    strategy: HolonomicStrategy,
+    starts: Matrix,
+    poses: Array,
+    native_from: int | None = None,
     levels: Vector | None = None,
-) -> tuple[Matrix, Flags]:  # fmt: skip
+) -> tuple[Matrix, Flags]:
     """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4) nearby, on its
-    leaf, or to the leaf of level c (r,)."""
-    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), levels, native_from, 1.0, NEAR)
+    leaf, or to the leaf of level c (r,). Lines between neighbours are tried in one step first."""
+    lines = _Lines(strategy.task, starts, poses)
+    q, share = _followed(strategy, lines, levels, native_from, first=1.0, shortest=1 / 16)
     return q, share >= 1.0
 
 
 def _followed(
-    strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None, native_from: int | None, first: float,
+    strategy: HolonomicStrategy,
+    lines: _Lines,
+    levels: Vector | None,
+    native_from: int | None,
+    *,
+    first: float,
     shortest: float,
-) -> tuple[Matrix, Vector]:  # fmt: skip
-    """(postures (k, n) to which lines were gone, the share of each that was gone); steps as shares of the lines."""
-    correct, count = leaf_step(strategy), len(lines.q)
+) -> tuple[Matrix, Vector]:
+    """(postures (k, n) to which lines were followed, the share of each that was); steps as shares of the lines."""
+    step, count = leaf_step(strategy), len(lines.q)
     from_level = np.reshape(strategy.constraint_value.batch(lines.q), (count, -1))
     gap = np.zeros_like(from_level)
     if levels is not None:
         gap = strategy.constraint.nearest(np.broadcast_to(levels, from_level.shape) - from_level)
-    p, R = lines.at(np.arange(count), np.zeros(count))
-    side = correct.batch(lines.q, p, R, from_level)[3]
-    q, share, width = lines.q.copy(), np.zeros(count), np.full(count, first)
-    live = np.arange(count)
-    for _ in range(ROUNDS):
+    start_side = step.batch(lines.q, *lines.at(np.arange(count), np.zeros(count)), from_level)[3]
+    q, share, width, live = lines.q.copy(), np.zeros(count), np.full(count, first), np.arange(count)
+    # At most 400 rounds of steps, which grow and shrink with each line: lines of regular leaves take ten
+    for _ in range(400):
         if not len(live):
             break
         goal = np.minimum(1.0, share[live] + width[live])
-        p, R = lines.at(live, goal)
-        level = from_level[live] + goal[:, None] * gap[live]
-        at, good = _newton(correct, q[live], p, R, level, side[live], native_from)
-        moved = live[good]
-        q[moved], share[moved] = at[good], goal[good]
+        (p, R), level, side = lines.at(live, goal), from_level[live] + goal[:, None] * gap[live], start_side[live]
+
+        def correct(q: Matrix, i: Indices, p=p, R=R, level=level, side=side) -> tuple[Matrix, Flags]:
+            """A posture is good where corrections shrink fast and det [J; J_g] keeps its sign. The first one, at most
+            0.35 rad or m, is the motion of the joints in that step."""
+            dq, rcond, margin, sign = step.batch(q, p[i], R[i], level[i], native_from=native_from)
+            sound = (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation) & (sign == side[i])
+            return dq, sound & (np.abs(dq).max(axis=1) <= 0.35)
+
+        # Five corrections, each at most an eighth of the last one, down to what is right for comparisons
+        ends, good = newton(correct, q[live], steps=5, exact=1e-8, contraction=TOLERANCES.contraction)
+        q[live[good]], share[live[good]] = ends[good], goal[good]
         width[live] = np.where(good, np.minimum(1.0, 2 * width[live]), 0.4 * width[live])
         live = live[(share[live] < 1.0) & (width[live] > shortest)]
     return q, share
 
 
-def _newton(
-    step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector, native_from: int | None
-) -> tuple[Matrix, Flags]:
-    """One step's postures and which of them are good: corrections shrink fast, det [J; J_g] keeps its sign."""
-
-    def correct(at: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        dq, rcond, margin, now = step.batch(at, p[i], R[i], level[i], native_from=native_from)
-        sound = (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation) & (now == side[i])
-        return dq, sound & (np.abs(dq).max(axis=1) <= FIRST)
-
-    return newton(correct, q, steps=NEWTONS, exact=EXACT, contraction=TOLERANCES.contraction)
-
-
 def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
     """From each start to each pose with least joint speed: the leaf of `radial(moore_penrose(task), start)`."""
     lines = _Lines.each_to_each(task, starts, poses)
-    q, count, h = lines.q.copy(), len(lines.q), 1.0 / RADIAL_STEPS
-    share, live = np.zeros(count), np.arange(count)
-    velocity, angular = lines.rates
-    for i in range(RADIAL_STEPS):
+    q, count, steps = lines.q.copy(), len(lines.q), 32
+    share, live, h = np.zeros(count), np.arange(count), 1.0 / steps
+    # Runge-Kutta steps of about 0.05 rad. A line is singular where a joint would make over four full turns along it
+    for i in range(steps):
 
-        def rate(at: Matrix, s: float, live: Indices = live) -> Matrix:
+        def rate(q: Matrix, s: float, live: Indices = live) -> Matrix:
             R = lines.at(live, np.full(len(live), s))[1]
-            dx, _ = task._tool_rates(R, velocity[live], angular[live])
-            return _least_rate(task, at, dx)
+            return _least_rate(task, q, task._tool_rates(R, lines.path.move[live], lines.path.turn[live])[0])
 
-        there = runge_kutta(rate, q[live], h, i * h, (i + 0.5) * h, (i + 1) * h)
-        good = np.abs(there - q[live]).max(axis=1) < FAST * h  # NaN is not
+        ends = runge_kutta(rate, q[live], h, i * h, (i + 0.5) * h, (i + 1) * h)
+        good = np.abs(ends - q[live]).max(axis=1) < 25.0 * h  # NaN is not
         live = live[good]
-        q[live], share[live] = there[good], (i + 1) * h
+        q[live], share[live] = ends[good], (i + 1) * h
+    # Two corrections take away what the steps' errors have left
     p, R = lines.at(np.arange(count), np.ones(count))
-    for _ in range(2):  # what the steps' errors have left
+    for _ in range(2):
         q[live] += _least_rate(task, q[live], task.error(q[live], p[live], R[live]))
     exact = np.abs(task.error(q, p, R)).max(axis=1) < 1e-6
     share = np.where(exact, share, np.minimum(share, 1 - h))
@@ -576,11 +543,6 @@ class _Lines:
     def each_to_each(cls, task: Task, starts: Matrix, poses: Array) -> _Lines:
         """From each start (s, n) to each pose (k, 4, 4): s k lines, those of a start together."""
         return cls(task, np.repeat(starts, len(poses), axis=0), np.tile(poses, (len(starts), 1, 1)))
-
-    @property
-    def rates(self) -> tuple[Matrix, Matrix]:
-        """Velocity and angular velocity (k, 3) over a whole line."""
-        return self.path.move, self.path.turn
 
     def at(self, which: Indices, share: Vector) -> tuple[Matrix, Array]:
         """Positions and rotations of some lines at their shares."""

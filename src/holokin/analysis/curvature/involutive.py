@@ -73,9 +73,6 @@ def noise(scatter: Array) -> Array:
 
 # --- Where does curvature stand out of its round-off? Looking at postures, and climbing from the best.
 
-JUDGED = 1e-7
-"""rcond below which curvature is not judged: a nudge of 1e-11 would be a step towards the singularity."""
-
 HIDDEN_ROUNDOFF = 1e-6
 """Relative round-off [1/rad] above which a posture tells nothing: the weakest defect that matters could hide in it."""
 
@@ -117,7 +114,8 @@ def _scan(field: Field, Q: Matrix) -> Scan:
     with np.errstate(all="ignore"):
         sizes = np.concatenate([np.linalg.norm(F, axis=1) for F, _ in parts])
     rcond = np.concatenate([rcond for _, rcond in parts])
-    return Scan(Q, sizes, rcond, (rcond > JUDGED) & np.isfinite(sizes).all(axis=1))
+    # From an rcond of 1e-7 down curvature is not judged: a nudge of 1e-11 would be a step towards the singularity
+    return Scan(Q, sizes, rcond, (rcond > 1e-7) & np.isfinite(sizes).all(axis=1))
 
 
 def examine(field: Field, seen: Scan, tolerance: float) -> Extreme | None:
@@ -279,10 +277,6 @@ def _numeric_verdict(strategy: NumericStrategy, Q: Matrix, region: Region, toler
             step=min(posture.curvature.step for posture in judged),
         ),
     )
-
-
-THOROUGH = 65_536
-"""Postures that `thorough=True` looks at: half a second for a Panda, most of it for compiling."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -464,7 +458,7 @@ def _judged(
     if region.n != subject.n:
         raise ShapeError("the region", (subject.n,), (region.n,))
     if thorough is not False:
-        samples = max(samples, THOROUGH if thorough is True else whole("thorough", thorough))
+        samples = max(samples, 65_536 if thorough is True else whole("thorough", thorough))
     seen = _scan(subject.relative, region.sample(samples, seed))
     if thorough is not False:
         highest = _maximised(subject.relative, region, seen)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, NotHolonomicError
-from ...base.types import ArrayLike, Matrix, Result, Value, Vector, frozen, positive, whole
+from ...base.types import Array, ArrayLike, Matrix, Result, Value, Vector, frozen, positive, whole
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy, check_solved, radial, self_motion
 from ...symbolic import Function, jacobian, runge_kutta, symbol
@@ -254,10 +254,15 @@ def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | 
     """
     if (given.task.n, given.task.m) != (other.task.n, other.task.m):
         raise ArgumentError("the task of the other strategy", other.task.name, f"it must be that of {given.name!r}")
-    a, b = given.batch(Q)[:, :, :columns], other.batch(Q)[:, :, :columns]
-    away, size = np.sum((a - b) ** 2, axis=(1, 2)), np.sum(a**2, axis=(1, 2))
-    rms, most = np.sqrt(away.sum() / size.sum()), np.sqrt((away / size).max())
-    return Deviation(float(rms), float(most), float(np.sum(b**2) / size.sum() - 1))
+    G = given.batch(Q)[:, :, :columns]
+    return deviation_of(G, other.batch(Q)[:, :, :columns] - G)
+
+
+def deviation_of(G: Array, added: Array) -> Deviation:
+    """The deviation of a strategy that adds so much (k, n, d) to G (k, n, d)."""
+    away, size = np.sum(added**2, axis=(1, 2)), np.sum(G**2, axis=(1, 2))
+    rms, largest = np.sqrt(away.sum() / size.sum()), np.sqrt((away / size).max())
+    return Deviation(float(rms), float(largest), float(np.sum((G + added) ** 2) / size.sum() - 1))
 
 
 @dataclass(frozen=True)

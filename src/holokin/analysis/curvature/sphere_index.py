@@ -77,7 +77,7 @@ def poles(tangent: TangentField, state: Any, u: Vector, fineness: int, accuracy:
     if not reached:
         return Poles((), directions, 0, 0.0, mesh.least)
     # Regions of up to 24 triangles are cut finer: a pole on an edge joins 2, one on a corner 6. More are a hole
-    found: list[Pole] = []
+    regions: list[Pole] = []
     waiting = [part for part, index in mesh.regions(triangles) if index]
     while waiting:
         part = waiting.pop()
@@ -89,9 +89,9 @@ def poles(tangent: TangentField, state: Any, u: Vector, fineness: int, accuracy:
             if all(index is not None for _, index in parts):
                 waiting += [part for part, index in parts if index]
                 continue
-        found.append(pole)
-    found.sort(key=lambda pole: pole.direction)
-    return Poles(tuple(found), directions, reached, mesh.largest, mesh.least)
+        regions.append(pole)
+    regions.sort(key=lambda pole: pole.direction)
+    return Poles(tuple(regions), directions, reached, mesh.largest, mesh.least)
 
 
 def spread(tangent: TangentField, state: Any, u: Vector, fineness: int) -> tuple[list[Any], int, float]:

@@ -233,13 +233,13 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     @typed
     def told(self, names: Sequence[str] = ()) -> str:
         """`details`, with the joints' names (n,) where postures stand, if they are given."""
-        at = f"{'' if names else 'q = '}{posture_text(self.witness, names)}"
+        place = f"{'' if names else 'q = '}{posture_text(self.witness, names)}"
         left = [f"{self.singular} singular ones"] if self.singular else []
         left += [f"{self.undecided} whose curvature round-off hides"] if self.undecided else []
         skipped = f", {' and '.join(left)} left out" if left else ""
         known = "" if self.accuracy is None else f"; {self.accuracy}"
         return (
-            f"defect {self.defect:.3g} {self.unit} in {self._plane} at {at}; {self.relative:.2g} per rad "
+            f"defect {self.defect:.3g} {self.unit} in {self._plane} at {place}; {self.relative:.2g} per rad "
             f"of joint motion, where up to {self.tolerance:.0e} counts as zero{known}; {self.samples} postures judged"
             f"{skipped}, within {self.region.told(names)}; {self.reach}"
         )

@@ -60,12 +60,11 @@ from .trials import (
     tried,
 )
 
-POSES, SCREENED = 256, 4
-"""Poses by which strategies are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2
-%."""
+POSES = 256
+"""Poses by which strategies are compared: of even points, 256 tell a share to 2 %."""
 
-DEGREE, DESIGNED = 2, 128
-"""Degree of the polynomials of strategies that are designed, and poses that they are made for."""
+DESIGNED = 128
+"""Poses that strategies are designed for."""
 
 
 class Case:
@@ -106,7 +105,7 @@ class Case:
     def ranked(self) -> tuple[RatedStrategy, ...]:
         """All strategies, on their best leaves, the best one looked at closely."""
         # Each strategy from all starts at some of the poses, then its best leaf at all of them
-        rough = self.poses.some(slice(None, None, SCREENED))
+        rough = self.poses.some(slice(None, None, 4))
         trials: list[Trial] = []
         for candidate in candidates(self.task, self.starts):
             self.progress(candidate.name)
@@ -209,7 +208,7 @@ class Case:
         within = self.reach.within
         which = within if trial.coverage < within.mean() - EQUAL else trial.served
         space = self.workspace if which.all() else pose_cloud(self.poses.T[which])
-        return design(self.task, space, trial.q0, base=base, degree=DEGREE, samples=DESIGNED, **goal)
+        return design(self.task, space, trial.q0, base=base, degree=2, samples=DESIGNED, **goal)
 
     def _floor(self, trials: list[Trial]) -> Vector:
         """The least squared joint speed (k,) of the postures found at the poses that the best strategy reaches, else

@@ -17,6 +17,7 @@ search begins with the least squares of g_x + g_phi A, which is linear in g, and
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -37,7 +38,7 @@ from ...symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ...symbolic.linear import null_space
 from ..coverage.pose_postures import Coordinates, chart_of, coordinates_of
 from ..curvature import Ball, Deviation, Region
-from ..curvature.leaf_functions import distance_to_repeatable
+from ..curvature.leaf_functions import deviation_of, distance_to_repeatable
 from .objectives import Objective, length_of
 from .section import Cost, TiltedLeaves, descend
 
@@ -45,15 +46,6 @@ from .section import Cost, TiltedLeaves, descend
 #
 # The strategy of such leaves moves phi by -g_phi^-1 g_x dx, the given one by A dx; with Z = dq/dphi at a held tool the
 # squared distance is D = mean |Z (g_phi^-1 g_x + A)|_F^2 (see `closest_strategy`).
-
-BARRIER = 1e-4
-"""Weight of the mean of -log det g_phi, as a share of the least squares' distance: it moves the optimum by less."""
-
-FOLDS = 1e-4
-"""rcond of [J; J_phi] below which a base constraint folds in the region, and is no coordinate of it."""
-
-FLAT = 1e-9
-"""Singular values of the least squares' matrix, as a share of the greatest, below which terms are not told apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,26 +122,32 @@ class SampledSeries(Value):
 
     @classmethod
     def of(
-        cls, strategy: Strategy, base_strategy: HolonomicStrategy, series: Series, weights: Vector, Q: Matrix
+        cls, strategy: Strategy, base: HolonomicStrategy, series: Series, weights: Vector, Q: Matrix
     ) -> SampledSeries:
-        """Of a given strategy and a base strategy, at postures (S, n). Raises: SingularityError; ArgumentError: phi
-        folds."""
-        c, r, S = series.coordinates, base_strategy.constraint.rows, len(Q)
-        at = TiltedLeaves(base_strategy, c).slopes(Q, np.zeros((S, r, c.d)))
-        if at is None or not at.rcond.min() > FOLDS:
-            rcond = base_strategy.gain.batch(Q)[1]
+        """Of a given strategy and a base strategy, at postures (S, n).
+
+        Raises:
+            SingularityError. ArgumentError: phi folds, where rcond of [J; J_phi] is below 1e-4: it is no coordinate.
+        """
+        c, r, S = series.coordinates, base.constraint.rows, len(Q)
+        section = TiltedLeaves(base, c).slopes(Q, np.zeros((S, r, c.d)))
+        if section is None or not section.rcond.min() > 1e-4:
+            rcond = base.gain.batch(Q)[1]
             what = f"rcond of the base constraint at q = {posture_text(Q[int(np.argmin(rcond))])}"
             raise ArgumentError(what, float(rcond.min()), "give another base, or a smaller region")
+        # The given strategy moves the tool along the coordinates, and phi by A
         J = strategy.task.jacobian_batch(Q)[0]
-        G = strategy.batch(Q) @ (J @ at.G)
-        ZT = np.swapaxes(at.Z, 1, 2)
-        A = np.asarray(np.linalg.solve(ZT @ at.Z, ZT @ (G - at.G)), dtype=float)
+        G = strategy.batch(Q) @ (J @ section.G)
+        ZT = np.swapaxes(section.Z, 1, 2)
+        A = np.asarray(np.linalg.solve(ZT @ section.Z, ZT @ (G - section.G)), dtype=float)
+        # The slopes of the terms
         u, phi = symbol("u", c.d), symbol("phi", r)
         b = series.basis(u, phi)
         slopes = Function("series", {"u": u, "phi": phi}, {"by_u": jacobian(b, u), "by_phi": jacobian(b, phi)})
-        by_u, by_phi = slopes.batch(c.at(Q), base_strategy.constraint_value.batch(Q).reshape(S, r))
+        by_u, by_phi = slopes.batch(c.at(Q), base.constraint_value.batch(Q).reshape(S, r))
         t = b.shape[0]
-        return cls(Q, J, at.G, G, at.Z, A, by_u.reshape(S, t, c.d) / c.scale, by_phi.reshape(S, t, r), weights)
+        by_u, by_phi = by_u.reshape(S, t, c.d) / c.scale, by_phi.reshape(S, t, r)
+        return cls(Q, J, section.G, G, section.Z, A, by_u, by_phi, weights)
 
     def of_strategy(self, other: Strategy) -> Array:
         """dq/dx (S, n, d) of another strategy. Raises: SingularityError."""
@@ -162,11 +160,7 @@ class SampledSeries(Value):
 
     def deviation(self, off: Array) -> Deviation:
         """The deviation of a strategy that adds so much."""
-        away, size = (np.sum((a * self.weights) ** 2, axis=(1, 2)) for a in (off, self.G))
-        speed = np.sum(((self.G + off) * self.weights) ** 2)
-        return Deviation(
-            float(np.sqrt(away.sum() / size.sum())), float(np.sqrt((away / size).max())), float(speed / size.sum() - 1)
-        )
+        return deviation_of(self.G * self.weights, off * self.weights)
 
     def _leaves(self, C: Matrix) -> tuple[Array, Array]:
         """(g_phi (S, r, r), dphi/dx along the leaves (S, r, d))."""
@@ -188,17 +182,12 @@ class SampledSeries(Value):
         rows = np.einsum("sak,std->sadkt", root, terms).reshape(S * r * d, -1) / np.sqrt(S)
         wanted = -(root @ (self.A * self.weights)).ravel() / np.sqrt(S)
         left, sizes, right = np.linalg.svd(rows, full_matrices=False)
-        kept = sizes > FLAT * sizes[0]
-        return right[kept].T / sizes[kept], left.T[kept] @ wanted
-
-    @property
-    def white(self) -> Matrix:
-        """Coefficients (r t, k) by the numbers x (k,) that the search is over."""
-        return self._linear[0]
+        distinct = sizes > 1e-9 * sizes[0]  # below, terms are not told apart
+        return right[distinct].T / sizes[distinct], left.T[distinct] @ wanted
 
     def coefficients(self, x: Vector) -> Matrix:
-        """(r, t) of the numbers of the search."""
-        return (self.white @ x).reshape(self.A.shape[1], -1)
+        """(r, t) of the numbers x (k,) that the search is over."""
+        return (self._linear[0] @ x).reshape(self.A.shape[1], -1)
 
     def cost(self, barrier: float) -> Cost:
         """D - barrier mean log det g_phi over the numbers of the search; None where g_phi turns."""
@@ -215,7 +204,7 @@ class SampledSeries(Value):
             by_M = -back @ np.swapaxes(slopes, 1, 2) - barrier * np.swapaxes(np.linalg.inv(M), 1, 2)
             by_C = np.einsum("srk,stk->rt", by_M, self.by_phi) - np.einsum("srd,std->rt", back, self.by_u)
             value = float(np.sum(off * weighted) - barrier * size.sum()) / S
-            return value, by_C.ravel() @ self.white / S, None
+            return value, by_C.ravel() @ self._linear[0] / S, None
 
         return cost
 
@@ -225,7 +214,8 @@ class SampledSeries(Value):
         while self.cost(0.0)(x, None) is None:
             x = x / 2
         first = self.deviation(self.off(self.coefficients(x))[0]).rms
-        barrier = BARRIER * float(np.sum((first * self.G * self.weights) ** 2) / len(self.G))
+        # The weight of -log det g_phi, as a share of the least squares' distance: it moves the optimum by less
+        barrier = 1e-4 * float(np.sum((first * self.G * self.weights) ** 2) / len(self.G))
         C = self.coefficients(descend(self.cost(barrier), x, None)[0])
         return C, (first, self.deviation(self.off(C)[0]).rms)
 
@@ -236,16 +226,6 @@ WHOLE = 0.9
 JUDGED = 1024
 """Postures, besides those of the search, that a strategy is judged at: figures are right to about a per cent."""
 
-STEP = 0.2
-"""Arc length of a step along a self-motion [joint units]: two Newton corrections bring it to round-off."""
-
-REPEATABLE = 1e-4
-"""rms distance from its own radial strategy up to which a strategy counts as repeatable. Steps of radial leave 5e-6 of
-a strategy with the arm angle of a Panda held, over +-0.15 rad."""
-
-BOUND = 16
-"""Postures of the ball that go into the theorem's estimates; the bound itself is of the circle."""
-
 
 @dataclass(frozen=True, eq=False)
 class ClosestHolonomic(Result, Value):
@@ -253,12 +233,10 @@ class ClosestHolonomic(Result, Value):
 
     strategy: an ordinary one; start (n,): the posture in the middle of the region.
     ours, radial: how far it and the radial strategy about the start are from the given strategy, at other postures of
-    the
-        region than those of the search; radial is None where it is singular at one of them. With positions and turns,
-        a turn counts as `length` metres a radian.
+        the region than those of the search; radial is None where it is singular at one of them. With positions and
+        turns, a turn counts as `length` metres a radian.
     bound: for one redundant joint and a ball: every strategy with smooth leaves is at some posture of the circle round
-    the
-        ball at least so far from the given one. It bounds `largest`, not `rms` (theory 5.4). None elsewhere.
+        the ball at least so far from the given one. It bounds `largest`, not `rms` (theory 5.4). None elsewhere.
     least_slope: the least det g_phi at those postures, 1 in the middle; leaves fold where it is 0.
     terms: of the series; 0 where the given strategy is repeatable and `strategy` is radial of it.
     steps: rms at the samples of the search, by least squares and in the end.
@@ -316,6 +294,7 @@ def closest_holonomic(
         ArgumentError: no redundant joint, a ball without `along`, a base that folds in the region, bad numbers.
         SingularityError: the given strategy is singular in the region.
     """
+    # The base strategy, over the region
     task = strategy.task
     of_one_tool(task, "nearest")
     r = task.n - task.m
@@ -327,6 +306,7 @@ def closest_holonomic(
     phi, period = (base or own, None) if r > 1 else _base(task, base or own, start, region)
     base_strategy = holonomic(task, phi or linear(null_space(task.jacobian(start)).T, name="along the self-motion"))
     Q = _postures(base_strategy, region, start, whole("samples", samples) + JUDGED, seed)
+    # The nearest series, at some of the postures, and how near it is at the others
     coordinates = coordinates_of(chart_of(task, task.pose(start)[:3, :3]), Q)
     metres = length_of(Objective(1.0, length=length), coordinates.turns, coordinates.spread)
     weights = np.where(coordinates.turns, 1 / metres, 1.0)
@@ -334,20 +314,21 @@ def closest_holonomic(
     parts = Q[JUDGED:], Q[:JUDGED]
     searched, judged = (SampledSeries.of(strategy, base_strategy, series, weights, part) for part in parts)
     C, steps = searched.best()
-    found = _along_leaves(task, base_strategy.constraint, replace(series, coefficients=frozen(C)))
+    nearest = _along_leaves(task, base_strategy.constraint, replace(series, coefficients=frozen(C)))
     off, fold = judged.off(C)
     ours, least, terms = judged.deviation(off), float(fold.min()), C.shape[1]
+    # The bound, which is of the circle: few postures go into the estimates beside it
     bound = None
     if isinstance(region, Ball) and r == 1:
-        bound = distance_to_repeatable(strategy, region, samples=BOUND, seed=seed).bound
-    straight = radial(strategy, start)
-    try:
+        bound = distance_to_repeatable(strategy, region, samples=16, seed=seed).bound
+    # The radial strategy: the given one has leaves if it is that. Steps of radial leave 5e-6 of a strategy with the arm
+    # angle of a Panda held, over +-0.15 rad
+    straight, near = radial(strategy, start), None
+    with suppress(SingularityError):
         near = judged.deviation(judged.of_strategy(straight) - judged.G)
-    except SingularityError:
-        near = None
-    if near is not None and near.rms < min(REPEATABLE, ours.rms):  # the given strategy has leaves: those of radial
-        found, ours, least, terms = straight, near, 1.0, 0
-    return ClosestHolonomic(found, start, ours, near, bound, least, metres, terms, steps)
+    if near is not None and near.rms < min(1e-4, ours.rms):
+        nearest, ours, least, terms = straight, near, 1.0, 0
+    return ClosestHolonomic(nearest, start, ours, near, bound, least, metres, terms, steps)
 
 
 def _base(
@@ -356,53 +337,45 @@ def _base(
     """(base constraint, period), with one redundant joint: a period where the region holds closed self-motions that phi
     grows round.
     """
-    whole = self_motion(task, q0, step=0.05, limits=False)
-    if not whole.closed:
+    circuit = self_motion(task, q0, step=0.05, limits=False)
+    if not circuit.closed:
         return base, None
-    turned = whole.q[-1] - whole.q[0]
+    turned = circuit.q[-1] - circuit.q[0]
     hinges = [j for j in range(task.n) if task.robot.hinges[j] and abs(turned[j]) > np.pi]
     if isinstance(region, Ball):
-        holds = 2 * region.along >= WHOLE * (whole.s[-1] - whole.s[0])
+        holds = 2 * region.along >= WHOLE * (circuit.s[-1] - circuit.s[0])
     else:
         holds = bool(hinges) and bool((region.upper - region.lower)[hinges].min() >= WHOLE * 2 * np.pi)
-    if not holds:
+    if not holds or (base is None and not hinges):
         return base, None
-    base = base or (lock(hinges[0]) if hinges else None)
-    if base is None:
-        return None, None
-    first, last = holonomic(task, base).constraint_value.batch(whole.q[[0, -1]]).ravel()
+    base = base or lock(hinges[0])
+    first, last = holonomic(task, base).constraint_value.batch(circuit.q[[0, -1]]).ravel()
     turn = abs(float(np.round((last - first) / (2 * np.pi)) * 2 * np.pi))
     return base, turn or None
 
 
-def _postures(base_strategy: HolonomicStrategy, region: Region | Ball, q0: Vector, count: int, seed: int) -> Matrix:
+def _postures(base: HolonomicStrategy, region: Region | Ball, q0: Vector, count: int, seed: int) -> Matrix:
     """Postures (k, n) that fill the region evenly: a box in its joints, a ball in tool positions and arc length."""
     if isinstance(region, Region):
         return region.sample(count, seed)
-    task = base_strategy.task
-    if not region.along > 0:
-        cure = (
-            "give hk.analysis.curvature.ball(start, radius, along=...): a repeatable strategy has leaves side by side"
-        )
-        raise ArgumentError("`along` of the ball", region.along, cure)
+    task, along = base.task, region.along
+    if not along > 0:
+        ball = "hk.analysis.curvature.ball(start, radius, along=...)"
+        raise ArgumentError("`along` of the ball", along, f"give {ball}: a repeatable strategy has leaves side by side")
+    # Postures of the base strategy at tool positions of the ball, or of a disc in the plane of a planar robot
     u, pose = sobol(4, count, seed), task.pose(q0)
-    poses = pose_from(_positions(pose[:3, 3], region.radius, u, task.robot.planar), pose[:3, :3])
-    found = ik(base_strategy, q0, limits=False).batch(poses)
-    ok = found.reached
-    Q, p, R = found.q[ok], poses[ok, :3, 3], poses[ok, :3, :3]
-    along = region.along
+    center = pose[:3, 3]
+    ball = Cylinder(center, region.radius, 0.0) if task.robot.planar else Sphere(center, region.radius)
+    poses = pose_from(ball.points(u[:, :3]), pose[:3, :3])
+    solutions = ik(base, q0, limits=False).batch(poses)
+    arrived = solutions.reached
+    Q, p, R = solutions.q[arrived], poses[arrived, :3, 3], poses[arrived, :3, :3]
+    # Each moved along its self-motion, once round it at most; two Newton corrections bring a step of 0.2 to round-off
     if task.n - task.m == 1:
-        whole = self_motion(task, q0, step=0.05, limits=False)
-        along = min(along, (whole.s[-1] - whole.s[0]) / 2) if whole.closed else along
+        circuit = self_motion(task, q0, step=0.05, limits=False)
+        along = min(along, (circuit.s[-1] - circuit.s[0]) / 2) if circuit.closed else along
     v = np.random.default_rng(seed).normal(size=Q.shape)
-    Q, sound = SelfMotions(task, p, R).walked(Q, v, (2 * u[ok, 3] - 1) * along, STEP)
+    Q, sound = SelfMotions(task, p, R).walked(Q, v, (2 * u[arrived, 3] - 1) * along, 0.2)
     if not sound.sum() > JUDGED:
         raise ArgumentError(f"the postures found in the ball, of {count}", int(sound.sum()), "give a smaller ball")
     return Q[sound]
-
-
-def _positions(center: Vector, radius: float, u: Matrix, planar: bool) -> Matrix:
-    """Points (k, 3) of a ball, or of a disc in the plane of a planar robot."""
-    if planar:
-        return Cylinder(center, radius, 0.0).points(u[:, :3])
-    return Sphere(center, radius).points(u[:, :3])

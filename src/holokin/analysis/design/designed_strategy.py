@@ -103,10 +103,6 @@ def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matr
 # asked, so the mean of these least costs is a lower bound of every strategy with these postures, repeatable or not.
 # They are looked for from many starts (`pose_postures`), so that those of all branches are among them.
 
-LAWSON = 12
-"""Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
-to a per cent."""
-
 
 @dataclass(frozen=True, eq=False)
 class LeastCosts(Value):
@@ -232,7 +228,8 @@ def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
     """Lower bounds (S,) of max_i |G_i| / max_velocity_i over all right inverses: max >= the mean with any weights."""
     limited = costs.speeds > 0
     share, best = np.full((len(J), len(limited)), 1.0 / limited.sum()) * limited, np.zeros(len(J))
-    for _ in range(LAWSON):
+    # Twelve changes of the weights balance the greatest speeds: each gives a bound, the last ones agree to a per cent
+    for _ in range(12):
         weights = share * costs.speeds**2 + 1e-12  # joints without a speed limit are free
         G = least_slopes(J, P, weights)
         squares = np.sum((G * costs.columns) ** 2, axis=2) * costs.speeds**2
@@ -243,9 +240,6 @@ def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
 
 # --- The problem that `design` solves: a base strategy, a workspace, an objective and hard limits; and a strategy of
 # it, checked.
-
-LEEWAY = 0.02
-"""Share of half a joint's range, beyond the least violation, that a search may use where the limits cannot be kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,8 +275,9 @@ class Problem(Value):
         near = section.through(Q, coefficients)
         weights = weights or self._weights(near)
         floor = Floor(c, self.costs, weights, self.hard.allowed, Q, p, R)
+        # Where limits cannot be kept, the search may use 0.02 of half a joint's range beyond the least violation
         over = floor.here.beyond
-        allowed = self.hard.allowed + np.where(over > 0, over + LEEWAY, 0.0)[:, None]
+        allowed = self.hard.allowed + np.where(over > 0, over + 0.02, 0.0)[:, None]
         return Search(section, self.costs, weights, replace(self.hard, allowed=allowed), near), floor
 
     def checked(self, coefficients: Matrix, best: Sampled) -> Checked:
@@ -298,10 +293,10 @@ class Problem(Value):
         share = self.hard.rcond / float(rconds.min())
         return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), share, nearer.max(axis=0))
 
-    def broken(self, at: Sampled) -> int:
+    def broken(self, sampled: Sampled) -> int:
         """At how many samples of a section a hard limit is broken."""
-        beyond = (self.over(at.Q) > 0).any(axis=1) | (at.rcond < self.hard.rcond)
-        return int(np.sum(beyond | (self.hard.nearer(at.Q) > 0).any(axis=1)))
+        beyond = (self.over(sampled.Q) > 0).any(axis=1) | (sampled.rcond < self.hard.rcond)
+        return int(np.sum(beyond | (self.hard.nearer(sampled.Q) > 0).any(axis=1)))
 
     def over(self, Q: Matrix) -> Matrix:
         """By how much joints at postures (k, n) are beyond the hard limits (k, n)."""
@@ -310,35 +305,35 @@ class Problem(Value):
     def measured(self, strategy: HolonomicStrategy, Q: Matrix, poses: int) -> SectionMetrics:
         """The metrics of a strategy at postures (k, n) that it reaches, of so many poses."""
         robot, c, costs, apart = strategy.task.robot, self.coordinates, self.costs, self.hard.apart
-        at = TiltedLeaves(strategy, c).through(Q, np.zeros((len(Q), strategy.constraint.rows, c.d)))
+        sampled = TiltedLeaves(strategy, c).through(Q, np.zeros((len(Q), strategy.constraint.rows, c.d)))
         off = np.abs(Q - costs.middle) / costs.half
         k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
         distances = np.full((1, 1), np.inf)
         if apart is not None:
             distances = counted(apart.distances(Q), apart.limits, apart.wanted)
         closest = int(distances.min(axis=0).argmin())
-        shares = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
+        shares = np.sqrt(np.sum((sampled.G * costs.columns) ** 2, axis=2)) * costs.speeds
         return SectionMetrics(
             poses=poses,
             reached=len(Q),
             within_limits=int(robot.within(Q).sum()),
-            squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
+            squared_speed=costs.squared_speed(Q, sampled.G, sampled.rcond).value,
             worst_speed=float(shares.max()) if (costs.speeds > 0).all() else np.nan,
             joint_limits=float(off[k, joint]),
             worst_joint=robot.joint_names[joint],
             rcond=float(strategy.gain.batch(Q)[1].min()),
-            travel=costs.travel(Q, at.G, at.rcond).value,
+            travel=costs.travel(Q, sampled.G, sampled.rcond).value,
             own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
             clearance=float(distances.min()),
             closest=None if apart is None or not np.isfinite(distances).any() else apart.names[closest],
         )
 
-    def _weights(self, at: Sampled) -> dict[str, float]:
+    def _weights(self, sampled: Sampled) -> dict[str, float]:
         """The weights of the costs, each divided by what it is at a section, where there are several."""
         weights = self.goal.weights
         if len(weights) == 1:
             return dict.fromkeys(weights, 1.0)
-        sizes = {name: self.costs.known[name](at.Q, at.G, at.rcond).value for name in weights}
+        sizes = {name: self.costs.known[name](sampled.Q, sampled.G, sampled.rcond).value for name in weights}
         sizes |= {"clearance": 1.0}  # a share already, and 0 where all is far
         for name in weights:
             if not sizes[name] > 0:
@@ -384,20 +379,6 @@ def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrateg
     return holonomic(task, linear(Z.T * units, name="the combination of joints along the self-motion"))
 
 
-HIGHEST = 4
-"""Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
-
-ROUNDS = 3
-"""Searches at most: another one follows where the design reaches samples that the base strategy did not, and, with
-limits narrowed, where poses between the samples are beyond them."""
-
-APART = 1e-3
-"""Share by which the least of all postures is below that of the own self-motions where both are told."""
-
-FINER = 4
-"""Poses that a design is checked at, for each one that it was searched at."""
-
-
 @dataclass(frozen=True, eq=False)
 class Design(NoTruthValue, Value, ask="`.holds`"):
     """The best section that was found, as a strategy, and what it was chosen by.
@@ -407,11 +388,11 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     objective: what was made less, with the `length` that turns counted as: a design over another base that is given
         this objective has costs and a bound to compare with these.
     costs: the objective with the base strategy as it was, then after the search with each degree from 0 on. With one
-    cost it
-        has the cost's unit, with several it is 1 to begin with. Where the search reaches samples that the base strategy
-        does not, the last one alone is of all of them.
+        cost it has the cost's unit, with several it is 1 to begin with. Where the search reaches samples that the base
+        strategy does not, the last one alone is of all of them.
     broken: at how many samples the base strategy as it was breaks a hard limit: the search, which keeps them, may cost
-    more. floor: what no strategy with the postures found at the samples can have less of; see `bound`.
+        more.
+    floor: what no strategy with the postures found at the samples can have less of; see `bound`.
     before, after: the base strategy and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold.
@@ -507,7 +488,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         if not self.bound_traced:
             return f"a search over the postures found at these poses came down to {self.bound:.5g}"
         bound = f"lower bound: a strategy that uses only the postures that were found has at least {self.bound:.5g}"
-        if self.bound_here <= self.bound * (1 + APART):
+        if self.bound_here <= self.bound * (1 + 1e-3):
             return bound
         return f"{bound}, a strategy on these self-motions at least {self.bound_here:.5g}"
 
@@ -572,8 +553,8 @@ def design(
     if task.n == task.m:
         cure = "each tool pose has its joints already: hk.ik(hk.moore_penrose(task), start) finds them"
         raise ArgumentError("the number of redundant joints", 0, cure)
-    if whole("the degree", degree, 0) > HIGHEST:
-        raise ArgumentError("the degree", degree, f"give 0 to {HIGHEST}")
+    if whole("the degree", degree, 0) > 4:  # in three coordinates it has 35 terms then, in six 210
+        raise ArgumentError("the degree", degree, "give 0 to 4")
     not_negative("the margin", margin)
     if not 0 <= rcond < 1:
         raise ArgumentError("the least rcond", rcond, "give a number from 0 to 1")
@@ -582,7 +563,7 @@ def design(
         cure = "give what to keep clear of, too: scene=hk.Scene(obstacles=[...]), or hk.Scene() for the links alone"
         raise ArgumentError("the weight of clearance", goal.clearance, cure)
     # Reach the poses with the base strategy; they say in which coordinates polynomials are written
-    poses, others = workspace.poses(whole("samples", samples), seed), workspace.poses(FINER * samples, seed + 1)
+    poses, others = workspace.poses(whole("samples", samples), seed), workspace.poses(4 * samples, seed + 1)
     check_metres(robot, poses, task.tip)
     base_strategy, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
     Q, there = reached(base_strategy, center, poses)
@@ -628,7 +609,7 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
     near, before = search.near, problem.measured(problem.base, Q, len(poses))
     coefficients, best, costs = search.best(problem.first, degree)
     checked, costs = problem.checked(coefficients, best), (search.cost(near).value, *costs)
-    for _ in range(ROUNDS - 1):
+    for _ in range(2):
         # Go on where more samples are reached now, or with narrower limits where some are broken between the samples
         Q, there = reached(checked.strategy, checked.middle, poses) if len(best.Q) < len(poses) else (best.Q, poses)
         further = len(Q) > len(best.Q)

@@ -22,9 +22,6 @@ NEAR = 0.1
 """Distance [m] of a cusp from the nearest of many poses of a workspace, a turn of one radian counted as 0.1 m, up to
 which it counts: these poses are about so far apart."""
 
-CUSP_POSES = 16_384
-"""Poses of a workspace, from which the distance is taken."""
-
 STARTS = 300
 """Starts of the search for them."""
 
@@ -96,19 +93,20 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
     if constraint is None or constraint.looped is not None:
         return NearbyCusps(None, np.nan, "its formulas are too long")
     try:
-        found = cusps(strategy, q0, starts=STARTS)
+        leaf_cusps = cusps(strategy, q0, starts=STARTS)
     except HolokinError as problem:  # such as a posture beyond the joint limits, where a design could not keep them
         return NearbyCusps(None, np.nan, str(problem))
-    if found.excluded:
-        return NearbyCusps(found, np.inf)
-    poses = space.poses(CUSP_POSES)
-    ends = ik(strategy, q0, limits=False).batch(space.poses(STARTS))
-    near = cusps_from(found.strategy, found.level, ends.last[np.isfinite(ends.last).all(axis=1)], limits=True)
-    all_of_them = np.concatenate([found.poses, near])
-    away = tool_away(strategy.task, all_of_them, poses)
-    if not len(away):
-        return NearbyCusps(found, np.inf)
-    return NearbyCusps(found, float(away.min()), pose=all_of_them[away.argmin()])
+    if leaf_cusps.excluded:
+        return NearbyCusps(leaf_cusps, np.inf)
+    # Those of the search, and those that Newton's method finds from the workspace
+    poses = space.poses(16_384)
+    ends = ik(strategy, q0, limits=False).batch(space.poses(STARTS)).last
+    near = cusps_from(leaf_cusps.strategy, leaf_cusps.level, ends[np.isfinite(ends).all(axis=1)], limits=True)
+    tool_poses = np.concatenate([leaf_cusps.poses, near])
+    if not len(tool_poses):
+        return NearbyCusps(leaf_cusps, np.inf)
+    away = tool_away(strategy.task, tool_poses, poses)
+    return NearbyCusps(leaf_cusps, float(away.min()), pose=tool_poses[away.argmin()])
 
 
 def _capital(sentence: str) -> str:
@@ -118,16 +116,16 @@ def _capital(sentence: str) -> str:
 
 def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more: float) -> Sequence[str]:
     """Sentences on the strategy that was chosen, and on the first one, which has `more` squared joint speed less."""
-    found = looked_at[chosen]
+    cusps = looked_at[chosen]
     if chosen != first:
         return [
             f"{first!r}, which needs {more:.1%} less squared joint speed, has a cusp in the workspace, or within "
             f"{NEAR:g} m of it: round a cusp a closed path of the tool may not bring the joints back.",
-            f"Of the strategy to take {found.sentence}.",
+            f"Of the strategy to take {cusps.sentence}.",
         ]
-    others = [repr(name) for name, other in looked_at.items() if name != chosen and other.near]
-    rest = f"; so has {', '.join(others)}, whose coverage and margins are as good" if found.near and others else ""
-    return [f"{_capital(found.sentence)}{rest}."]
+    others = ", ".join(repr(name) for name, other in looked_at.items() if name != chosen and other.near)
+    rest = f"; so has {others}, whose coverage and margins are as good" if cusps.near and others else ""
+    return [f"{_capital(cusps.sentence)}{rest}."]
 
 
 @dataclass(frozen=True)
@@ -142,34 +140,25 @@ class DegreeTried(Result):
         return f"degree {self.degree}: {self.cost:.5g}; {self.cusps}"
 
 
-def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], found: NearbyCusps) -> str:
+def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], cusps: NearbyCusps) -> str:
     """Lines on the cusps of the design that was chosen, by its degree, of those looked at, the best first."""
-    loop = f"{_capital(found.loop)}." if found.loop else ""
-    others = [one for one in looked_at if one.degree != chosen]
-    many = ", ".join(str(one.degree) for one in others)
-    if others and found.clear:
-        best, own = looked_at[0].cost, looked_at[-1].cost
-        said = [
-            f"Degree {chosen} was taken, which costs {own / best - 1:.1%} more than the best: with degree {many} a "
+    others = ", ".join(str(tried.degree) for tried in looked_at if tried.degree != chosen)
+    rest = f"; so does one with degree {others}, whose coverage and margins are as good" if others else ""
+    lines = [f"{_capital(cusps.sentence)}{rest}."]
+    if others and cusps.clear:
+        more = looked_at[-1].cost / looked_at[0].cost - 1
+        lines = [
+            f"Degree {chosen} was taken, which costs {more:.1%} more than the best: with degree {others} a "
             f"cusp lies in the workspace, or within {NEAR:g} m of it.",
-            f"Of degree {chosen} {found.sentence}.",
+            f"Of degree {chosen} {cusps.sentence}.",
         ]
-    else:
-        rest = f"; so does one with degree {many}, whose coverage and margins are as good" if others else ""
-        said = [f"{_capital(found.sentence)}{rest}."]
-    return "\n".join([*said, loop] if loop else said)
+    return "\n".join([*lines, f"{_capital(cusps.loop)}."] if cusps.loop else lines)
 
 
 # --- The levels of a strategy whose leaves serve a whole workspace: how far the elbow may go while the tool works.
 
-STEP, LEVEL_POSES = 0.05, 256
-"""Difference of the levels that are tried [rad, m, or the constraint's unit]; poses of the workspace."""
-
-MOST = 400
-"""Levels that are tried to either side of the start's."""
-
-EXACT = 1e-3
-"""Share of a step to which the ends of an interval are halved."""
+LEVEL_POSES = 256
+"""Poses of the workspace by which levels are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +205,7 @@ def level_range(
     workspace: Workspace,
     q0: ArrayLike,
     *,
-    step: float = STEP,
+    step: float = 0.05,
     limits: bool = True,
     progress: Callable[[str], None] = lambda _text: None,
 ) -> LevelRange:
@@ -228,7 +217,7 @@ def level_range(
 
     Args:
         q0: posture (n,) that the straight paths to the poses begin at.
-        step: between the levels that are tried.
+        step: between the levels that are tried [rad, m, or the constraint's unit].
         limits: within the joint limits.
         progress: hears how far it is.
 
@@ -242,10 +231,9 @@ def level_range(
         cure = "ask of a strategy with one redundant joint, or lock the others"
         raise ArgumentError("the number of rows of the constraint", rows, cure)
     positive("step", step)
-    begin = start_posture(strategy.task.robot, q0, limits)
-    solver, poses = ik(strategy, begin, limits), workspace.poses(LEVEL_POSES)
-    at = float(np.ravel(strategy.constraint_value(begin))[0])
-    far = int(np.pi / step) if strategy.constraint.angular[0] else MOST
+    start = start_posture(strategy.task.robot, q0, limits)
+    solver, poses = ik(strategy, start, limits), workspace.poses(LEVEL_POSES)
+    level = float(np.ravel(strategy.constraint_value(start))[0])
 
     def share(c: float) -> float:
         try:
@@ -253,23 +241,26 @@ def level_range(
         except ArgumentError:  # no joints take this level
             return 0.0
 
-    known = {at: share(at)}
+    # Levels to both sides, 400 at most, until none is served or an angle has gone half round
+    known, far = {level: share(level)}, 400
+    if strategy.constraint.angular[0]:
+        far = min(far, int(np.pi / step))
     for sign in (-1.0, 1.0):
-        for k in range(1, min(far, MOST) + 1):
-            c = at + sign * k * step
+        for k in range(1, far + 1):
+            c = level + sign * k * step
             progress(f"level {c:.3g}")
             known[c] = share(c)
             if known[c] == 0.0:
                 break
     levels = np.array(sorted(known))
     shares = np.array([known[c] for c in levels])
-    intervals = _intervals(levels, shares, share, EXACT * step)
-    best = max(intervals, key=lambda ends: ends[1] - ends[0], default=None)
-    middle = float(levels[np.argmax(shares)]) if best is None else (best[0] + best[1]) / 2
-    there = move_to_leaf(strategy, begin, middle, limits=False)
-    return LevelRange(
-        strategy, workspace, at, levels, shares, intervals, middle, there, cusps_near(strategy, there, workspace)
-    )
+    # The intervals that serve all, and the middle of the longest
+    intervals = _intervals(levels, shares, share, 1e-3 * step)
+    longest = max(intervals, key=lambda ends: ends[1] - ends[0], default=None)
+    best = float(levels[np.argmax(shares)]) if longest is None else (longest[0] + longest[1]) / 2
+    q = move_to_leaf(strategy, start, best, limits=False)
+    near = cusps_near(strategy, q, workspace)
+    return LevelRange(strategy, workspace, level, levels, shares, intervals, best, q, near)
 
 
 def _intervals(
@@ -277,18 +268,16 @@ def _intervals(
 ) -> tuple[tuple[float, float], ...]:
     """The ranges in which all poses are served, their ends halved towards the levels beside them."""
 
-    def end(inside: float, outside: float) -> float:
+    def end(i: int, beside: int) -> float:
+        inside = float(levels[i])
+        if not 0 <= beside < len(levels):
+            return inside
+        outside = float(levels[beside])
         while abs(outside - inside) > exact:
             middle = (inside + outside) / 2
             inside, outside = (middle, outside) if share(middle) == 1.0 else (inside, middle)
         return inside
 
-    full = np.concatenate([[False], shares == 1.0, [False]]).astype(int)
-    first, last = np.flatnonzero(np.diff(full) == 1), np.flatnonzero(np.diff(full) == -1) - 1
-    return tuple(
-        (
-            end(levels[i], levels[i - 1]) if i else float(levels[i]),
-            end(levels[j], levels[j + 1]) if j + 1 < len(levels) else float(levels[j]),
-        )
-        for i, j in zip(first, last, strict=True)
-    )
+    edges = np.diff(np.concatenate([[False], shares == 1.0, [False]]).astype(int))
+    first, last = np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist()
+    return tuple((end(i, i - 1), end(j, j + 1)) for i, j in zip(first, last, strict=True))

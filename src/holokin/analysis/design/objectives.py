@@ -8,7 +8,7 @@ knows nothing of constraints, levels or polynomials.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import Any, ClassVar, Literal, get_args
 
@@ -33,9 +33,6 @@ from ...base.types import (
 from ...motion.checks.motion_checks import Clearances
 from ...robot import Robot, speed_limits
 from ...symbolic import SX, Function, gradient, symbol, written
-
-STEP = 1e-6
-"""Of the differences that give the slope of a function of numbers [joint units]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,30 +61,29 @@ class OwnCost(Value):
         """c at postures (k, n) -> (k,). Raises: OwnFunctionError: it is no finite number there."""
         if self.function is not None:
             return np.array([self._number(q) for q in Q]).reshape(len(Q))
-        return self._sound(Q, np.asarray(_expressed(self, Q.shape[1]).batch(Q)[0]))
+        return self._checked(Q, _expressed(self, Q.shape[1]).batch(Q)[0])
 
     def slopes(self, Q: Matrix) -> Matrix:
         """dc/dq at postures (k, n) -> (k, n). Raises: as `values`."""
         if self.function is None:
-            found = np.asarray(_expressed(self, Q.shape[1]).batch(Q)[1]).reshape(Q.shape)
-            return self._sound(Q, found)
-        steps = STEP * np.eye(Q.shape[1])
+            return self._checked(Q, np.reshape(_expressed(self, Q.shape[1]).batch(Q)[1], Q.shape))
+        h = 1e-6  # of the differences [joint units]
+        steps = h * np.eye(Q.shape[1])
         ahead, behind = (np.column_stack([self.values(Q + side * step) for step in steps]) for side in (1.0, -1.0))
-        return (ahead - behind) / (2 * STEP)
+        return (ahead - behind) / (2 * h)
 
     def _number(self, q: Vector) -> float:
-        found = own_number(f"the cost {self.name!r}", self.function or float, q.copy())
-        if found is None:
+        number = own_number(f"the cost {self.name!r}", self.function or float, q.copy())
+        if number is None:
             raise OwnFunctionError(f"the cost {self.name!r}", f"gives None at q = {q.tolist()}", "give a number")
-        return found
+        return number
 
-    def _sound(self, Q: Matrix, found: Any) -> Any:
-        bad = ~np.isfinite(found.reshape(len(Q), -1)).all(axis=1)
-        if bad.any():
-            at = Q[int(np.argmax(bad))].tolist()
-            fact = f"gives a number or a slope that is not finite at q = {at}"
+    def _checked(self, Q: Matrix, values: Array) -> Array:
+        finite = np.isfinite(values.reshape(len(Q), -1)).all(axis=1)
+        if not finite.all():
+            fact = f"gives a number or a slope that is not finite at q = {Q[int(np.argmin(finite))].tolist()}"
             raise OwnFunctionError(f"the cost {self.name!r}", fact, "look for a division by zero, a log or a sqrt")
-        return found
+        return values
 
 
 @kept
@@ -182,27 +178,22 @@ def as_objective(given: Objective | OwnCost | str) -> Objective:
     name = given.replace(" ", "_").replace("-", "_")
     if name not in Objective.NAMES:
         raise UnknownNameError("objective", given, Objective.NAMES)
-    one: dict[str, Any] = {name: 1.0}
-    return Objective(**one)
+    return Objective(**{name: 1.0})
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """A cost and its derivatives by Q (S, n), G (S, n, d) and rcond (S,)."""
+    """A cost and its derivatives by Q (S, n), G (S, n, d) and rcond (S,), 0 where it does not depend on one."""
 
     value: float
-    Q: Array
-    G: Array
-    rcond: Array
+    Q: Any = 0.0
+    G: Any = 0.0
+    rcond: Any = 0.0
 
     def plus(self, other: Slopes, weight: float) -> Slopes:
         """This one and another one times a weight."""
-        return Slopes(
-            self.value + weight * other.value,
-            self.Q + weight * other.Q,
-            self.G + weight * other.G,
-            self.rcond + weight * other.rcond,
-        )
+        parts = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        return Slopes(*(own + weight * others for own, others in parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,54 +216,52 @@ class Costs(Value):
     @cached_property
     def known(self) -> dict[str, Callable[[Array, Array, Array], Slopes]]:
         """The costs by name."""
-        found = {name: getattr(self, name) for name in Objective.NAMES}
-        return found | {cost.name: partial(_of_own, cost) for cost in self.own}
+        costs = {name: getattr(self, name) for name in Objective.NAMES}
+        return costs | {cost.name: partial(_of_own, cost) for cost in self.own}
 
     def squared_speed(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """mean sum_ij w_i G_ij^2 c_j^2."""
         weighted = G * self.joints[:, None] * self.columns**2 / len(Q)
-        return Slopes(float(np.sum(weighted * G)), np.zeros_like(Q), 2 * weighted, np.zeros(len(Q)))
+        return Slopes(float(np.sum(weighted * G)), G=2 * weighted)
 
     def worst_speed(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """Smooth greatest |G_i c| / max_velocity_i."""
-        used = np.sum((G * self.columns) ** 2, axis=2) * self.speeds**2
-        value, slope = _smooth_greatest(used, POWER / 2)
+        squares = np.sum((G * self.columns) ** 2, axis=2) * self.speeds**2
+        value, slope = _smooth_greatest(squares, POWER / 2)
         value = float(np.sqrt(value))
         outer = slope * self.speeds**2 / (2 * value)
-        return Slopes(value, np.zeros_like(Q), outer[:, :, None] * 2 * G * self.columns**2, np.zeros(len(Q)))
+        return Slopes(value, G=outer[:, :, None] * 2 * G * self.columns**2)
 
     def joint_limits(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """Smooth greatest |q_i - middle_i| / half_i."""
         off = (Q - self.middle) / self.half
         value, slope = _smooth_greatest(off**2, POWER / 2)
         value = float(np.sqrt(value))
-        return Slopes(value, slope * off / self.half / value, np.zeros_like(G), np.zeros(len(Q)))
+        return Slopes(value, Q=slope * off / self.half / value)
 
     def rcond(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """Smooth greatest 1 / rcond."""
         value, slope = _smooth_greatest(1 / rcond, POWER)
-        return Slopes(value, np.zeros_like(Q), np.zeros_like(G), -slope / rcond**2)
+        return Slopes(value, rcond=-slope / rcond**2)
 
     def travel(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """mean over pairs of sum_i w_i (q_i - q'_i)^2, which is twice the variance."""
         off = (Q - Q.mean(axis=0)) * self.joints / len(Q)
-        return Slopes(float(2 * np.sum(off * (Q - Q.mean(axis=0)))), 4 * off, np.zeros_like(G), np.zeros(len(Q)))
+        return Slopes(float(2 * np.sum(off * (Q - Q.mean(axis=0)))), Q=4 * off)
 
     def clearance(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """Smooth greatest max(0, 1 - d / D)."""
-        none = np.zeros_like(G), np.zeros(len(Q))
         if self.apart is None:
-            return Slopes(0.0, np.zeros_like(Q), *none)
+            return Slopes(0.0)
         enough = self.apart.wanted
         distances, slopes = self.apart.slopes(Q, enough)
         value, outer = _smooth_greatest(np.maximum(0.0, 1 - distances / enough), POWER)
-        return Slopes(value, np.einsum("sp,spn->sn", -outer / enough, slopes), *none)
+        return Slopes(value, Q=np.einsum("sp,spn->sn", -outer / enough, slopes))
 
 
 def _of_own(cost: OwnCost, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
     """mean c(q) of a cost of the user's own."""
-    value, count = float(np.mean(cost.values(Q))), len(Q)
-    return Slopes(value, cost.slopes(Q) / count, np.zeros_like(G), np.zeros(count))
+    return Slopes(float(np.mean(cost.values(Q))), Q=cost.slopes(Q) / len(Q))
 
 
 def _smooth_greatest(values: Array, power: float) -> tuple[float, Array]:

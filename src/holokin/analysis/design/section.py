@@ -32,15 +32,6 @@ from .objectives import Costs, Slopes
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-NEWTONS = 8
-"""Newton steps from a neighbouring posture: quadratic, so that four are enough where the leaf does not end."""
-
-CLOSE = 1e-6
-"""Correction [joint units] after which a posture is found: the next one would be of the order of its square."""
-
-LONGEST = 0.5
-"""A correction [joint units] longer than this is not from a neighbour, and might lead to another branch."""
-
 
 @dataclass(frozen=True, eq=False)
 class Sampled(Value):
@@ -60,38 +51,27 @@ class Sampled(Value):
     @cached_property
     def rcond(self) -> Vector:
         """min |R_kk| / max |R_kk| (S,) of M = QR, its constraint rows scaled to length 1, as strategies tell it."""
-        return self._least / self._greatest
+        diagonal = self._factors[3]
+        return diagonal.min(axis=1) / diagonal.max(axis=1)
 
     @property
     def rcond_slope(self) -> Array:
         """Derivative of rcond by M (S, n, n): d log R_kk = q_k^T dM R^-1 e_k, q_k the column of Q."""
-        Q, R, size = self._factors
-        every, back, out = np.arange(len(R)), np.linalg.inv(R), np.zeros_like(R)
-        for k, sign in ((self._diagonal.argmin(axis=1), 1.0), (self._diagonal.argmax(axis=1), -1.0)):
-            out += sign * Q[every, :, k][:, :, None] * back[every, :, k][:, None, :]
-        r = self.A.shape[1]
+        Q, R, size, diagonal = self._factors
+        every, back, slope, r = np.arange(len(R)), np.linalg.inv(R), np.zeros_like(R), self.A.shape[1]
+        for k, sign in ((diagonal.argmin(axis=1), 1.0), (diagonal.argmax(axis=1), -1.0)):
+            slope += sign * Q[every, :, k][:, :, None] * back[every, :, k][:, None, :]
         unit = self.M[:, -r:] / size
-        out[:, -r:] = (out[:, -r:] - np.sum(out[:, -r:] * unit, axis=2, keepdims=True) * unit) / size
-        return self.rcond[:, None, None] * out
+        slope[:, -r:] = (slope[:, -r:] - np.sum(slope[:, -r:] * unit, axis=2, keepdims=True) * unit) / size
+        return self.rcond[:, None, None] * slope
 
     @cached_property
-    def _factors(self) -> tuple[Array, Array, Array]:
+    def _factors(self) -> tuple[Array, Array, Array, Matrix]:
+        """(Q, R, the lengths of the constraint rows, |R_kk|)."""
         r = self.A.shape[1]
         size = np.linalg.norm(self.M[:, -r:], axis=2, keepdims=True)
         Q, R = np.linalg.qr(np.concatenate([self.M[:, :-r], self.M[:, -r:] / size], axis=1))
-        return Q, R, size
-
-    @cached_property
-    def _diagonal(self) -> Matrix:
-        return np.abs(np.diagonal(self._factors[1], axis1=1, axis2=2))
-
-    @property
-    def _least(self) -> Vector:
-        return self._diagonal.min(axis=1)
-
-    @property
-    def _greatest(self) -> Vector:
-        return self._diagonal.max(axis=1)
+        return Q, R, size, np.abs(np.diagonal(R, axis1=1, axis2=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,26 +98,26 @@ class TiltedLeaves(Value):
 
     def through(self, Q: Matrix, A: Array, levels: Matrix | None = None) -> Sampled:
         """The same. Raises: SingularityError at a singular posture."""
-        found = self.slopes(Q, A, levels)
-        if found is None:
+        sampled = self.slopes(Q, A, levels)
+        if sampled is None:
             self.base.batch(Q)
             raise SingularityError(SingularityKind.REPRESENTATION, Q[0], self.coordinates.chart.name, 0.0)
-        return found
+        return sampled
 
-    def back(self, at: Sampled, by_G: Array, by_rcond: Vector) -> tuple[Matrix, Array]:
+    def back(self, sampled: Sampled, by_G: Array, by_rcond: Vector) -> tuple[Matrix, Array]:
         """Derivatives by Q (S, n) and by A (S, r, d) of a cost whose derivatives by G and rcond are given.
 
         M G = [P; 0] gives dG = -M^-1 dM G, so the cost's derivative by M is -M^-T by_G G^T, and that by the posture is
         one sweep back through J and J_phi alone.
         """
-        P, r, GT = self.coordinates.P, at.A.shape[1], np.swapaxes(at.G, 1, 2)
-        by_J, by_rows = (-np.swapaxes(columns, 1, 2) @ by_G @ GT for columns in (at.X, at.Z))
+        P, r, GT = self.coordinates.P, sampled.A.shape[1], np.swapaxes(sampled.G, 1, 2)
+        by_J, by_rows = (-np.swapaxes(columns, 1, 2) @ by_G @ GT for columns in (sampled.X, sampled.Z))
         if by_rcond.any():
-            by_M = by_rcond[:, None, None] * at.rcond_slope
+            by_M = by_rcond[:, None, None] * sampled.rcond_slope
             by_J, by_rows = by_J + by_M[:, :-r], by_rows + by_M[:, -r:]
-        PJ = P.T @ at.M[:, :-r]
-        by_J = by_J - P @ np.swapaxes(at.A, 1, 2) @ by_rows
-        by_Q = self._turning.batch(at.Q, by_J, by_rows)
+        PJ = P.T @ sampled.M[:, :-r]
+        by_J = by_J - P @ np.swapaxes(sampled.A, 1, 2) @ by_rows
+        by_Q = self._turning.batch(sampled.Q, by_J, by_rows)
         return by_Q, -by_rows @ np.swapaxes(PJ, 1, 2)
 
     @cached_property
@@ -191,11 +171,11 @@ class SectionSamples(Value):
         A = np.einsum("rt,std->srd", coefficients, slopes[:, :t])
         return self.leaves.through(Q, A, values[:, :t] @ coefficients.T)
 
-    def slope(self, at: Sampled, cost: Slopes, t: int) -> Matrix:
+    def slope(self, sampled: Sampled, cost: Slopes, t: int) -> Matrix:
         """Derivative (r, t) of a cost by the coefficients."""
-        by_q, by_A = self.leaves.back(at, cost.G, cost.rcond)
+        by_q, by_A = self.leaves.back(sampled, cost.G, cost.rcond)
         values, slopes = self.basis
-        by_level = np.einsum("snr,sn->sr", at.Z, cost.Q + by_q)
+        by_level = np.einsum("snr,sn->sr", sampled.Z, cost.Q + by_q)
         return by_level.T @ values[:, :t] + np.einsum("srd,std->rt", by_A, slopes[:, :t])
 
     def _solve(self, levels: Matrix, near: Matrix) -> Matrix | None:
@@ -204,9 +184,10 @@ class SectionSamples(Value):
 
         def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
             dq = step.batch(q, self.p[i], self.R[i], levels[i])[0]
-            return dq, np.abs(dq).max(axis=1) < LONGEST
+            return dq, np.abs(dq).max(axis=1) < 0.5  # a longer one is not from a neighbour, and might change the branch
 
-        Q, arrived = newton(correct, near, steps=NEWTONS, exact=CLOSE)
+        # Quadratic, so that four steps are enough where the leaf does not end
+        Q, arrived = newton(correct, near, steps=8, exact=1e-6)
         return Q if arrived.all() else None
 
 
@@ -214,18 +195,6 @@ class SectionSamples(Value):
 #
 # Where a posture is not found the cost says None. There a wall stands: a value that rises away from the last point, so
 # that the search along a line turns back.
-
-FIRST = 0.1
-"""Length of the first step."""
-
-STEPS = 200
-"""Steps at most; the designs of our tests take 10 to 60."""
-
-ENOUGH = 1e-9
-"""Relative decrease below which two steps one after another are the last."""
-
-STEEP = 10.0
-"""Height and slope of the wall over the value at the last point."""
 
 Cost = Callable[[Vector, Any], "tuple[float, Vector, Any] | None"]
 """(x, state of a point nearby) -> (value, slope, state), or None where it is not defined."""
@@ -235,49 +204,41 @@ def descend(cost: Cost, x: Vector, state: Any) -> tuple[Vector, float, Any]:
     """(x, value, state) of a local least cost near x. The cost must be defined at x."""
     from scipy.optimize import minimize
 
-    found = cost(x, state)
-    if found is None:
+    result = cost(x, state)
+    if result is None:
         return x, np.inf, state
-    at, (value, slope, state) = x, found
-    scale, small, tried = max(1.0, float(np.linalg.norm(slope)) / FIRST), 0, {x.tobytes(): found}
+    best, (value, slope, state), small, tried = x, result, 0, {x.tobytes(): result}
+    # The first step has a length of 0.1 at most
+    scale = max(1.0, float(np.linalg.norm(slope)) / 0.1)
 
     def walled(y: Vector) -> tuple[float, Vector]:
+        """The cost, or a wall whose height and slope are ten times the value at the last point."""
         new = cost(y, state)
         if new is not None:
             tried[y.tobytes()] = new
             return new[0] / scale, new[1] / scale
-        height, away = 1.0 + STEEP * abs(value), y - at
+        height, away = 1.0 + 10.0 * abs(value), y - best
         far = float(np.linalg.norm(away)) or 1.0
         return (value + height * (1.0 + far)) / scale, height * away / (far * scale)
 
     def keep(intermediate_result: OptimizeResult) -> None:
-        nonlocal at, value, state, small
+        """Keep a point; two steps one after another that gain less than 1e-9 are the last, and so is one to a wall."""
+        nonlocal best, value, state, small
         new = tried.get(intermediate_result.x.tobytes())
-        if new is None:  # a point of the wall is no answer
+        if new is None:
             raise StopIteration
-        small = small + 1 if value - new[0] <= ENOUGH * abs(value) else 0
-        at, (value, _, state) = intermediate_result.x.copy(), new
+        small = small + 1 if value - new[0] <= 1e-9 * abs(value) else 0
+        best, (value, _, state) = intermediate_result.x.copy(), new
         tried.clear()
         if small >= 2:
             raise StopIteration
 
-    minimize(walled, x, jac=True, method="BFGS", callback=keep, options={"maxiter": STEPS, "gtol": 0.0})
-    return at, value, state
+    # Designs of our tests take 10 to 60 steps
+    minimize(walled, x, jac=True, method="BFGS", callback=keep, options={"maxiter": 200, "gtol": 0.0})
+    return best, value, state
 
 
 # --- The search behind `design`: coefficients of the polynomial that make the objective least, within hard limits.
-
-PENALTY = 500.0
-"""Weight of the squares of violated limits, shares of half a joint's range, beside costs of 1, to begin with."""
-
-HARDER = 8.0
-"""Growth of that weight where a round has not halved the worst violation."""
-
-STUCK = 0.99
-"""Worst violation after a round, as a share of that before, from which on the limits cannot be kept."""
-
-ROUNDS = 8
-"""Changes of the multipliers at most; three to six bring violations below `KEPT`."""
 
 OVER = 1.2
 """What limits are narrowed by, over what was beyond them."""
@@ -327,9 +288,9 @@ class Limits(Value):
         """The same, -inf where they are `SHORT` farther apart than asked, and the derivatives (k, P, n)."""
         if self.apart is None:
             return np.zeros((len(Q), 0)), np.zeros((len(Q), 0, Q.shape[1]))
-        apart = self.distances
-        found, slopes = self.apart.slopes(Q, float(apart.max()) + SHORT)
-        return apart - found, -slopes
+        wanted = self.distances
+        distances, slopes = self.apart.slopes(Q, float(wanted.max()) + SHORT)
+        return wanted - distances, -slopes
 
     @property
     def none(self) -> bool:
@@ -350,34 +311,37 @@ class Search(Value):
     limits: Limits
     near: Sampled
 
-    def cost(self, at: Sampled) -> Slopes:
+    def cost(self, sampled: Sampled) -> Slopes:
         """The objective at a section, with its derivatives."""
-        total = Slopes(0.0, np.zeros_like(at.Q), np.zeros_like(at.G), np.zeros(len(at.Q)))
+        total = Slopes(0.0, np.zeros_like(sampled.Q), np.zeros_like(sampled.G), np.zeros(len(sampled.Q)))
         for name, weight in self.weights.items():
-            one = self.costs.known[name](at.Q, at.G, at.rcond)
-            total = total.plus(one, weight)
+            total = total.plus(self.costs.known[name](sampled.Q, sampled.G, sampled.rcond), weight)
         return total
 
-    def violations(self, at: Sampled) -> tuple[Array, Array, Array]:
+    def violations(self, sampled: Sampled) -> tuple[Array, Array, Array]:
         """(S, n + 1 + P) numbers that must not be above 0, and the derivatives of the joints' and the pairs' by q."""
-        off = (at.Q - self.costs.middle) / self.costs.half
+        off = (sampled.Q - self.costs.middle) / self.costs.half
         over = np.abs(off) - self.limits.allowed + KEPT
-        least = np.log(self.limits.rcond / at.rcond) + KEPT if self.limits.rcond > 0 else np.full(len(at.Q), -1.0)
-        near, slopes = self.limits.nearer_slopes(at.Q)
-        found = np.column_stack([np.maximum(over, -1.0), least, np.maximum(near / SHORT + KEPT, -1.0)])
-        return found, np.sign(off) / self.costs.half, slopes / SHORT
+        least = (
+            np.log(self.limits.rcond / sampled.rcond) + KEPT if self.limits.rcond > 0 else np.full(len(sampled.Q), -1.0)
+        )
+        near, slopes = self.limits.nearer_slopes(sampled.Q)
+        violations = np.column_stack([np.maximum(over, -1.0), least, np.maximum(near / SHORT + KEPT, -1.0)])
+        return violations, np.sign(off) / self.costs.half, slopes / SHORT
 
     def best(self, first: Matrix, degree: int) -> tuple[Matrix, Sampled, tuple[float, ...]]:
         """(coefficients (r, t), their section, the least cost with each degree), from those of a lower degree."""
-        found, near, values, start = first, self.near, [], (self._no_push, PENALTY)
+        no_push = np.zeros((len(self.near.Q), self.near.Q.shape[1] + 1 + len(self.limits.distances)))
+        # To begin with squares of violated limits, shares of half a joint's range, weigh 500 beside costs of 1
+        coefficients, near, values, start = first, self.near, [], (no_push, 500.0)
         for k in range(degree + 1):
             t = len(monomials_up_to(self.section.leaves.coordinates.d, k))
             if t < first.shape[1]:
                 continue
-            found = np.pad(found, ((0, 0), (0, t - found.shape[1])))
-            found, near, start = self._within_limits(found, near, start)
+            coefficients = np.pad(coefficients, ((0, 0), (0, t - coefficients.shape[1])))
+            coefficients, near, start = self._within_limits(coefficients, near, start)
             values.append(self.cost(near).value)
-        return found, near, tuple(values)
+        return coefficients, near, tuple(values)
 
     def _within_limits(
         self, first: Matrix, near: Sampled, start: tuple[Matrix, float]
@@ -388,11 +352,10 @@ class Search(Value):
         """
         r, t = first.shape
         white = self._whitening[:t, :t]
-        x, (multipliers, penalty) = (first @ np.linalg.inv(white)).ravel(), start
-        before = np.inf
-        for _ in range(ROUNDS):
-            cost = self._augmented(r, t, multipliers, penalty)
-            x, _, near = descend(cost, x, near)
+        x, (multipliers, penalty), before = (first @ np.linalg.inv(white)).ravel(), start, np.inf
+        # At most eight changes of the multipliers: three to six bring violations below `KEPT`
+        for _ in range(8):
+            x, _, near = descend(self._augmented(r, t, multipliers, penalty), x, near)
             if self.limits.none:
                 break
             over, _, _ = self.violations(near)
@@ -400,23 +363,23 @@ class Search(Value):
             if worst <= KEPT and float(np.abs(multipliers * over).max()) <= KEPT:
                 return x.reshape(r, t) @ white, near, (multipliers, penalty)
             multipliers = np.maximum(0.0, multipliers + penalty * over)
-            if worst > STUCK * before:
+            if worst > 0.99 * before:  # the limits cannot be kept
                 break
-            penalty *= HARDER if worst > before / 2 else 1.0
+            penalty *= 8.0 if worst > before / 2 else 1.0
             before = worst
         return x.reshape(r, t) @ white, near, start
 
     def _augmented(self, r: int, t: int, multipliers: Matrix, penalty: float) -> Cost:
         """The objective and the penalty of violated limits, over whitened coefficients."""
-        white = self._whitening[:t, :t]
+        white, size = self._whitening[:t, :t], self._size
 
         def cost(x: Vector, near: Sampled) -> tuple[float, Vector, Sampled] | None:
-            at = self.section.at(x.reshape(r, t) @ white, near)
-            if at is None:
+            sampled = self.section.at(x.reshape(r, t) @ white, near)
+            if sampled is None:
                 return None
-            total = self.cost(at).plus(self._penalty(at, multipliers, penalty), self._size)
-            slope = self.section.slope(at, total, t)
-            return total.value, (slope @ white.T).ravel(), at
+            total = self.cost(sampled).plus(self._penalty(sampled, multipliers, penalty), size)
+            slope = self.section.slope(sampled, total, t)
+            return total.value, (slope @ white.T).ravel(), sampled
 
         return cost
 
@@ -425,20 +388,15 @@ class Search(Value):
         """The objective to begin with; 1 where that is 0."""
         return self.cost(self.near).value or 1.0
 
-    @property
-    def _no_push(self) -> Matrix:
-        return np.zeros((len(self.near.Q), self.near.Q.shape[1] + 1 + len(self.limits.distances)))
-
-    def _penalty(self, at: Sampled, multipliers: Matrix, penalty: float) -> Slopes:
+    def _penalty(self, sampled: Sampled, multipliers: Matrix, penalty: float) -> Slopes:
         """sum max(0, multiplier + penalty over)^2 / (2 penalty). [NW06, section 17.3]"""
-        none = np.zeros_like(at.G)
         if self.limits.none:
-            return Slopes(0.0, np.zeros_like(at.Q), none, np.zeros(len(at.Q)))
-        over, by_q, by_near = self.violations(at)
-        push, n = np.maximum(0.0, multipliers + penalty * over), at.Q.shape[1]
+            return Slopes(0.0)
+        over, by_q, by_near = self.violations(sampled)
+        push, n = np.maximum(0.0, multipliers + penalty * over), sampled.Q.shape[1]
         value = float(np.sum(push**2) - np.sum(multipliers**2)) / (2 * penalty)
         pushed = push[:, :n] * by_q + np.einsum("sp,spn->sn", push[:, n + 1 :], by_near)
-        return Slopes(value, pushed, none, -push[:, n] / at.rcond)
+        return Slopes(value, Q=pushed, rcond=-push[:, n] / sampled.rcond)
 
     @cached_property
     def _whitening(self) -> Matrix:

@@ -33,9 +33,6 @@ EASY = 0.05
 ROOM = 0.02
 """Share of a joint's range to its limit from which on a posture keeps away from limits: 6 degrees of 300."""
 
-REGULAR = 0.01
-"""rcond from which on a posture keeps away from singular ones: joints are then at most a hundred times as fast."""
-
 PROVABLE = 0.01
 """Clearance [m] beyond that asked for from which on a posture keeps well clear: what `certify` proves of a Panda was a
 centimetre less than the least at many poses."""
@@ -253,10 +250,6 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return plain_data(facts)
 
 
-DIFFERENCE = 1e-4
-"""Half of the step of a central difference by the tool pose [m or rad]: its error is 1e-8, that of round-off, too."""
-
-
 @dataclass(frozen=True, eq=False)
 class Poses(Value):
     """The tool poses T (k, 4, 4) at which strategies are tried, and the motions of the tool by which speeds are
@@ -326,7 +319,8 @@ class Trial(Value):
     @property
     def easy(self) -> float:
         """Share of the poses that are served away from limits and singular postures."""
-        away = (self.margins.min(axis=1) >= ROOM) & ~(self.rcond < REGULAR)  # of radial rcond is not known
+        # Where rcond is 0.01 joints are a hundred times as fast; of radial it is not known
+        away = (self.margins.min(axis=1) >= ROOM) & ~(self.rcond < 0.01)
         return float(np.mean(self.served & away))
 
     @property
@@ -389,20 +383,23 @@ def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: flo
 
 
 def _radial_speeds(task: Task, starts: Matrix, poses: Poses) -> Matrix:
-    """The squared speed (s, k) by central differences of where the lines end."""
+    """The squared speed (s, k) by central differences of where the lines end.
+
+    Half of a step is 1e-4 m or rad: its error is 1e-8, that of round-off, too.
+    """
     from scipy.spatial.transform import Rotation
 
-    speeds = np.zeros((len(starts), len(poses)))
+    speeds, h = np.zeros((len(starts), len(poses))), 1e-4
     for j in range(poses.twists.shape[2]):
         twists = np.zeros((len(poses), 6))
         twists[:, list(task.rows)] = np.nan_to_num(poses.twists[:, :, j])
         ends = []
-        for h in (DIFFERENCE, -DIFFERENCE):
+        for step in (h, -h):
             moved = poses.T.copy()
-            moved[:, :3, 3] += h * twists[:, :3]
-            moved[:, :3, :3] = Rotation.from_rotvec(h * twists[:, 3:]).as_matrix() @ moved[:, :3, :3]
+            moved[:, :3, 3] += step * twists[:, :3]
+            moved[:, :3, :3] = Rotation.from_rotvec(step * twists[:, 3:]).as_matrix() @ moved[:, :3, :3]
             ends.append(along_radial(task, starts, moved).q)
-        speeds += np.sum(poses.weights * ((ends[0] - ends[1]) / (2 * DIFFERENCE)) ** 2, axis=2)
+        speeds += np.sum(poses.weights * ((ends[0] - ends[1]) / (2 * h)) ** 2, axis=2)
     return speeds
 
 
@@ -410,12 +407,6 @@ def _radial_speeds(task: Task, starts: Matrix, poses: Poses) -> Matrix:
 
 NEAR = 1.0
 """Way along a self-motion [joint units] that is called near: valleys of a Panda's joint speed are 3 apart."""
-
-STEP, FINER = 0.1, 10
-"""Step of the walks that look for the least nearby; round the best posture they are shorter by this."""
-
-LINES = 8
-"""Lines searched one after another for each redundant joint, where there are several."""
 
 PARTLY = 0.5
 """Share of the workspace that a strategy serves at least which is named beside the best."""
@@ -512,9 +503,10 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
         speed = np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2))
         return np.where((over(Q) > 0) | ~np.isfinite(speed), np.inf, speed)
 
-    # One redundant joint: along the self-motion, then finer. Several: along line after line, the last ones finer
-    lines = [(STEP if k < LINES else STEP / FINER, round(NEAR / STEP)) for k in range(LINES * r)]
-    lines = lines if r > 1 else [(STEP, round(NEAR / STEP)), (STEP / FINER, FINER)]
+    # One redundant joint: along the self-motion, then in a tenth of the steps round the best posture. Several: along
+    # eight lines for each, the last ones finer
+    count = round(NEAR / 0.1)
+    lines = [(0.1, count), (0.01, 10)] if r == 1 else [(0.1 if k < 8 else 0.01, count) for k in range(8 * r)]
     motions, every, best, values = SelfMotions(task, p, R), np.arange(len(Q)), Q.copy(), least(Q)
     for step, count in lines:
         line = line_through(motions, best, rng.normal(size=Q.shape), every, step, count)
@@ -525,14 +517,6 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
 
 
 # --- Strategies of different names that are one: the same joint rates at every pose of a workspace.
-
-SPEEDS = 1e-5
-"""Relative difference of squared joint speeds up to which two strategies are looked at closely: those of `radial` come
-from differences, which are right to 1e-8."""
-
-ALIKE = 1e-6
-"""Largest difference of the joint rates of two strategies that are one, over the largest rate: round-off, and no
-rule."""
 
 
 def strategy_of(trial: Trial) -> HolonomicStrategy:
@@ -555,9 +539,10 @@ def distinct(trials: Sequence[Trial]) -> list[Trial]:
         a, b = trials[i], trials[j]
         if not a.served.any() or not np.array_equal(a.served, b.served):
             return False
-        if not np.allclose(a.speed[a.served], b.speed[a.served], rtol=SPEEDS, atol=0.0):
+        # Speeds of `radial` come from differences, which are right to 1e-8; gains that are equal differ by round-off
+        if not np.allclose(a.speed[a.served], b.speed[a.served], rtol=1e-5, atol=0.0):
             return False
-        return bool(np.abs(gains(i) - gains(j)).max() <= ALIKE * np.abs(gains(i)).max())
+        return bool(np.abs(gains(i) - gains(j)).max() <= 1e-6 * np.abs(gains(i)).max())
 
     first: dict[int, list[str]] = {}
     for j, trial in enumerate(trials):
@@ -567,10 +552,6 @@ def distinct(trials: Sequence[Trial]) -> list[Trial]:
         else:
             names.append(trial.candidate.name)
     return [replace(trials[i], same=(*trials[i].same, *names)) for i, names in first.items()]
-
-
-MOST = 3
-"""Limits that are named in one sentence."""
 
 
 def reasons(
@@ -671,5 +652,5 @@ def _rival(rival: Rival) -> str:
 
 def _beyond(beyond: Beyond, of: str = "") -> str:
     """Which limits are exceeded, and at how many poses; the three that are most often."""
-    limits = [f"{joint} is beyond its {side} limit at {count}" for joint, side, count in beyond[:MOST]]
+    limits = [f"{joint} is beyond its {side} limit at {count}" for joint, side, count in beyond[:3]]
     return f"{', '.join(limits)}{of} poses" if limits else "within its limits all the same"
