@@ -408,7 +408,7 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
         dq=lambda k: rates[:k],
         x=lambda k: task.value_batch(joints[:k]),
         error=lambda k: task.error(joints[:k], T[:k, :3, 3], T[:k, :3, :3]),
-        sigma=lambda k: np.asarray(np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1]),
+        sigma=lambda k: np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1].astype(float),
         residual=lambda k: off[:k],
     )
     times, ends = put([stage + start for stage, start in zip(t, starts, strict=False)]), (0, len(joints) - 1)
