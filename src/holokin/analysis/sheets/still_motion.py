@@ -176,7 +176,7 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
         motions += [motion] if motion.hindrance is None else []
         if motions and k >= ENOUGH:
             break
-    return min(motions, key=lambda one: one.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
+    return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
 
 
 def _traced(
@@ -283,7 +283,7 @@ def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotio
         why = why if motion.hindrance is None else motion.hindrance
         if motion.hindrance is None:
             motions.append(motion)
-    return min(motions, key=lambda one: one.seconds) if motions else _hindered(line.task.n, why)
+    return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(line.task.n, why)
 
 
 def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
