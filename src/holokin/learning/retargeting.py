@@ -202,8 +202,8 @@ class Retargeted(NoTruthValue, Value, ask="`.written`"):
             lines = [f"no dataset was written; the joints that were computed are in {self.joints}"]
         else:
             lines = [f"{self.frames} frames of {', '.join(self.columns)} written to {self.written}"]
-            kept = f"tool poses are kept to {self.kept:.1g} m or rad"
-            lines.append(f"{kept}, and to {self.rounded:.1g} in the numbers written")
+            accuracy = f"tool poses are kept to {self.kept:.1g} m or rad"
+            lines.append(f"{accuracy}, and to {self.rounded:.1g} in the numbers written")
             if self.nearest[0]:
                 away = f"up to {1e3 * self.nearest[1]:.3g} mm away"
                 lines.append(f"{self.nearest[0]} frames have the nearest pose, {away}")

@@ -261,7 +261,7 @@ def test_a_long_way_in_and_out_does_not_count() -> None:
         axes=FREE,
     )
     assert len(cycles) == 300
-    assert cycles.q0[0] == pytest.approx(50_000, abs=100)  # the path in ends at rest
+    assert cycles.start[0] == pytest.approx(50_000, abs=100)  # the path in ends at rest
 
 
 @pytest.mark.campaign

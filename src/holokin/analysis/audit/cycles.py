@@ -50,7 +50,7 @@ class Cycles:
     left_out: cycles that span a gap in time; path: the tool's path by arc length.
     """
 
-    q0: Vector
+    start: Vector
     stop: Vector
     direction: Indices
     duration: Vector
@@ -67,7 +67,7 @@ class Cycles:
     path: ToolPath
 
     def __len__(self) -> int:
-        return len(self.q0)
+        return len(self.start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +97,7 @@ def find_cycles(
     Raises:
         RecordingError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
     """
+    # A period of the tool's path, from a part of the log.
     motion = ToolMotion(robot, recording.q, tip, axes, length_scale)
     extent, noise = motion.extent_and_noise()
     if extent < max(1e-6, 4 * NOISE_STEPS * noise):
@@ -105,6 +106,7 @@ def find_cycles(
     period = find_period(motion, noise, max(extent / 400, NOISE_STEPS * noise))
     if period is None:
         raise _no_cycles(recording, robot, tip, axes, length_scale)
+    # The path over all of the log, and one round of it as the template.
     points = int(np.clip(_FINE * period.length / extent, _TEMPLATE, _MOST_TEMPLATE))
     path = tool_path(motion, max(period.length / points, NOISE_STEPS * noise), noise)
     begin, length = _begin_of(path, *_first_round(path, period), noise, 0.1 * extent)
@@ -116,6 +118,7 @@ def find_cycles(
         if np.linalg.norm(path.point(turn) - path.point(turn + length / 2)) < _STRAY * size:
             begin, length, mirror = turn, length / 2, None  # there and back round a closed loop: two cycles
             template = path.point(begin + length * np.arange(points) / points)
+    # The rounds of the log along the template.
     tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * path.step), mirror)
     return _cut(recording, path, tracks, begin, length, size, mirror, points)
 

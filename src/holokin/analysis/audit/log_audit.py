@@ -265,7 +265,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
         # The cycles and the trends, one row each.
         c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
         keys = ("start_sample", "stop_sample", "direction", "duration_s", "moving_s", "drift")
-        columns = [x.tolist() for x in (c.q0, c.stop, c.direction, c.duration, c.moving, self.drift)]
+        columns = [x.tolist() for x in (c.start, c.stop, c.direction, c.duration, c.moving, self.drift)]
         return {
             "verdict": self.verdict.name,
             "trend": self.trend.name,
@@ -602,10 +602,10 @@ def _unknown_turns(recording: Recording, cycles: Cycles) -> tuple[Indices, bool]
     places = recording.unknown_turns
     if places is None or not len(places):
         return np.empty((0, 2), np.intp), False
-    after, before = places[:, 0] + 1 > cycles.q0.min(), places[:, 0] < cycles.stop.max()
+    after, before = places[:, 0] + 1 > cycles.start.min(), places[:, 0] < cycles.stop.max()
     unknown = places[after & before]
     step = unknown[:, :1]
-    return unknown, bool(((step + 1 > cycles.q0) & (step < cycles.stop)).any())
+    return unknown, bool(((step + 1 > cycles.start) & (step < cycles.stop)).any())
 
 
 def task_of_tool(

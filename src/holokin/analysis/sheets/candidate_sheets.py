@@ -330,14 +330,14 @@ class CandidateSheets:
         A = _coefficients(self.task, sheet)
         if A is None:
             return []
-        found = []
+        candidates = []
         for _ in range(LEVELS):
             B = A + BEND * CLOSER**round_ * np.abs(A).max() * rng.standard_normal(A.shape)
             B = np.round(B / np.linalg.norm(B, axis=1, keepdims=True), 4)
             name = sheet.name if sheet.name.startswith(NEAR) else NEAR + sheet.name
             keys = {"kind": "linear", "matrix": B.tolist()}
-            found.append(Candidate(name, keys, self.task, holonomic(self.task, linear(B, name=name), name=name)))
-        return found
+            candidates.append(Candidate(name, keys, self.task, holonomic(self.task, linear(B, name=name), name=name)))
+        return candidates
 
     def exact(self, which: Indices) -> bool:
         """Asks some sheets themselves which poses they serve, as one function; returns whether that changed anything.
@@ -350,8 +350,8 @@ class CandidateSheets:
                 continue
             sheet, clear = entry.sheet, self.clear
 
-            def go(begin: Matrix, at: Indices, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
-                return sheet.reached(begin, self.T[at], clear)
+            def go(begin: Matrix, which_poses: Indices, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
+                return sheet.reached(begin, self.T[which_poses], clear)
 
             straight = sheet.reached(np.tile(sheet.q0, (len(self.T), 1)), self.T, clear)[0]
             q, wave = grown(straight, self.poses.near, go)

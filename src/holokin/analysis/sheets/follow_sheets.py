@@ -156,7 +156,7 @@ class _Changes:
         if (i, a, b) in self.motions:
             return
         fastest = self.seconds[:, a, b].copy()
-        done = [j for j, one, other in self.motions if (one, other) == (a, b)]
+        done = [j for j, *pair in self.motions if pair == [a, b]]
         fastest[done] = np.inf
         fastest[fastest == 0] = np.inf
         others = np.argsort(fastest, kind="stable")[: max(TOGETHER, len(done))]

@@ -375,7 +375,7 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
     k = served.shape[1]
     chosen = np.full(k, -1)
     some = served.any(axis=0)
-    parts = runs(some).tolist()
+    parts = runs(np.asarray(some)).tolist()
     divisions, changes, seconds = max(0, len(parts) - 1), 0, 0.0
     for begin, end in parts:
         stands = first if begin == 0 else None

@@ -176,7 +176,7 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
         motions += [motion] if motion.hindrance is None else []
         if motions and k >= ENOUGH:
             break
-    return min(motions, key=lambda one: one.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
+    return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
 
 
 def _traced(
@@ -283,7 +283,7 @@ def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotio
         why = why if motion.hindrance is None else motion.hindrance
         if motion.hindrance is None:
             motions.append(motion)
-    return min(motions, key=lambda one: one.seconds) if motions else _hindered(line.task.n, why)
+    return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(line.task.n, why)
 
 
 def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
@@ -408,7 +408,7 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
         dq=lambda k: rates[:k],
         x=lambda k: task.value_batch(joints[:k]),
         error=lambda k: task.error(joints[:k], T[:k, :3, 3], T[:k, :3, :3]),
-        sigma=lambda k: np.asarray(np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1]),
+        sigma=lambda k: np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1].astype(float),
         residual=lambda k: off[:k],
     )
     times, ends = put([stage + start for stage, start in zip(t, starts, strict=False)]), (0, len(joints) - 1)

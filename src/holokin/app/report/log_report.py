@@ -99,7 +99,7 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     seen = stage.scene.view.seen(points)
     axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
     for i in thin(count, 30):
-        in_cycle = (rows >= cycles.q0[i]) & (rows <= cycles.stop[i])
+        in_cycle = (rows >= cycles.start[i]) & (rows <= cycles.stop[i])
         if in_cycle.any():
             axes.plot(*seen[in_cycle, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
     bar = ScalarMappable(Normalize(0, count), colors.reversed())

@@ -448,7 +448,11 @@ def _without_rests(log: Recording, idle: float) -> list[Recording]:
     low, high = np.minimum.reduceat(log.q, first), np.maximum.reduceat(log.q, first)
     still = ((high - low) <= STILL).all(axis=1)
     stop = np.append(first, len(log.t))
-    rests = [(stop[a], stop[b] - 1) for a, b in runs(still) if log.t[stop[b] - 1] - log.t[stop[a]] >= idle * 3 / 4]
+    rests = [
+        (stop[a], stop[b] - 1)
+        for a, b in runs(np.asarray(still))
+        if log.t[stop[b] - 1] - log.t[stop[a]] >= idle * 3 / 4
+    ]
     begins = [0, *(int(b) for _, b in rests)]
     ends = [*(int(a) for a, _ in rests), len(log.t) - 1]
     parts = []
