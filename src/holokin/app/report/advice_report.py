@@ -169,51 +169,42 @@ def _rows(laws: tuple[Law, ...]) -> tuple[Vector, float]:
     return ends - lines / 2, float(ends[-1])
 
 
-CUT = (64.0, 67.0)
-"""Where two white strokes cut a bar that is longer than its axis [% of the axis]."""
-
-
 def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
-    """The share of the workspace that each law reaches, the best law on top."""
-    rows, end = _rows(laws)
-    axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=THICK)
-    axes.set_yticks(rows, [_label(law) for law in laws], fontsize=8, linespacing=1.0)
-    axes.set_ylim(end, 0)
-    axes.set_xlim(0, 100)
-    axes.tick_params(axis="x", labelsize=8)
-    axes.set_xlabel("workspace reached [%]", fontsize=9)
-    axes.grid(axis="y", visible=False)
+    """The share of the workspace that each strategy reaches, the best on top."""
+    _bars(axes, laws, np.array([100 * law.coverage for law in laws]), 100.0, "workspace reached [%]")
+    axes.set_yticks(_rows(laws)[0], [_label(law) for law in laws], fontsize=8, linespacing=1.0)
     return axes
 
 
-def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
-    """The mean squared joint speed of each law above the least found at each pose; longer ones are cut, and two
-    strokes through them show it.
-    """
-    (rows, end), excess = _rows(laws), np.array([100 * (law.speed - 1) for law in laws])
-    shown = np.minimum(np.nan_to_num(excess, nan=0.0), 100 * (most - 1))
-    axes.barh(rows, shown, color=_colors(laws), height=THICK)
-    for row, value in zip(rows, excess, strict=True):
-        text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
-        inside = np.isfinite(value) and value > 70 * (most - 1)
-        place_of_text = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
-        side, color = ("right", "white") if inside else ("left", INK)
-        axes.text(place_of_text, row, text, va="center", ha=side, fontsize=8, color=color)
-        if np.isfinite(value) and value > 100 * (most - 1):
-            for x in CUT:
-                place = np.array([x - 1.5, x + 1.5]) * (most - 1)
-                axes.plot(place, [row + 0.6 * THICK, row - 0.6 * THICK], color="white", linewidth=2)
+def _bars(axes: Any, laws: tuple[Law, ...], values: Vector, most: float, words: str) -> None:
+    """A bar for each strategy up to `most`, the best in its colour."""
+    rows, end = _rows(laws)
+    axes.barh(rows, values, color=[HOLONOMIC, *[GREY] * (len(laws) - 1)], height=THICK)
     axes.set_yticks(rows, [])
     axes.set_ylim(end, 0)
-    axes.set_xlim(0, 100 * (most - 1))
+    axes.set_xlim(0, most)
     axes.tick_params(axis="x", labelsize=8)
-    axes.set_xlabel("joint speed squared, above least [%]", fontsize=9)
+    axes.set_xlabel(words, fontsize=9)
     axes.grid(axis="y", visible=False)
-    return axes
 
 
-def _colors(laws: tuple[Law, ...]) -> list[str]:
-    return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
+def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 100.0) -> None:
+    """The mean squared joint speed of each strategy above the least at each pose [%]; longer ones are cut, and two
+    strokes through them show it.
+    """
+    excess = np.array([100 * (law.speed - 1) for law in laws])
+    shown = np.minimum(np.nan_to_num(excess, nan=0.0), most)
+    _bars(axes, laws, shown, most, "joint speed squared, above least [%]")
+    for row, value in zip(_rows(laws)[0], excess, strict=True):
+        text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
+        inside = np.isfinite(value) and value > 0.7 * most
+        place = min(value, most) - 2 if inside else np.nan_to_num(value) + 2
+        look = {"ha": "right", "color": "white"} if inside else {"ha": "left", "color": INK}
+        axes.text(place, row, text, va="center", fontsize=8, **look)
+        if np.isfinite(value) and value > most:
+            for x in (64.0, 67.0):
+                strokes = [row + 0.6 * THICK, row - 0.6 * THICK]
+                axes.plot(np.array([x - 1.5, x + 1.5]) * most / 100, strokes, color="white", linewidth=2)
 
 
 def _legend(figure: Any, advice: Advice) -> None:
