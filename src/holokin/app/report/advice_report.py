@@ -1,4 +1,4 @@
-"""The advice on a robot's law: table for the terminal, figure."""
+"""A robot in words, and the advice on its strategy: a table and a figure."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _cells(law: Law) -> list[str]:
 
 
 def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
-    """The laws as bars of coverage and of joint speed, and below them the robot with what the best of them reaches.
+    """The strategies as bars of coverage and of joint speed, and below them the robot with what the best reaches.
 
     Args:
         robot: the same with what it carries; by default the robot of the advice.
@@ -105,10 +105,12 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
 
     # Strategies in the figure: the best ones.
     laws, every = advice.laws[:12], len(advice.laws)
+    # The robot with the poses that the best strategy reaches.
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
     things = () if advice.scene is None else advice.scene.obstacles
     stage = stage_of(robot, advice.q0[None], extra=points, obstacles=things, ratio=(0.5, 0.8))
+    # The size of the figure, from that of its names and of the scene.
     subject = fill(on_figure(f"{advice.work}; {advice.workspace}", 300), LETTERS)
     wide, tall = stage.scene.shape
     scene, bars = SCENE * tall / wide, bars_height(laws)
@@ -121,9 +123,10 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
         """Axes at a place in inches."""
         return figure.add_axes((left / size[0], 1 - (from_top + height) / size[1], width / size[0], height / size[1]))
 
+    # The bars, the scene, the words.
     first = coverage_bars(place(BARS[0], top + 0.35, BAR, bars), laws)
     _speed_bars(place(BARS[1], top + 0.35, BAR, bars), laws)
-    shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
+    shown = f"the {len(laws)} best of {every} strategies" if every > len(laws) else f"{every} strategies"
     first.set_title(f"{shown}, by coverage, margins, joint speed", loc="left", fontsize=10, color=INK)
     panel = place((PAGE - SCENE) / 2, top + 0.35 + bars + 0.95, SCENE, scene)
     title = f"start posture, and {len(points)} poses of the workspace"
@@ -153,17 +156,17 @@ LETTERS, HEAD = 96, 72
 
 
 def bars_height(laws: tuple[Law, ...]) -> float:
-    """The height of the bars [inch], greater where the names of laws are long."""
+    """The height of the bars [inch], greater where the names of strategies are long."""
     return LINE * max(_rows(laws)[1], 6.0)
 
 
 def _label(law: Law) -> str:
-    """The name of a law in lines."""
+    """The name of a strategy in lines."""
     return fill(on_figure(law.name, 120), 31)
 
 
 def _rows(laws: tuple[Law, ...]) -> tuple[Vector, float]:
-    """Where the bar of each law stands, and where the last one ends, in lines of text: names do not overlap."""
+    """Where the bar of each strategy stands, and where the last one ends, in lines of text: names do not overlap."""
     lines = np.array([max(LEAST, _label(law).count("\n") + 1.5) for law in laws])
     ends = np.cumsum(lines)
     return ends - lines / 2, float(ends[-1])

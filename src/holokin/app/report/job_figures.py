@@ -195,6 +195,7 @@ def cycles_figure(result: JobResult) -> Any:
     """Joint histories over the cycles, one panel a strategy, on one scale. [ZR11, Fig. 6]"""
     from matplotlib.figure import Figure
 
+    # The panels, and the joints that have a colour.
     count = len(result.drawn)
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
@@ -202,6 +203,7 @@ def cycles_figure(result: JobResult) -> Any:
     names = [on_figure(name, 30) for name in result.robot.joint_names]
     rest = fill(f"grey: {', '.join(names[j] for j in range(len(names)) if j not in named)}", WRAP)
     labels = [names[j] for j in named] + ([rest] if len(named) < len(names) else [])
+    # The size of the figure, with room for the legend.
     wide = 3.9 * columns + 1.0
     lines = -(-len(labels) // _columns(labels, wide)) + rest.count("\n") * (len(named) < len(names))
     bottom = 0.73 + 0.22 * lines if count == rows * columns else 0.6
@@ -210,6 +212,7 @@ def cycles_figure(result: JobResult) -> Any:
         figure, left=0.75, right=0.15, bottom=bottom, top=0.55, width_gap=0.25, height_gap=0.6, grid=(rows, columns)
     )
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True, sharex=True)
+    # The joints of each strategy.
     for k, (axes, strategy) in enumerate(zip(grid.flat, result.drawn, strict=False)):
         joint_cycles(axes, strategy.cycles, named)
         walk = strategy.cycles

@@ -288,8 +288,8 @@ def _distance_section(certificate: Certificate) -> Section:
     if near is not None:
         notes.append(
             f"The least distance that is proven over {place_words(certificate)} is {at_least(near.bound)} m, of "
-            f"{pair_words(near.names)}: in the cell about the tool position {_point_text(near.pose[:3, 3])} m, at which "
-            f"the distance is {near.distance:.4g} m. {_posture(certificate, near.q)}"
+            f"{pair_words(near.names)}: in the cell about the tool position {_point_text(near.pose[:3, 3])} m, at "
+            f"which the distance is {near.distance:.4g} m. {_posture(certificate, near.q)}"
         )
     if assumed := assumed_words(certificate):
         notes.append(Note(f"{assumed}.", "bad"))

@@ -49,7 +49,8 @@ from .survey_file import SurveyTable
 STATUS_ORDER = tuple(CaseStatus)
 FAULT = CaseStatus.FAULT
 RETURNS = 1e-6
-"""Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
+"""Drift of the last cycle [rad, m] below which a strategy is said to return: far below what any joint's encoder
+tells."""
 
 ON_PATH = 5e-3
 """Error of the tool [m] up to which a loop counts as covered: of a welding seam or a bead of glue it is the width."""
@@ -90,7 +91,7 @@ class Findings(Value):
         return one_line(f"Findings({len(self):,} rows, laws {', '.join(map(str, self.laws))})")
 
     def _repr_html_(self) -> str:
-        """The table by law, as notebooks show it."""
+        """The table by strategy, as notebooks show it."""
         return replace(self.section(), title="").html()
 
     def _fault_sentences(self) -> list[str]:
@@ -108,7 +109,7 @@ class Findings(Value):
         return list(dict.fromkeys(self.columns["law"].tolist()))
 
     def of_law(self, law: str) -> Findings:
-        """The rows of a law."""
+        """The rows of a strategy."""
         return self.where(self.columns["law"] == law)
 
     def where(self, chosen: Flags) -> Findings:
@@ -147,14 +148,16 @@ class Findings(Value):
 
     @property
     def covered(self) -> Flags:
-        """Of each row whether the law went round all cycles with the tool no further than `ON_PATH` from the path."""
+        """Of each row whether the strategy went round all cycles with the tool no further than `ON_PATH` from the
+        path."""
         with np.errstate(invalid="ignore"):
             return (self.columns["status"] == STATUS_ORDER[0]) & (self.columns["tracking"] <= ON_PATH)
 
     def coverage(self) -> tuple[list[str], list[str], Array]:
-        """(robots, laws, share of the loops asked that the law covers (robots, laws)); NaN where none was asked.
+        """(robots, strategies, share of the loops asked that the strategy covers (robots, strategies)); NaN where none
+        was asked.
 
-        It is NaN, too, where all are faults: nothing is known of such a law.
+        It is NaN, too, where all are faults: nothing is known of such a strategy.
         """
         if not len(self):
             return [], [], np.zeros((0, 0))
@@ -168,7 +171,7 @@ class Findings(Value):
         return robots, self.laws, np.divide(done, asked, out=np.full(asked.shape, np.nan), where=answered > 0)
 
     def faults(self) -> dict[tuple[str, str], int]:
-        """(robot, law) -> its cases that are faults, where there are."""
+        """(robot, strategy) -> its cases that are faults, where there are."""
         failed = self.columns["status"] == FAULT
         pairs = zip(self.columns["robot"][failed].tolist(), self.columns["law"][failed].tolist(), strict=True)
         return dict(Counter(pairs))
@@ -183,7 +186,8 @@ class Findings(Value):
         return self._rows(np.argsort(-drift, kind="stable")[:count])
 
     def stopped(self, count: int = 30) -> list[tuple[int, dict[str, Any]]]:
-        """(how many there are, the one with the fewest cycles) of rows that stopped, for each law, status and reason.
+        """(how many there are, the one with the fewest cycles) of rows that stopped, for each strategy, status and
+        reason.
 
         Reasons that differ in names and numbers alone are the same; the rarest are first.
         """
@@ -205,7 +209,7 @@ class Findings(Value):
         return [{name: values[i] for name, values in self.columns.items()} for i in which]
 
     def table(self) -> tuple[list[str], list[list[str]]]:
-        """(titles, a row for each law): how often, how far, what it costs."""
+        """(titles, a row for each strategy): how often, how far, what it costs."""
         head = ["law", "cases", "complete", "covered", "limit", "other"]
         head += ["returns", "first cycle", "last cycle", "95 %", "cost", "margin"]
         rows = []
@@ -251,7 +255,7 @@ def _digits(value: Any) -> str:
     return "0" if value < 1e-12 else f"{value:.2g}"
 
 
-# --- Figures of a survey: distributions by law, never means alone.
+# --- Figures of a survey: distributions by strategy, never means alone.
 
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
@@ -261,7 +265,7 @@ STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, BLACK, SKY, GREY)
 DASHES = ("-", "--", ":", "-.")
 
 NAME = 30
-"""Letters of a robot's name in a line: the map of the laws needs the room beside it."""
+"""Letters of a robot's name in a line: the map of the strategies needs the room beside it."""
 
 
 def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
@@ -307,14 +311,14 @@ def _title(axes: Any, text: str) -> None:
 
 
 def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
-    """The laws beside the axes, in the order of the lines from above."""
+    """The strategies beside the axes, in the order of the lines from above."""
     lines = [line for _, line in sorted(handles, key=lambda pair: -pair[0])]
     figure.legend(handles=lines, fontsize=9, loc="outside right upper", frameon=False)
 
 
 @_styled
 def drift_figure(findings: Findings) -> Any:
-    """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
+    """Share of the cases of a strategy whose drift of their last cycle is below a value, over that value."""
     figure = _empty(4.4)
     axes = figure.add_subplot()
     looks, handles = _line_styles(findings), []
@@ -368,7 +372,7 @@ def _percent(value: float, _place: Any) -> str:
 
 @_styled
 def coverage_figure(findings: Findings) -> Any:
-    """Of each robot and law the share of the loops asked that the law covers, as a map; best robots above.
+    """Of each robot and strategy the share of the loops asked that the strategy covers, as a map; best robots above.
 
     What was not asked is empty; where all cases are faults it says so.
     """
@@ -412,7 +416,7 @@ def coverage_figure(findings: Findings) -> Any:
 
 @_styled
 def status_figure(findings: Findings) -> Any:
-    """How the cases of each law ended, as bars."""
+    """How the cases of each strategy ended, as bars."""
     laws = findings.laws
     figure = _empty(1.2 + 0.34 * len(laws))
     axes = figure.add_subplot()
@@ -466,7 +470,7 @@ def boxes_figure(findings: Findings) -> Any:
 # --- `holokin survey report`: one self-contained page of a results file.
 
 KINDS = 40
-"""Laws with a reason to stop, of each of which a case is shown."""
+"""Strategies with a reason to stop, of each of which a case is shown."""
 
 
 _TERMS = (
@@ -526,7 +530,7 @@ def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, f
 
 
 def _faults(findings: Findings) -> str:
-    """How many cases of each law are faults, and how they count."""
+    """How many cases of each strategy are faults, and how they count."""
     many: Counter[str] = Counter()
     for (_, law), count in findings.faults().items():
         many[law] += count

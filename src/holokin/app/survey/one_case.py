@@ -1,4 +1,4 @@
-"""One case of a survey: a law goes round a loop, and what happened becomes a row."""
+"""One case of a survey: a strategy or control law follows a loop, and what happened becomes a row."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def _shorts(values: Vector) -> list[float]:
 
 
 KEPT_LAWS = 64
-"""Laws whose functions a process keeps: some tens of megabytes."""
+"""Strategies whose functions a process keeps: some tens of megabytes."""
 
 LOST = 0.05
 """Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
@@ -186,7 +186,7 @@ METRICS = {
 
 
 Ready = tuple[Task, Vector, Strategy | ControlLaw]
-"""Task, start posture (n,) and law of a case."""
+"""Task, start posture (n,) and strategy of a case."""
 
 
 @dataclass(frozen=True)
@@ -322,7 +322,7 @@ def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
 
 
 def prepare(case: Case, cases: Cases) -> Ready | None:
-    """What `run_case` takes: robot, task, law and native code are built, if later cases share them, and kept.
+    """What `run_case` takes: robot, task, strategy and native code are built, if later cases share them, and kept.
 
     None where it fails: `run_case` tells why.
     """
@@ -338,7 +338,7 @@ def _walk(case: Case, cases: Cases, ready: Ready | None = None) -> tuple[tuple[T
 
 
 def _set_up(case: Case, cases: Cases) -> Ready:
-    """Task, start posture and law of a case; task and law, with its native code, are kept."""
+    """Task, start posture and strategy of a case; task and strategy, with its native code, are kept."""
     q0 = start_of(case, cases.folder)
     of_task = json.dumps([case.robot, case.task], sort_keys=True)
     task = _task(of_task, cases.folder)
@@ -373,7 +373,7 @@ _laws: dict[str, Strategy | ControlLaw] = {}
 
 
 def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | ControlLaw:
-    """A law, kept while it is among the last ones that were asked for."""
+    """A strategy, kept while it is among the last ones that were asked for."""
     known = _laws.pop(key, None)
     if known is None:
         known = make()
@@ -385,7 +385,7 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 
 @when_replaced
 def forget_built() -> None:
-    """Build anew what cases share: robots, tasks, laws and paths."""
+    """Build anew what cases share: robots, tasks, strategies and paths."""
     for known in (_robot, _starts, _task, _drawn_path):
         known.cache_clear()
     _laws.clear()
@@ -400,7 +400,7 @@ def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
 
 @lru_cache(maxsize=4)
 def _drawn_path(task: Task, start: tuple[float, ...], table: str, folder: FilePath) -> Path:
-    """A path, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
+    """A path, kept for all strategies of a loop: the length of a spline takes longer than a strategy to go round it."""
     path = PathTable.model_validate_json(table)
     return build_paths(path, task, np.array(start), folder / "survey.toml")  # type: ignore[return-value]
 
