@@ -21,26 +21,8 @@ from ...base.files import write_text
 from ...base.types import Array, Flags, Indices, Value, Vector, one_line
 from ...version import build
 from ..job.templates import table, toml
+from ..report import plots
 from ..report.html_page import page
-from ..report.plots import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PAGE,
-    PALE,
-    PURPLE,
-    SKY,
-    TYPE,
-    VERMILLION,
-    YELLOW,
-    law_colors,
-    legible,
-    on_figure,
-    style,
-)
 from ..report.section import Note, Section, drawn, right
 from .cases import Case, Cases
 from .one_case import METRICS, CaseStatus, repeating_job
@@ -260,7 +242,16 @@ def _digits(value: Any) -> str:
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
 
-STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, BLACK, SKY, GREY)
+STATUS_COLORS = (
+    plots.GREEN,
+    plots.PURPLE,
+    plots.ORANGE,
+    plots.VERMILLION,
+    plots.YELLOW,
+    plots.BLACK,
+    plots.SKY,
+    plots.GREY,
+)
 
 DASHES = ("-", "--", ":", "-.")
 
@@ -275,7 +266,7 @@ def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
     def drawn(findings: Findings) -> Any:
         from matplotlib import rc_context
 
-        with rc_context(style()):
+        with rc_context(plots.style()):
             return draw(findings)
 
     return drawn
@@ -288,17 +279,19 @@ def _empty(height: float) -> Any:
     class Shown(Figure):
         def _repr_png_(self) -> bytes:
             stream = io.BytesIO()
-            legible(self).savefig(stream, format="png", facecolor="white")
+            plots.legible(self).savefig(stream, format="png", facecolor="white")
             return stream.getvalue()
 
-    return Shown(figsize=(PAGE, height), layout="constrained")
+    return Shown(figsize=(plots.PAGE, height), layout="constrained")
 
 
 def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
     """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
     drift = [findings.of_law(law).known("drift_last") for law in findings.laws]
     returns = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
-    colors = [GREY if color == YELLOW else color for color in law_colors(returns)]  # no line is yellow on white
+    colors = [
+        plots.GREY if color == plots.YELLOW else color for color in plots.law_colors(returns)
+    ]  # no line is yellow on white
     looks = {}
     for i, law in enumerate(findings.laws):
         before = returns[:i].count(returns[i])
@@ -307,7 +300,7 @@ def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
 
 
 def _title(axes: Any, text: str) -> None:
-    axes.set_title(text, loc="left", color=INK, fontsize=11)
+    axes.set_title(text, loc="left", color=plots.INK, fontsize=11)
 
 
 def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
@@ -327,9 +320,9 @@ def drift_figure(findings: Findings) -> Any:
         if drift.size:
             share = np.arange(1, drift.size + 1) / drift.size
             ends = np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0)
-            (line,) = axes.step(*ends, where="post", label=on_figure(law), **looks[law])
+            (line,) = axes.step(*ends, where="post", label=plots.on_figure(law), **looks[law])
             handles.append((-float(np.median(drift)), line))
-    axes.axvline(RETURNS, color=GREY, linewidth=1.0, linestyle=(0, (1, 3)), zorder=0)
+    axes.axvline(RETURNS, color=plots.GREY, linewidth=1.0, linestyle=(0, (1, 3)), zorder=0)
     axes.set_xscale("log")
     axes.set_xlim(0.7 * LEAST, 4.0)
     axes.set_ylim(0, 1.02)
@@ -349,7 +342,7 @@ def survival_figure(findings: Findings) -> Any:
     for law in findings.laws:
         cycles, share, count = findings.of_law(law).survival()
         if count:
-            (line,) = axes.step(cycles, share, where="post", label=on_figure(law), **looks[law])
+            (line,) = axes.step(cycles, share, where="post", label=plots.on_figure(law), **looks[law])
             handles.append((float(share[-1]), line))
             lowest = min(lowest, float(share.min()))
     bottom = max(0.0, 1.0 - 1.15 * max(1.0 - lowest, 0.05))
@@ -387,22 +380,22 @@ def coverage_figure(findings: Findings) -> Any:
     # The map.
     figure = _empty(2.2 + 0.29 * len(robots))
     axes = figure.add_subplot()
-    scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
-    colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
+    scale = [plots.VERMILLION, plots.YELLOW, "#FFFFFF", plots.SKY, plots.BLUE]
+    colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=plots.PALE)
     image = axes.imshow(np.ma.masked_invalid(share[order]), aspect="auto", vmin=0.0, vmax=1.0, cmap=colors)
     for row, robot in enumerate(order):
         for column in range(len(laws)):
             value = share[robot, column]
             if not np.isfinite(value) and (robots[robot], laws[column]) in faults:
-                axes.text(column, row, "faults", ha="center", va="center", fontsize=TYPE, color=INK)
+                axes.text(column, row, "faults", ha="center", va="center", fontsize=plots.TYPE, color=plots.INK)
             if np.isfinite(value):
-                ink = "white" if value > 0.9 or value < 0.1 else INK
-                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=TYPE, color=ink)
+                ink = "white" if value > 0.9 or value < 0.1 else plots.INK
+                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=plots.TYPE, color=ink)
     # The names, and the scale.
-    axes.set_xticks(range(len(laws)), [on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
+    axes.set_xticks(range(len(laws)), [plots.on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
     axes.xaxis.tick_top()
-    shown = [fill(on_figure(names[i]), NAME) for i in order]
-    axes.set_yticks(range(len(robots)), shown, fontsize=TYPE, linespacing=1.1)
+    shown = [fill(plots.on_figure(names[i]), NAME) for i in order]
+    axes.set_yticks(range(len(robots)), shown, fontsize=plots.TYPE, linespacing=1.1)
     axes.tick_params(length=0)
     axes.grid(visible=False)
     for spine in axes.spines.values():
@@ -426,7 +419,7 @@ def status_figure(findings: Findings) -> Any:
         if share.any():
             axes.barh(np.arange(len(laws)), share, left=left, color=color, label=status, edgecolor="white")
         left += share
-    axes.set_yticks(np.arange(len(laws)), [on_figure(law) for law in laws])
+    axes.set_yticks(np.arange(len(laws)), [plots.on_figure(law) for law in laws])
     axes.invert_yaxis()
     axes.set_xlim(0, 1)
     axes.xaxis.set_major_formatter(_percent)
@@ -449,7 +442,7 @@ def boxes_figure(findings: Findings) -> Any:
     )
     for ax, (metric, words) in zip(axes, panels, strict=True):
         values = [findings.of_law(law).known(metric) for law in laws]
-        look = {"patch_artist": True, "widths": 0.6, "medianprops": {"color": INK, "linewidth": 1.8}}
+        look = {"patch_artist": True, "widths": 0.6, "medianprops": {"color": plots.INK, "linewidth": 1.8}}
         shown = [v if v.size else [np.nan] for v in values]
         boxes = ax.boxplot(shown, orientation="horizontal", whis=(5, 95), showfliers=False, **look)
         for law, box in zip(laws, boxes["boxes"], strict=True):
@@ -461,7 +454,7 @@ def boxes_figure(findings: Findings) -> Any:
     axes[0].set_xlim(0.95, min(max(right, 1.1), 3.0))
     axes[1].set_xlim(left=min(0.0, axes[1].get_xlim()[0]))
     axes[1].xaxis.set_major_formatter(_percent)
-    axes[0].set_yticks(np.arange(1, len(laws) + 1), [on_figure(law) for law in laws])
+    axes[0].set_yticks(np.arange(1, len(laws) + 1), [plots.on_figure(law) for law in laws])
     axes[0].invert_yaxis()
     _title(axes[0], "What it costs, and how near to the limits")
     return figure
