@@ -558,7 +558,7 @@ def test_a_check_of_a_law_that_stopped_says_what_it_saw_and_is_not_green(far: fl
     run = np.linalg.norm(np.diff(strategy.cycles.x[:, :2], axis=0), axis=1).sum()
     assert strategy.followed == pytest.approx(run / result.path.length, abs=0.01) and 0 < strategy.followed < 0.5
     page, printed, facts = written(result, tmp_path)
-    said = f"only the first {strategy.followed:.1%} of the path was looked at: there the law stopped"
+    said = f"only the first {strategy.followed:.1%} of the path was looked at: there the strategy stopped"
     assert said in printed and "<p class='no'>" in page and said in page
     assert "<p class='yes'>nothing found" not in page and not result.passed
     assert facts["strategies"][0]["followed"] == pytest.approx(strategy.followed)

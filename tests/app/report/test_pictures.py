@@ -254,7 +254,7 @@ def test_every_law_in_the_picture_of_drift_is_named_or_counted(circle: JobResult
     figure = matplotlib.figure.Figure(figsize=(9, 4))
     axes = drift_per_cycle(figure.subplots(), walks)
     told = [text for text in axes.texts if "round-off" not in text.get_text()]
-    counted = [int(t.get_text().split()[0]) for t in told if "laws" in t.get_text()]
+    counted = [int(t.get_text().split()[0]) for t in told if "strategies" in t.get_text()]
     named = [t.get_text() for t in told if t.get_text() in walks]
     assert len(named) + sum(counted) == laws
     heights = sorted(text.get_position()[1] for text in told)

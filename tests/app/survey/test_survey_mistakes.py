@@ -107,7 +107,7 @@ def test_a_library_is_refused_for_positions_unless_these_are_left_out(tmp_path: 
     both = (
         '[laws.p]\nkind = "pink"\n[laws.d]\nkind = "damped"\n[tasks.at]\nkind = "position"\n[tasks.on]\nkind = "pose"\n'
     )
-    check = lambda file: check_laws(Cases(read_survey(file), tmp_path), here=False)  # noqa: E731
+    check = lambda file: check_laws(Cases(read_survey(file), tmp_path), local=False)  # noqa: E731
     with pytest.raises(ArgumentError, match="whole poses"):
         check(survey_file(tmp_path, both))
     check(survey_file(tmp_path, both, '[[without]]\nlaw = "p"\ntask = "at"\n'))

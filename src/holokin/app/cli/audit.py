@@ -166,6 +166,7 @@ def _audit_of_dataset(
     from ...base.files import write_json
     from ..report.log_report import dataset_figure, print_audit
 
+    # The columns and the episodes.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # pyarrow's own keeps 20 MB that it needs no more
     dataset = read_dataset(folder)
     joints = joint_feature(dataset, arm, options["column"] or STATE, **read)
@@ -175,6 +176,7 @@ def _audit_of_dataset(
     else:
         poses = pose_feature(dataset, options["poses"], angles=options["angles"], order=options["order"])
     chosen = chosen_episodes(dataset, options["episodes"])
+    # The audit and its findings.
     more = {"near": options["near"], "tolerance": tolerance}
     given = {name: value for name, value in more.items() if value is not None}
     audit = audit_dataset(dataset, arm, joints, poses=poses, episodes=chosen, **tool, **given)

@@ -1,4 +1,4 @@
-"""The advice on a robot's law: table for the terminal, figure."""
+"""A robot in words, and the advice on its strategy: a table and a figure."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _cells(law: RatedStrategy) -> list[str]:
 
 
 def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
-    """The laws as bars of coverage and of joint speed, and below them the robot with what the best of them reaches.
+    """The strategies as bars of coverage and of joint speed, and below them the robot with what the best reaches.
 
     Args:
         robot: the same with what it carries; by default the robot of the advice.
@@ -105,10 +105,12 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
 
     # Strategies in the figure: the best ones.
     laws, every = advice.strategies[:12], len(advice.strategies)
+    # The robot with the poses that the best strategy reaches.
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
     things = () if advice.scene is None else advice.scene.obstacles
     stage = stage_of(robot, advice.q0[None], extra=points, obstacles=things, ratio=(0.5, 0.8))
+    # The size of the figure, from that of its names and of the scene.
     subject = fill(on_figure(f"{advice.work}; {advice.workspace}", 300), LETTERS)
     wide, tall = stage.scene.shape
     scene, bars = SCENE * tall / wide, bars_height(laws)
@@ -121,9 +123,10 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
         """Axes at a place in inches."""
         return figure.add_axes((left / size[0], 1 - (from_top + height) / size[1], width / size[0], height / size[1]))
 
+    # The bars, the scene, the words.
     first = coverage_bars(place(BARS[0], top + 0.35, BAR, bars), laws)
     _speed_bars(place(BARS[1], top + 0.35, BAR, bars), laws)
-    shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
+    shown = f"the {len(laws)} best of {every} strategies" if every > len(laws) else f"{every} strategies"
     first.set_title(f"{shown}, by coverage, margins, joint speed", loc="left", fontsize=10, color=INK)
     panel = place((PAGE - SCENE) / 2, top + 0.35 + bars + 0.95, SCENE, scene)
     title = f"start posture, and {len(points)} poses of the workspace"
@@ -153,67 +156,58 @@ LETTERS, HEAD = 96, 72
 
 
 def bars_height(laws: tuple[RatedStrategy, ...]) -> float:
-    """The height of the bars [inch], greater where the names of laws are long."""
+    """The height of the bars [inch], greater where the names of strategies are long."""
     return LINE * max(_rows(laws)[1], 6.0)
 
 
 def _label(law: RatedStrategy) -> str:
-    """The name of a law in lines."""
+    """The name of a strategy in lines."""
     return fill(on_figure(law.name, 120), 31)
 
 
 def _rows(laws: tuple[RatedStrategy, ...]) -> tuple[Vector, float]:
-    """Where the bar of each law stands, and where the last one ends, in lines of text: names do not overlap."""
+    """Where the bar of each strategy stands, and where the last one ends, in lines of text: names do not overlap."""
     lines = np.array([max(LEAST, _label(law).count("\n") + 1.5) for law in laws])
     ends = np.cumsum(lines)
     return ends - lines / 2, float(ends[-1])
 
 
-CUT = (64.0, 67.0)
-"""Where two white strokes cut a bar that is longer than its axis [% of the axis]."""
-
-
 def coverage_bars(axes: Any, laws: tuple[RatedStrategy, ...]) -> Any:
-    """The share of the workspace that each law reaches, the best law on top."""
-    rows, end = _rows(laws)
-    axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=THICK)
-    axes.set_yticks(rows, [_label(law) for law in laws], fontsize=8, linespacing=1.0)
-    axes.set_ylim(end, 0)
-    axes.set_xlim(0, 100)
-    axes.tick_params(axis="x", labelsize=8)
-    axes.set_xlabel("workspace reached [%]", fontsize=9)
-    axes.grid(axis="y", visible=False)
+    """The share of the workspace that each strategy reaches, the best on top."""
+    _bars(axes, laws, np.array([100 * law.coverage for law in laws]), 100.0, "workspace reached [%]")
+    axes.set_yticks(_rows(laws)[0], [_label(law) for law in laws], fontsize=8, linespacing=1.0)
     return axes
 
 
-def _speed_bars(axes: Any, laws: tuple[RatedStrategy, ...], most: float = 2.0) -> Any:
-    """The mean squared joint speed of each law above the least found at each pose; longer ones are cut, and two
-    strokes through them show it.
-    """
-    (rows, end), excess = _rows(laws), np.array([100 * (law.speed - 1) for law in laws])
-    shown = np.minimum(np.nan_to_num(excess, nan=0.0), 100 * (most - 1))
-    axes.barh(rows, shown, color=_colors(laws), height=THICK)
-    for row, value in zip(rows, excess, strict=True):
-        text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
-        inside = np.isfinite(value) and value > 70 * (most - 1)
-        place_of_text = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
-        side, color = ("right", "white") if inside else ("left", INK)
-        axes.text(place_of_text, row, text, va="center", ha=side, fontsize=8, color=color)
-        if np.isfinite(value) and value > 100 * (most - 1):
-            for x in CUT:
-                place = np.array([x - 1.5, x + 1.5]) * (most - 1)
-                axes.plot(place, [row + 0.6 * THICK, row - 0.6 * THICK], color="white", linewidth=2)
+def _bars(axes: Any, laws: tuple[RatedStrategy, ...], values: Vector, most: float, words: str) -> None:
+    """A bar for each strategy up to `most`, the best in its colour."""
+    rows, end = _rows(laws)
+    axes.barh(rows, values, color=[HOLONOMIC, *[GREY] * (len(laws) - 1)], height=THICK)
     axes.set_yticks(rows, [])
     axes.set_ylim(end, 0)
-    axes.set_xlim(0, 100 * (most - 1))
+    axes.set_xlim(0, most)
     axes.tick_params(axis="x", labelsize=8)
-    axes.set_xlabel("joint speed squared, above least [%]", fontsize=9)
+    axes.set_xlabel(words, fontsize=9)
     axes.grid(axis="y", visible=False)
-    return axes
 
 
-def _colors(laws: tuple[RatedStrategy, ...]) -> list[str]:
-    return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
+def _speed_bars(axes: Any, laws: tuple[RatedStrategy, ...], most: float = 100.0) -> None:
+    """The mean squared joint speed of each strategy above the least at each pose [%]; longer ones are cut, and two
+    strokes through them show it.
+    """
+    excess = np.array([100 * (law.speed - 1) for law in laws])
+    shown = np.minimum(np.nan_to_num(excess, nan=0.0), most)
+    _bars(axes, laws, shown, most, "joint speed squared, above least [%]")
+    for row, value in zip(_rows(laws)[0], excess, strict=True):
+        text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
+        inside = np.isfinite(value) and value > 0.7 * most
+        place = min(value, most) - 2 if inside else np.nan_to_num(value) + 2
+        look = {"ha": "right", "color": "white"} if inside else {"ha": "left", "color": INK}
+        axes.text(place, row, text, va="center", fontsize=8, **look)
+        if np.isfinite(value) and value > most:
+            for x in (64.0, 67.0):
+                strokes = [row + 0.6 * THICK, row - 0.6 * THICK]
+                axes.plot(np.array([x - 1.5, x + 1.5]) * most / 100, strokes, color="white", linewidth=2)
 
 
 def _legend(figure: Any, advice: Advice) -> None:

@@ -12,23 +12,9 @@ import numpy as np
 from ...base.files import writing
 from ...base.types import Vector
 from ...motion.trajectory import Status, Trajectory
+from . import plots
 from .job_figures import tool_points
 from .job_result import JobResult, StrategyResult
-from .plots import (
-    CLOCKWISE,
-    COUNTER_CLOCKWISE,
-    GREY,
-    HOLONOMIC,
-    INK,
-    LOOP,
-    NONHOLONOMIC,
-    away,
-    joint_unit,
-    on_figure,
-    paths_end,
-    stopped,
-    style,
-)
 from .robot_panels import GHOST, Curve, stage_of
 from .robot_view import Layer, Pixels, floor_scale, layer_of, onto, show, solids_at, standing, triad
 
@@ -184,16 +170,16 @@ def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -
             continue
         clockwise, counter = strategy.two_paths
         ends = [
-            f"{name} {stopped(walk) or 'followed to the end'}"
+            f"{name} {plots.stopped(walk) or 'followed to the end'}"
             for name, walk in zip(("clockwise", "counter-clockwise"), strategy.two_paths, strict=True)
         ]
         complete = clockwise.status is counter.status is Status.COMPLETE
-        end = paths_end(strategy.two_paths) if complete else "; ".join(ends)
+        end = plots.paths_end(strategy.two_paths) if complete else "; ".join(ends)
 
-        def title(share: float, name: str = on_figure(strategy.name, 44), end: str = end) -> str:
+        def title(share: float, name: str = plots.on_figure(strategy.name, 44), end: str = end) -> str:
             return f"{name}\n{end if share == 1.0 else 'half a loop, both paths'}"
 
-        panels.append(Panel(((clockwise, CLOCKWISE, 1.0), (counter, COUNTER_CLOCKWISE, 0.62)), title))
+        panels.append(Panel(((clockwise, plots.CLOCKWISE, 1.0), (counter, plots.COUNTER_CLOCKWISE, 0.62)), title))
     yield from _frames(result, panels, FRAMES)
 
 
@@ -201,12 +187,14 @@ def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> 
     """The cycles, one panel a strategy, the start in grey, and below how far the joints are after each cycle."""
     panels = []
     for strategy in strategies:
-        color = HOLONOMIC if strategy.verdict.holonomic else NONHOLONOMIC
+        color = plots.HOLONOMIC if strategy.verdict.holonomic else plots.NONHOLONOMIC
 
-        def title(share: float, walk: Trajectory = strategy.cycles, name: str = on_figure(strategy.name, 44)) -> str:
+        def title(
+            share: float, walk: Trajectory = strategy.cycles, name: str = plots.on_figure(strategy.name, 44)
+        ) -> str:
             done = _done(walk, share)
-            ended = stopped(walk) if share == 1.0 else ""
-            return f"{name}\n{ended or (away(walk, done) if done else 'the start in grey')}"
+            ended = plots.stopped(walk) if share == 1.0 else ""
+            return f"{name}\n{ended or (plots.away(walk, done) if done else 'the start in grey')}"
 
         panels.append(Panel(((strategy.cycles, color, 1.0),), title))
     frames = int(np.clip(28 * result.cycles, FRAMES, MOST_FRAMES))
@@ -222,7 +210,7 @@ def _frames(result: JobResult, panels: list[Panel], frames: int, *, drift: bool 
     """Pictures (rows, columns, 3) of bytes: what stands still is drawn once."""
     from matplotlib import rc_context
 
-    with rc_context(style()):
+    with rc_context(plots.style()):
         sheet = _Sheet(result, panels, drift)
         for frame in range(frames + 1):
             yield sheet.at(frame / frames)
@@ -235,20 +223,20 @@ class _Sheet:
         self.panels, self.robot = panels, result.robot
         walks = [walk for panel in panels for walk, _, _ in panel.walks]
         postures = np.vstack([result.q0[None], *(walk.q[:: max(1, len(walk) // 24)] for walk in walks)])
-        curves = [Curve(points, LOOP) for walk in walks for points in tool_points(result, walk)]
+        curves = [Curve(points, plots.LOOP) for walk in walks for points in tool_points(result, walk)]
         pairs = [(panel.walks[-1][0].q[-1], panel.walks[0][0].q[-1]) for panel in panels]
         if len(panels[0].walks) == 1:
             pairs = [(result.q0, panel.walks[0][0].q[-1]) for panel in panels]
         self.stage = stage_of(self.robot, postures, curves, pairs=pairs, obstacles=result.obstacles, ratio=(0.6, 1.1))
         self.window = self.stage.scene.window(WIDTH)
         self.start, self.drift = result.q0, drift
-        self.unit, self.cycles = joint_unit(self.robot), result.cycles
+        self.unit, self.cycles = plots.joint_unit(self.robot), result.cycles
         self._draw()
         base = [] if self.robot.planar else triad(np.zeros(3), np.eye(3), 4.5 * self.stage.unit)
         still = [p for p in self.stage.pieces if p.joint < 0]
-        base += solids_at(still, self.stage.frames(self.start), 0, GREY)
+        base += solids_at(still, self.stage.frames(self.start), 0, plots.GREY)
         self.things = layer_of(self.stage.scene, [*base, *standing(self.stage.obstacles)], self.window)
-        self.ghost = self.stage.layer(self.start, GREY, self.window, axes=False, still=False)
+        self.ghost = self.stage.layer(self.start, plots.GREY, self.window, axes=False, still=False)
         self.grounds = [self._ground(*place) for place in self.places]
         self.loops = [
             layer_of(self.stage.scene, self.stage.wires(self._paths(result, panel)), self.window) for panel in panels
@@ -257,7 +245,7 @@ class _Sheet:
     def _paths(self, result: JobResult, panel: Panel) -> list[Curve]:
         several = len(panel.walks) > 1
         return [
-            Curve(points, color if several else LOOP)
+            Curve(points, color if several else plots.LOOP)
             for walk, color, _ in panel.walks
             for points in tool_points(result, walk)
         ]
@@ -284,7 +272,7 @@ class _Sheet:
             if not self.robot.planar:
                 floor_scale(axes, self.stage.scene)
             self.places.append((TOP + (height - TOP - below - self.window.rows), left))
-            title = figure.text(left / width, 1 - 6 / height, "", va="top", ha="left", fontsize=10.5, color=INK)
+            title = figure.text(left / width, 1 - 6 / height, "", va="top", ha="left", fontsize=10.5, color=plots.INK)
             self.titles.append(title)
             if self.drift:
                 strip = figure.add_axes((left / width, (42 + CONTROLS) / height, WIDTH / width, (STRIP - 26) / height))

@@ -9,29 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...motion.trajectory import Status, Trajectory
+from . import plots
 from .job_result import JobResult, StrategyResult
-from .plots import (
-    CLOCKWISE,
-    COUNTER_CLOCKWISE,
-    GREY,
-    HOLONOMIC,
-    LABELS,
-    LOOP,
-    NONHOLONOMIC,
-    away,
-    drift_per_cycle,
-    joint_cycles,
-    joint_histories,
-    joint_ranges,
-    law_colors,
-    legible,
-    movers,
-    on_figure,
-    paths_end,
-    stopped,
-    style,
-    thin,
-)
+from .plots import style
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 from .sheets_plots import JUMPS, MAPPED, coverage_figure, sheet_motion_figure, sheets_figure
 
@@ -61,7 +41,7 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
 
     for stem, caption, draw in _figures(result):
         with rc_context(style()):
-            figure = legible(draw())
+            figure = plots.legible(draw())
         yield stem, caption, figure
 
 
@@ -149,16 +129,16 @@ def two_paths_figure(strategy: StrategyResult, result: JobResult | None = None) 
     columns = min(n, 2 if n == 4 else COLUMNS)
     rows = -(-n // columns)
     word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
-    title = f"{on_figure(strategy.name)} ({word})"
+    title = f"{plots.on_figure(strategy.name)} ({word})"
     if Status.COMPLETE not in (clockwise.status, counter.status) or clockwise.status is not counter.status:
-        title += "\n" + paths_end(strategy.two_paths)
+        title += "\n" + plots.paths_end(strategy.two_paths)
     top = 0.45 + 0.2 * (1 + title.count("\n"))
     bottom = 0.85 if n == rows * columns else 0.55
     figure = Figure(figsize=(max(4.4 * columns, 6.4), (2.6 if rows == 1 else 1.6) * rows + bottom + top))
     margins(figure, left=0.85, right=0.85, bottom=bottom, top=top, width_gap=1.5, height_gap=0.42, grid=(rows, columns))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for joint in range(n):
-        joint_histories(grid.flat[joint], clockwise, counter, joint, result.robot if result else None)
+        plots.joint_histories(grid.flat[joint], clockwise, counter, joint, result.robot if result else None)
     for column in range(columns):
         last = max(r for r in range(rows) if r * columns + column < n)
         grid[last, column].set_xlabel("time [s]")
@@ -195,13 +175,15 @@ def cycles_figure(result: JobResult) -> Any:
     """Joint histories over the cycles, one panel a strategy, on one scale. [ZR11, Fig. 6]"""
     from matplotlib.figure import Figure
 
+    # The panels, and the joints that have a colour.
     count = len(result.drawn)
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
-    named = movers([s.cycles for s in result.drawn])
-    names = [on_figure(name, 30) for name in result.robot.joint_names]
+    named = plots.movers([s.cycles for s in result.drawn])
+    names = [plots.on_figure(name, 30) for name in result.robot.joint_names]
     rest = fill(f"grey: {', '.join(names[j] for j in range(len(names)) if j not in named)}", WRAP)
     labels = [names[j] for j in named] + ([rest] if len(named) < len(names) else [])
+    # The size of the figure, with room for the legend.
     wide = 3.9 * columns + 1.0
     lines = -(-len(labels) // _columns(labels, wide)) + rest.count("\n") * (len(named) < len(names))
     bottom = 0.73 + 0.22 * lines if count == rows * columns else 0.6
@@ -210,12 +192,13 @@ def cycles_figure(result: JobResult) -> Any:
         figure, left=0.75, right=0.15, bottom=bottom, top=0.55, width_gap=0.25, height_gap=0.6, grid=(rows, columns)
     )
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True, sharex=True)
+    # The joints of each strategy.
     for k, (axes, strategy) in enumerate(zip(grid.flat, result.drawn, strict=False)):
-        joint_cycles(axes, strategy.cycles, named)
+        plots.joint_cycles(axes, strategy.cycles, named)
         walk = strategy.cycles
-        ends = [away(walk, walk.cycles)] if walk.cycles else []
-        words = "; ".join(filter(None, [*ends, stopped(walk)]))
-        axes.set_title(f"{on_figure(strategy.name)}\n{words}", loc="left", fontsize=10)
+        ends = [plots.away(walk, walk.cycles)] if walk.cycles else []
+        words = "; ".join(filter(None, [*ends, plots.stopped(walk)]))
+        axes.set_title(f"{plots.on_figure(strategy.name)}\n{words}", loc="left", fontsize=10)
         below = k + columns < count
         axes.tick_params(labelbottom=not below)
         axes.set_xlabel("" if below else "time [s]")
@@ -231,11 +214,11 @@ def drift_figure(result: JobResult) -> Any:
     from matplotlib.figure import Figure
 
     done = [s for s in result.drawn if s.cycles.cycles]
-    walks = {on_figure(s.name, 40): s.cycles for s in done}
-    room = 0.5 + 0.08 * max(26 if len(walks) > LABELS else 0, *map(len, walks))
+    walks = {plots.on_figure(s.name, 40): s.cycles for s in done}
+    room = 0.5 + 0.08 * max(26 if len(walks) > plots.LABELS else 0, *map(len, walks))
     figure = Figure(figsize=(6.2 + room, 4.0))
     margins(figure, left=0.85, right=room, bottom=0.6, top=0.2)
-    drift_per_cycle(figure.subplots(), walks, law_colors([s.verdict.holonomic for s in done]))
+    plots.drift_per_cycle(figure.subplots(), walks, plots.law_colors([s.verdict.holonomic for s in done]))
     return figure
 
 
@@ -248,8 +231,10 @@ def _ranges_figure(result: JobResult) -> Any:
     rows = int(np.isfinite(result.robot.upper - result.robot.lower).sum())
     figure = Figure(figsize=(7.6, 0.9 + rows * max(0.32, 0.13 * len(shown)) + 0.24 * -(-len(shown) // 3)))
     margins(figure, left=1.7, right=0.45, bottom=0.45 + 0.24 * -(-len(shown) // 3), top=0.15)
-    walks = {on_figure(s.name, 40): s.cycles for s in shown}
-    axes = joint_ranges(figure.subplots(), result.robot, walks, law_colors([s.verdict.holonomic for s in shown]))
+    walks = {plots.on_figure(s.name, 40): s.cycles for s in shown}
+    axes = plots.joint_ranges(
+        figure.subplots(), result.robot, walks, plots.law_colors([s.verdict.holonomic for s in shown])
+    )
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, fontsize=9)
     return figure
 
@@ -277,7 +262,7 @@ def robot_figure(result: JobResult) -> Any:
     height = width * tall / wide
     names = [s.name for s in drawn]
     printed = [s for s in result.printed.strategies if s.name in names]
-    titles = [f"{on_figure(drawn[k].name)}\n{_ending(s)}" for k, s in enumerate(printed)]
+    titles = [f"{plots.on_figure(drawn[k].name)}\n{_ending(s)}" for k, s in enumerate(printed)]
     top = 0.26 + 0.17 * max(title.count("\n") + 1 for title in titles)
     gap = (side[0] if result.robot.planar else 0.2, top + (side[2] if result.robot.planar else 0.1))
     size = (
@@ -306,12 +291,12 @@ def _key(figure: Any, drawn: list[StrategyResult]) -> None:
     """Which posture has which colour."""
     from matplotlib.lines import Line2D
 
-    marks: list[tuple[str, str, Any]] = [(GREY, "start", "-")]
+    marks: list[tuple[str, str, Any]] = [(plots.GREY, "start", "-")]
     if any(s.two_paths is not None for s in drawn):
-        marks += [(CLOCKWISE, "end, clockwise", "-"), (COUNTER_CLOCKWISE, "end, counter-clockwise", "--")]
+        marks += [(plots.CLOCKWISE, "end, clockwise", "-"), (plots.COUNTER_CLOCKWISE, "end, counter-clockwise", "--")]
     else:
         shown = {s.verdict.holonomic for s in drawn}
-        end = {True: (HOLONOMIC, "end, holonomic", "-"), False: (NONHOLONOMIC, "end, not holonomic", "-")}
+        end = {True: (plots.HOLONOMIC, "end, holonomic", "-"), False: (plots.NONHOLONOMIC, "end, not holonomic", "-")}
         marks += [end[kind] for kind in (True, False) if kind in shown]
     handles = [Line2D([], [], color=color, linestyle=style, linewidth=4, label=name) for color, name, style in marks]
     figure.legend(handles=handles, loc="lower center", fontsize=9, ncols=len(handles), frameon=False)
@@ -319,15 +304,15 @@ def _key(figure: Any, drawn: list[StrategyResult]) -> None:
 
 def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list[Curve]]:
     """The postures to show of a strategy, and its tool's paths; the start is pale, the second path an outline."""
-    actors = [Actor(result.q0, GREY, "ghost")]
+    actors = [Actor(result.q0, plots.GREY, "ghost")]
     if strategy.two_paths is None:
-        color = HOLONOMIC if strategy.verdict.holonomic else NONHOLONOMIC
+        color = plots.HOLONOMIC if strategy.verdict.holonomic else plots.NONHOLONOMIC
         points = tool_points(result, strategy.cycles)
-        return [*actors, Actor(strategy.cycles.q[-1], color)], [Curve(p, LOOP) for p in points]
+        return [*actors, Actor(strategy.cycles.q[-1], color)], [Curve(p, plots.LOOP) for p in points]
     clockwise, counter = strategy.two_paths
-    actors += [Actor(clockwise.q[-1], CLOCKWISE), Actor(counter.q[-1], COUNTER_CLOCKWISE, "outline")]
-    curves = [Curve(points, CLOCKWISE) for points in tool_points(result, clockwise)]
-    return actors, curves + [Curve(points, COUNTER_CLOCKWISE, 3) for points in tool_points(result, counter)]
+    actors += [Actor(clockwise.q[-1], plots.CLOCKWISE), Actor(counter.q[-1], plots.COUNTER_CLOCKWISE, "outline")]
+    curves = [Curve(points, plots.CLOCKWISE) for points in tool_points(result, clockwise)]
+    return actors, curves + [Curve(points, plots.COUNTER_CLOCKWISE, 3) for points in tool_points(result, counter)]
 
 
 def _apart(strategy: StrategyResult) -> float:
@@ -359,11 +344,11 @@ def margins(
 
 def tool_points(result: JobResult, walk: Trajectory) -> list[Any]:
     """Positions (k, 3) of every tip, at most 120 samples of a trajectory."""
-    keep = thin(len(walk), 120)
+    keep = plots.thin(len(walk), 120)
     return [result.robot.pose_batch(walk.q[keep], tip.name)[0] for tip in result.robot.tips]
 
 
 def _ending(strategy: StrategyResult) -> str:
     if strategy.two_paths is not None:
-        return paths_end(strategy.two_paths)
-    return stopped(strategy.cycles) or "at the end of the path"
+        return plots.paths_end(strategy.two_paths)
+    return plots.stopped(strategy.cycles) or "at the end of the path"

@@ -288,7 +288,7 @@ _TERMS = {
         "small closed paths of the tool bring the joints back to their start. In a region of tool poses around the "
         "start the same pose then has the same joints; holokin certify tells whether a box is such a region."
     ),
-    "Leaf": "all the postures at which the rule of a holonomic law has one value. Several may have the same tool pose.",
+    "Leaf": "all postures where the rule of a holonomic strategy has one value. Several may have the same tool pose.",
     "Drift": "how far the joints are, at the end of a cycle, from where they were at its beginning.",
     "Two paths apart": (
         "how much the joints differ when the tool comes to the same pose by half a loop clockwise, and by half a loop "

@@ -131,7 +131,7 @@ class StrategyResult:
 
     coverage, slices: of the job's workspace, where it has one and the strategy has leaves. timed: the cycles as the
     job's [timing] has them, where it has one and they were followed to their end. motion_check: what [checks] found,
-    which look at the share `followed` of the path, all of it unless the law stopped.
+    which look at the share `followed` of the path, all of it unless the strategy stopped.
 
     `group` is its name in the job; results of one group differ in the orientation representation only.
     """

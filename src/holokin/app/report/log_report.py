@@ -77,6 +77,7 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize, to_hex
 
+    # The path, and a colour for each cycle.
     robot, log, cycles = audit.robot, audit.recording, audit.cycles
     rows = thin(len(log), 20_000)
     points, _ = audit.task._poses(log.q[rows])
@@ -86,6 +87,7 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     def color(done: int) -> str:
         return to_hex(colors(0.9 - 0.8 * done / count))
 
+    # The arm at the start pose, after some of the cycles.
     first = np.vstack(
         [audit.visits[0, 0 if cycles.direction[0] > 0 else -1] + shift for shift in (0.0, *audit.since_start)]
     )
@@ -96,6 +98,7 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     draw_panel(
         axes, stage, [Actor(first[0], color(0)), *outlines], title="Path of the tool, and the arm at the start pose"
     )
+    # The path, cycle by cycle.
     seen = stage.scene.view.seen(points)
     axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
     for i in thin(count, 30):

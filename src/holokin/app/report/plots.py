@@ -86,7 +86,7 @@ def check_words(strategy: StrategyResult) -> str:
     if strategy.followed == 1.0:
         return "nothing found" if clear else ""
     seen = f"the first {strategy.followed:.1%} of the path" if strategy.followed > 0 else "the start posture"
-    return f"{'nothing found, but ' if clear else ''}only {seen} was looked at: there the law stopped"
+    return f"{'nothing found, but ' if clear else ''}only {seen} was looked at: there the strategy stopped"
 
 
 def paths_words(result: JobResult) -> str:
@@ -128,9 +128,9 @@ COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 """All eight, best seen on white first; yellow is for fills with a dark edge."""
 
 HOLONOMIC = BLUE
-"""The (first) holonomic law: what comes back to its start."""
+"""The (first) holonomic strategy: what comes back to its start."""
 NONHOLONOMIC = VERMILLION
-"""The pseudo-inverse, and the first of other laws that are not holonomic: what drifts."""
+"""The pseudo-inverse, and the first of other strategies that are not holonomic: what drifts."""
 LIMIT = PURPLE
 """Limits of joints, speeds and torques."""
 LOOP = GREEN
@@ -175,13 +175,13 @@ def rgb(color: str) -> tuple[int, int, int]:
 
 
 def law_colors(holonomic: Sequence[bool]) -> tuple[str, ...]:
-    """A colour for each law: of cool ones, blue first, for holonomic laws, of warm ones, vermillion first, for others.
+    """A colour for each strategy: cool ones, blue first, for holonomic strategies, warm ones, vermillion first, else.
 
     Args:
-        holonomic: of each law, whether it is.
+        holonomic: of each strategy, whether it is.
 
     Returns:
-        As many colours; the first four laws of each kind have one of their own, then they repeat.
+        As many colours; the first four strategies of each kind have one of their own, then they repeat.
     """
     used = {True: 0, False: 0}
     colors: list[str] = []
@@ -202,10 +202,10 @@ NAMED = 7
 """Joints in a panel that have a colour each: those that move most. The others are grey, and named together."""
 
 LABELS = 8
-"""Laws with a label each in the picture of drift; of more, the holonomic ones have one together."""
+"""Strategies with a label each in the picture of drift; of more, the holonomic ones have one together."""
 
 ROUND_OFF = 1e-9
-"""Drift [rad or m] below which a law is counted to those that come back to the start."""
+"""Drift [rad or m] below which a strategy is counted to those that come back to the start."""
 
 PAGE, TYPE = 7.3, 8.0
 """Width of a page [inches], to which wider figures are made smaller, and the smallest type on it [points]."""
@@ -352,7 +352,7 @@ def movers(walks: Sequence[Trajectory], most: int = NAMED) -> list[int]:
 def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[str] | None = None) -> Any:
     """Largest joint drift after 1, 2, ... cycles, on a logarithmic scale down to round-off, each line with its name.
 
-    Of many laws those without drift have one name together, and of the others the last ones.
+    Of many strategies those without drift have one name together, and of the others the last ones.
     """
     sizes = {name: np.abs(walk.drift_since_start()).max(axis=1) for name, walk in walks.items()}
     colors = [color_of(i) for i in range(len(sizes))] if colors is None else colors
@@ -380,14 +380,14 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
 
 
 def _grouped_labels(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, str, str]]:
-    """Labels for the laws that have none of their own: how many, and how far they drift."""
+    """Labels for the strategies that have none of their own: how many, and how far they drift."""
     labels = []
     rest = {name: values for name, values in sizes.items() if name not in alone}
     for back, color in ((True, HOLONOMIC), (False, "#6b7280")):
         group = [v for v in rest.values() if (v.max() <= ROUND_OFF) == back]
         if group:
             ends = [float(v[-1]) for v in group]
-            what = "laws come back to the start" if back else "more laws drift"
+            what = "strategies come back to the start" if back else "more strategies drift"
             place = float(np.exp(np.mean(np.log(np.maximum(ends, 1e-17)))))
             labels.append((place, f"{len(group)} {what}, at most {max(ends):.1g}", color))
     return labels
@@ -413,7 +413,7 @@ def beside(axes: Any, named_lines: Sequence[tuple[float, str, str]], least: floa
 
 
 def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: Sequence[str]) -> Any:
-    """What each law uses of each joint's range: 0 and 1 are its limits. Joints without limits are left out."""
+    """What each strategy uses of each joint's range: 0 and 1 are its limits. Joints without limits are left out."""
     travel = robot.upper - robot.lower
     limited = np.flatnonzero(np.isfinite(travel) & (travel > 0))
     thick = 0.72 / max(len(walks), 1)

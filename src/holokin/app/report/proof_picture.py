@@ -14,11 +14,10 @@ from ...path.editing import paths_of
 from ...path.workspaces import Box, PoseRange, Workspace
 from ...proof import Certificate, UniqueRegion
 from ...proof.proven_region import CAUSES, NEAR, region_of
-from ...robot import LinkShape
 from ...strategies.tasks.frame_task import FrameTask, parts_of
 from ...strategies.tasks.task import TipFrame
 from .plots import GREY, HOLONOMIC, INK, LOOP, PROOF_COLORS, VERMILLION, region_map
-from .proof_words import obstacles_of, proven_time, refuted_by
+from .proof_words import proven_time, refuted_by, shapes_of
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 
 DASH = 2
@@ -113,12 +112,8 @@ def _curves(certificate: Certificate) -> list[Curve]:
 def _path_parts(certificate: Certificate, path: Path, color: str) -> list[Curve]:
     """The proven part of a path, and the rest."""
     end = proven_time(certificate, path)
-    listed = []
-    if end > 0:
-        listed.append(Curve(_points(path, 0.0, end), color))
-    if end < path.duration:
-        listed.append(Curve(_points(path, end, path.duration), GREY, DASH))
-    return listed
+    proven = [Curve(_points(path, 0.0, end), color)] if end > 0 else []
+    return proven + ([Curve(_points(path, end, path.duration), GREY, DASH)] if end < path.duration else [])
 
 
 def _points(path: Path, start: float, stop: float) -> Matrix:
@@ -163,7 +158,7 @@ def box_figure(certificate: Certificate) -> Any:
     edges = [Curve(edge, LOOP if certificate.whole else INK) for edge in _edges_of(_box(space))]
     # Of the picture [inch].
     figure = Figure(figsize=(7.6, 6.5))
-    things: list[LinkShape] = [] if clear is None else obstacles_of(clear)
+    things = [] if clear is None else [shape for shape in shapes_of(clear) if shape.obstacle]
     stage = stage_of(shaped, np.array([actor.q for actor in actors]), edges, obstacles=things)
     draw_panel(figure.add_axes((0.01, 0.43, 0.98, 0.56)), stage, actors, edges)
     place = space.solid.center if worst is None else worst.pose[:3, 3]

@@ -203,11 +203,7 @@ def _box_facts(certificate: Certificate, space: Workspace) -> list[tuple[str, st
         turns = f"leans by up to {tilt:.4g} deg, turns about its z axis by up to +-{spin:.4g} deg"
         rows.append(("Orientation in the middle", _axes(space.rotation)))
         rows.append(("Turns", turns if space.tilt or space.spin else "none: one orientation"))
-    return [
-        *rows,
-        ("Proven", share_words(certificate)),
-        *([("Stopped at", certificate.where)] if certificate.where else []),
-    ]
+    return [*rows, ("Proven", share_words(certificate)), *_stop(certificate)]
 
 
 def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]]:
@@ -226,11 +222,12 @@ def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]
             rows.append(("The tool turns", f"by {np.degrees(turn):.4g} deg in all" if turn else "not at all"))
         elif task.orientation is None:
             rows.append((f"Orientation{name}", "free: the task is about positions alone"))
-    return [
-        *rows,
-        ("Covered by cells", share_words(certificate)),
-        *([("Stopped at", certificate.where)] if certificate.where else []),
-    ]
+    return [*rows, ("Covered by cells", share_words(certificate)), *_stop(certificate)]
+
+
+def _stop(certificate: Certificate) -> list[tuple[str, str]]:
+    """Where the proof ended early."""
+    return [("Stopped at", certificate.where)] if certificate.where else []
 
 
 def _piece_section(title: str, path: Path) -> Section:
@@ -257,9 +254,8 @@ def _shape(segment: Segment) -> str:
     axis = np.sign(segment.angle) * np.cross(segment.x, segment.y)
     radius, axis = np.linalg.norm(segment.x), axis / np.linalg.norm(axis)
     angle = abs(np.degrees(segment.angle))
-    return (
-        f"arc of {angle:.4g} deg, radius {radius:.6g} m, about {_point_text(segment.center)}, axis {_point_text(axis)}"
-    )
+    place = f"about {_point_text(segment.center)}, axis {_point_text(axis)}"
+    return f"arc of {angle:.4g} deg, radius {radius:.6g} m, {place}"
 
 
 def _open_section(certificate: Certificate) -> Section:
@@ -268,7 +264,10 @@ def _open_section(certificate: Certificate) -> Section:
     if certificate.whole or not isinstance(certificate.asked, PoseRange):
         return Section(notes=[Note(f"REFUTED: {worst}.", "bad")] if worst else [])
     parts = region_of(certificate).parts
-    rows = [[MEANT[cause], _percent(parts.shares[CAUSES[cause]])] for cause in MEANT if cause in parts.cause]
+    shares = {cause: parts.shares[CAUSES[cause]] for cause in MEANT if cause in parts.cause}
+    rows = [
+        [MEANT[cause], f"{100 * share:.2f} %" if share >= 5e-5 else "below 0.01 %"] for cause, share in shares.items()
+    ]
     about = (
         f"The rest of the box was cut into {len(parts):,} parts, and postures of the leaf were sampled in each: what "
         "they show is measured, and not proven. A part is named after the pose in its middle, or after a posture in it "
@@ -289,8 +288,8 @@ def _distance_section(certificate: Certificate) -> Section:
     if near is not None:
         notes.append(
             f"The least distance that is proven over {place_words(certificate)} is {at_least(near.bound)} m, of "
-            f"{pair_words(near.names)}: in the cell about the tool position {_row(near.pose[:3, 3])} m, at which the "
-            f"distance is {near.distance:.4g} m. {_posture(certificate, near.q)}"
+            f"{pair_words(near.names)}: in the cell about the tool position {_point_text(near.pose[:3, 3])} m, at "
+            f"which the distance is {near.distance:.4g} m. {_posture(certificate, near.q)}"
         )
     if assumed := assumed_words(certificate):
         notes.append(Note(f"{assumed}.", "bad"))
@@ -348,9 +347,9 @@ def _speed_section(certificate: Certificate) -> Section:
 def _shape_row(certificate: Certificate, shape: LinkShape) -> list[str]:
     robot, T = certificate.equation.strategy.task.robot, shape.placement
     frame = "the base" if shape.joint < 0 else f"joint {robot.joints[shape.joint].name}"
-    turned = "" if np.allclose(T[:3, :3], np.eye(3), atol=1e-9) else f", z axis along {_row(T[:3, 2])}"
+    turned = "" if np.allclose(T[:3, :3], np.eye(3), atol=1e-9) else f", z axis along {_point_text(T[:3, 2])}"
     kind = "obstacle" if shape.obstacle else "carried" if shape.carried else "link"
-    place = f"{_row(T[:3, 3])} m{turned}, in the frame of {frame}"
+    place = f"{_point_text(T[:3, 3])} m{turned}, in the frame of {frame}"
     return [f"{brief(shape.link)} ({kind})", size_words(shape.shape), place, stand_in_words(shape.shape)]
 
 
@@ -374,21 +373,16 @@ def _joint_section(certificate: Certificate) -> Section:
     """Each joint with its limits in the model, and what is proven of it."""
     robot, some = certificate.equation.strategy.task.robot, len(certificate) > 0
     columns = ("Unit", "Lower limit", "Proven from", "Proven to", "Upper limit", "To a limit")
-    rows = []
+    rows, scale = [], 10.0**PLACES
     for i, joint in enumerate(robot.coordinates):
-        scale = 10.0**PLACES
-        hull = [
-            f"{np.floor(certificate.low[i] * scale) / scale:.{PLACES}f}",
-            f"{np.ceil(certificate.high[i] * scale) / scale:.{PLACES}f}",
-        ]
-        left = at_least(float(certificate.to_limit[i])) if np.isfinite(certificate.to_limit[i]) else "no limit"
-        values = [*hull, left] if some else ["-", "-", "-"]
-        rows.append([brief(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]])
-    asked = (
-        ""
-        if certificate.limits is not None
-        else " The proof was made without limits: that the joints keep them is not claimed."
-    )
+        low, high, room = "-", "-", "-"
+        if some:
+            low, high = np.floor(certificate.low[i] * scale) / scale, np.ceil(certificate.high[i] * scale) / scale
+            low, high = f"{low:.{PLACES}f}", f"{high:.{PLACES}f}"
+            room = at_least(float(certificate.to_limit[i])) if np.isfinite(certificate.to_limit[i]) else "no limit"
+        rows.append([brief(joint.name), joint.unit, _number(joint.lower), low, high, _number(joint.upper), room])
+    asked = " The proof was made without limits: that the joints keep them is not claimed."
+    asked = asked if certificate.limits is None else ""
     about = f"The joints over {place_words(certificate)}; bounds are rounded outwards.{asked}"
     return Section(notes=[Note(about, "small")], head=["Joint", *right(*columns)], rows=rows)
 
@@ -406,16 +400,10 @@ def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
         ("Level c", _vector(certificate.c)),
         ("Posture", posture),
     ]
+    place = "the start of the path"
     if isinstance(certificate.asked, Workspace):
-        rows.append(
-            (
-                "The posture is",
-                f"on the leaf, at the place {_vector(certificate.anchors.u[0])} of the box, whose sides are -1 to 1",
-            )
-        )
-    else:
-        rows.append(("The posture is", "the start of the path"))
-    return rows
+        place = f"on the leaf, at the place {_vector(certificate.anchors.u[0])} of the box, whose sides are -1 to 1"
+    return [*rows, ("The posture is", place)]
 
 
 def _checker_section(word: CheckerWord) -> Section:
@@ -446,17 +434,10 @@ def _numbers(certificate: Certificate) -> list[tuple[str, str]]:
         ("Alone within", f"at least {at_least(float(f.alone.min()))}"),
     ]
     if np.isfinite(certificate.gap):
-        rows += [
-            ("Gap of the closed path", f"at most {at_most(gap_of(certificate))}"),
-            ("Whole turns", _vector(certificate.turns)),
-        ]
-    if certificate.revisit is not None:
-        joints = zip(
-            certificate.equation.strategy.task.robot.coordinates,
-            certificate.revisit.low,
-            certificate.revisit.high,
-            strict=True,
-        )
+        rows.append(("Gap of the closed path", f"at most {at_most(gap_of(certificate))}"))
+        rows.append(("Whole turns", _vector(certificate.turns)))
+    if (moved := certificate.revisit) is not None:
+        joints = zip(certificate.equation.strategy.task.robot.coordinates, moved.low, moved.high, strict=True)
         rows += [(f"{brief(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
     return rows
 
@@ -483,14 +464,6 @@ def _number(value: Any) -> str:
     if not np.isfinite(value):
         return "none"
     return f"{0.0 if abs(value) < 1e-12 else float(value):.9g}"
-
-
-def _row(values: Vector) -> str:
-    return f"[{', '.join(f'{x:.5g}' for x in np.round(values, 9) + 0.0)}]"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2f} %" if share >= 5e-5 else "below 0.01 %"
 
 
 # --- The table of a job's certificates, and the folder of their files.

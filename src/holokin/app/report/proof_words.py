@@ -45,9 +45,8 @@ def refuted_by(certificate: Certificate) -> TooNear | None:
     """A posture that is nearer than was asked, where what was asked is not proven; None where none was found."""
     if certificate.whole or certificate.demands.clear is None:
         return None
-    return (
-        region_of(certificate).parts.worst if isinstance(certificate.asked, PoseRange) else too_near_along(certificate)
-    )
+    box = isinstance(certificate.asked, PoseRange)
+    return region_of(certificate).parts.worst if box else too_near_along(certificate)
 
 
 def shapes_of(clear: ClearCells) -> list[LinkShape]:
@@ -58,26 +57,13 @@ def shapes_of(clear: ClearCells) -> list[LinkShape]:
     return sorted(once.values(), key=lambda shape: (not shape.obstacle, shape.joint))
 
 
-def obstacles_of(clear: ClearCells) -> list[LinkShape]:
-    """Those that stand around the robot."""
-    return [shape for shape in shapes_of(clear) if shape.obstacle]
-
-
-def floor_of(clear: ClearCells) -> float | None:
-    """Its height; None where there is none."""
-    return next((gap.height for gap in clear.looked_at.gaps if isinstance(gap, FloorGap)), None)
-
-
 def size_words(shape: Shape) -> str:
     """The kind of a shape, and its sizes."""
     if isinstance(shape, Box):
         return f"box, {_lengths(shape.sides, ' x ')} m"
     if isinstance(shape, Capsule):
-        return (
-            f"capsule, radius {shape.radius:.4g} m, length {shape.length:.4g} m without its round ends"
-            if (shape.length)
-            else f"sphere, radius {shape.radius:.4g} m"
-        )
+        length = f", length {shape.length:.4g} m without its round ends" if shape.length else ""
+        return f"{'capsule' if length else 'sphere'}, radius {shape.radius:.4g} m{length}"
     if isinstance(shape, Cylinder):
         return f"cylinder, radius {shape.radius:.4g} m, length {shape.length:.4g} m"
     if isinstance(shape, Ellipsoid):
@@ -96,13 +82,12 @@ def stand_in_words(shape: Shape) -> str:
     if isinstance(shape, Ellipsoid):
         return "a box with round edges that holds it"
     corners = shape.hull.corners if isinstance(shape, Mesh) else shape.corners if isinstance(shape, Hull) else ()
-    hull = ""
+    words = []
     if isinstance(shape, Mesh):
-        hull = (
-            "its convex hull" if shape.convex else "its convex hull: the mesh is NOT convex, its hollows count as full"
-        )
-    grown = f"{MOST_POINTS} of its {len(corners)} corners, with a radius that holds the others"
-    return "; ".join([hull] * bool(hull) + [grown] * (len(corners) > MOST_POINTS)) or "as it is"
+        words.append(f"its convex hull{'' if shape.convex else ': the mesh is NOT convex, its hollows count as full'}")
+    if len(corners) > MOST_POINTS:
+        words.append(f"{MOST_POINTS} of its {len(corners)} corners, with a radius that holds the others")
+    return "; ".join(words) or "as it is"
 
 
 def _lengths(values: Sequence[float] | Vector, between: str) -> str:
@@ -121,8 +106,8 @@ def nearest_of(certificate: Certificate) -> Nearest | None:
     i = int(np.argmin(apart[:, p]))
     task, q = certificate.equation.strategy.task, certificate.cells.q0[i, : certificate.equation.joints]
     names = clear.pairs[p].names
-    those = [g for g, gap in enumerate(clear.looked_at.gaps) if gap.names == names]
-    return Nearest(names, float(bounds[p]), task.pose(q), q, float(gap_distances(clear, q[None])[0, those].min()))
+    gaps = [g for g, gap in enumerate(clear.looked_at.gaps) if gap.names == names]
+    return Nearest(names, float(bounds[p]), task.pose(q), q, float(gap_distances(clear, q[None])[0, gaps].min()))
 
 
 def least_of_pairs(certificate: Certificate) -> list[tuple[tuple[str, str], float, float]]:
@@ -153,8 +138,8 @@ def assumed_words(certificate: Certificate) -> str:
 
 def floor_words(clear: ClearCells) -> str:
     """The floor, where there is one."""
-    height = floor_of(clear)
-    return "" if height is None else f"{FLOOR}: all below z = {height:.6g} m in the frame of the base"
+    heights = [gap.height for gap in clear.looked_at.gaps if isinstance(gap, FloorGap)]
+    return f"{FLOOR}: all below z = {heights[0]:.6g} m in the frame of the base" if heights else ""
 
 
 PROVEN, NOT_PROVEN, DIFFER = "proven", "NOT proven", "NO: they differ"
@@ -265,15 +250,13 @@ def verdict(certificate: Certificate, word: CheckerWord) -> Verdict:
         worst = refuted_by(certificate)
         if worst is not None:
             stop = f" In the rest it is REFUTED: {worst}."
-        return Verdict(
-            f"NOT ALL IS PROVEN: only {share_words(certificate)}", f"{_capital(certificate.extent.cause)}.{stop}", False
-        )
+        line = f"NOT ALL IS PROVEN: only {share_words(certificate)}"
+        return Verdict(line, f"{_capital(certificate.extent.cause)}.{stop}", False)
     verified = word.outcome is Outcome.VERIFIED
     known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
     limits = "" if certificate.limits is not None else " Joint limits are not part of the proof."
-    return Verdict(
-        f"{known}: {_good_news(certificate, pose)}", _sentence(certificate) + _apart(certificate) + limits, verified
-    )
+    line, sentence = _good_news(certificate, pose)
+    return Verdict(f"{known}: {line}", sentence + _apart(certificate) + limits, verified)
 
 
 def _apart(certificate: Certificate) -> str:
@@ -320,32 +303,22 @@ def _drift_verified(word: CheckerWord) -> bool:
     return word.outcome is Outcome.VERIFIED and "the joints do NOT return" in word.text
 
 
-def _good_news(certificate: Certificate, pose: str) -> str:
+def _good_news(certificate: Certificate, pose: str) -> tuple[str, str]:
+    """(what is proven as a whole, what follows from it for a reader without mathematics)."""
     if isinstance(certificate.asked, Workspace):
-        return f"while the tool stays in this box, the same {pose} has the same joints"
-    if not certificate.asked.closed:
-        return "along this path the joints are one continuous function of the place"
-    if certificate.turns.any():
-        return "this closed path returns the joints, except for whole turns"
-    return "this closed path returns the joints to their start"
-
-
-def _sentence(certificate: Certificate) -> str:
-    """What follows from a whole proof, for a reader without mathematics."""
-    same = _pose_word(certificate.equation.strategy.task)
-    if isinstance(certificate.asked, Workspace):
-        return (
+        return f"while the tool stays in this box, the same {pose} has the same joints", (
             "The model of the robot, started at the posture below and moved by the strategy, comes back to the same "
             "joints after every loop of the tool inside the box, at any speed and any number of times."
         )
     if not certificate.asked.closed:
-        return f"Where the path meets a {same} again, the joints are the same, except for whole turns."
+        sentence = f"Where the path meets a {pose} again, the joints are the same, except for whole turns."
+        return "along this path the joints are one continuous function of the place", sentence
     if certificate.turns.any():
-        return (
+        return "this closed path returns the joints, except for whole turns", (
             "After the path the joints are at their start but for the whole turns that are named below: the robot "
             "looks the same, but cables are wound up, and joints with limits must be turned back."
         )
-    return (
+    return "this closed path returns the joints to their start", (
         "The model of the robot, started at the posture below and moved by the strategy, is at the same posture after "
         "each cycle, at any speed and any number of times."
     )
@@ -355,7 +328,8 @@ def claims(certificate: Certificate, word: CheckerWord) -> list[Claim]:
     """The statements of a certificate, one by one, with who says so."""
     says, place = word.outcome.value, place_words(certificate)
     if not len(certificate):
-        return [Claim(f"Anything about {_asked_words(certificate)}.", NOT_PROVEN, says)]
+        what = "the box" if isinstance(certificate.asked, Workspace) else "the path"
+        return [Claim(f"Anything about {what}.", NOT_PROVEN, says)]
     derivative = certificate.equation.derivative
     proven = PROVEN if word.outcome is not Outcome.REJECTED else "claimed only"
     text = (
@@ -363,12 +337,8 @@ def claims(certificate: Certificate, word: CheckerWord) -> list[Claim]:
         f"posture near the predicted one. It is a continuous function, and |det {derivative}| >= "
         f"{at_least(certificate.determinant)}: no singular posture is met."
     )
-    listed = [
-        Claim(text, proven, says),
-        *_limit_claims(certificate, proven, says),
-        *_clear_claims(certificate, proven, says),
-    ]
-    listed += _rate_claims(certificate, proven)
+    listed = [Claim(text, proven, says), _limit_claim(certificate, proven, says)]
+    listed += [*_clear_claims(certificate, proven, says), *_rate_claims(certificate, proven)]
     if isinstance(certificate.asked, Workspace):
         text = f"Every loop of the tool inside {place} that begins on this posture function brings the joints back."
         listed.append(Claim(text, proven, f"{says}: it follows from the first line"))
@@ -381,20 +351,16 @@ def claims(certificate: Certificate, word: CheckerWord) -> list[Claim]:
     return listed
 
 
-def _asked_words(certificate: Certificate) -> str:
-    return "the box" if isinstance(certificate.asked, Workspace) else "the path"
-
-
-def _limit_claims(certificate: Certificate, proven: str, says: str) -> list[Claim]:
-    if certificate.limits is None:
-        return [Claim("No joint leaves its limits.", f"{NOT_PROVEN}: not asked", "-")]
-    if not np.isfinite(certificate.to_limit).any():
-        return [Claim("No joint leaves its limits.", "the model has none", "-")]
+def _limit_claim(certificate: Certificate, proven: str, says: str) -> Claim:
+    """How far the joints keep from their limits."""
+    if certificate.limits is None or not np.isfinite(certificate.to_limit).any():
+        why = f"{NOT_PROVEN}: not asked" if certificate.limits is None else "the model has none"
+        return Claim("No joint leaves its limits.", why, "-")
     i, robot = int(np.argmin(certificate.to_limit)), certificate.equation.strategy.task.robot
     joint, near = brief(robot.joint_names[i]), f"{at_least(float(certificate.to_limit[i]))} {robot.coordinates[i].unit}"
     place = place_words(certificate)
     text = f"Over {place} every joint stays within its limits, the nearest ({joint}) by {near} or more."
-    return [Claim(text, proven, says)]
+    return Claim(text, proven, says)
 
 
 def _clear_claims(certificate: Certificate, proven: str, says: str) -> list[Claim]:
@@ -404,9 +370,9 @@ def _clear_claims(certificate: Certificate, proven: str, says: str) -> list[Clai
         return []
     bounds, place, listed = certificate.findings.apart.min(axis=0), place_words(certificate), []
     for asked in sorted({float(wanted) for wanted in clear.wanted}, reverse=True):
-        these = [p for p, wanted in enumerate(clear.wanted) if wanted == asked]
-        names = list(dict.fromkeys(clear.pairs[p].names for p in these))
-        i = min(these, key=lambda p: bounds[p])
+        held = [p for p, wanted in enumerate(clear.wanted) if wanted == asked]
+        names = list(dict.fromkeys(clear.pairs[p].names for p in held))
+        i = min(held, key=lambda p: bounds[p])
         near = f"the nearest are {pair_words(clear.pairs[i].names)}, {at_least(float(bounds[i]))} m apart or more"
         what = f"at least {asked:g} m apart" if asked else "apart: they do not touch"
         text = f"Over {place} the shapes of {_pairs(names)} are {what}; {near}."
@@ -444,10 +410,10 @@ def _collisions(certificate: Certificate) -> str:
         return COLLISIONS
     known = {pair.names for pair in clear.pairs}
     out: dict[str, list[tuple[str, str]]] = {}
-    for one in clear.looked_at.left_out:
-        if one.pair not in known:
-            out.setdefault(one.reason, []).append(one.pair)
-    bare = sorted({one.link for one in clear.looked_at.unseen})
+    for entry in clear.looked_at.left_out:
+        if entry.pair not in known:
+            out.setdefault(entry.reason, []).append(entry.pair)
+    bare = sorted({entry.link for entry in clear.looked_at.unseen})
     parts = [
         "Collisions with anything that is not named above, of cables, and of shapes that bend or are held otherwise"
     ]
@@ -461,16 +427,14 @@ def _path_claims(certificate: Certificate, proven: str, word: CheckerWord) -> li
     """That the joints return, at the end of a closed path and elsewhere."""
     listed, robot, says = [], certificate.equation.strategy.task.robot, word.outcome.value
     if certificate.turns.any() or np.isfinite(certificate.gap):
-        turned = (
-            f", except for the whole turns {certificate.turns.astype(int).tolist()}" if certificate.turns.any() else ""
-        )
+        turns = certificate.turns.astype(int).tolist() if certificate.turns.any() else None
+        turned = f", except for the whole turns {turns}" if turns else ""
         within = f"within {at_most(gap_of(certificate))} {joint_unit(robot)}{turned}"
         text = f"At the end of the closed path the joints are those of its beginning, {within}."
         listed.append(Claim(text, proven, says))
     elif not isinstance(certificate.asked, Workspace) and certificate.asked.closed:
-        answer, checked = (
-            (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(certificate) else (NOT_PROVEN, "-")
-        )
+        elsewhere = _ends_elsewhere(certificate)
+        answer, checked = DIFFER if elsewhere else NOT_PROVEN, says if elsewhere and _drift_verified(word) else "-"
         listed.append(Claim("At the end of the closed path the joints are those of its beginning.", answer, checked))
     again = f"the path meets a {_pose_word(certificate.equation.strategy.task)} again, the joints are the same"
     answer = proven if certificate.whole else NOT_PROVEN
@@ -497,7 +461,9 @@ def not_proven(certificate: Certificate, word: CheckerWord) -> list[str]:
     if certificate.limits is None:
         listed.insert(1, "Joint limits: the proof was made without them.")
     elif not np.isfinite(certificate.to_limit).all():
-        listed.insert(1, f"Limits of the joints that have none in the model: {_unlimited(certificate)}.")
+        joints = zip(certificate.equation.strategy.task.robot.joint_names, certificate.to_limit, strict=True)
+        unlimited = brief(", ".join(name for name, room in joints if not np.isfinite(room)))
+        listed.insert(1, f"Limits of the joints that have none in the model: {unlimited}.")
     if not box and certificate.covered:
         listed.append(
             "By the checker: places where the path crosses itself or runs along itself. Only the program that made the "
@@ -506,13 +472,6 @@ def not_proven(certificate: Certificate, word: CheckerWord) -> list[str]:
     if not word.compared:
         listed.append("By the checker: that the file is about the robot that is named here. The two were not compared.")
     return [*listed, *COMPARE]
-
-
-def _unlimited(certificate: Certificate) -> str:
-    names = certificate.equation.strategy.task.robot.joint_names
-    return brief(
-        ", ".join(name for name, left in zip(names, certificate.to_limit, strict=True) if not np.isfinite(left))
-    )
 
 
 def _capital(text: str) -> str:

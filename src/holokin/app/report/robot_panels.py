@@ -118,6 +118,7 @@ def stage_of(
         extra: points (k, 3) that shall be in the picture, too.
         ratio: least and greatest height over width.
     """
+    # The view that shows most.
     Q = np.atleast_2d(postures)
     pieces, frames, unit = pieces_of(robot, Q), posed(robot, Q), thickness(robot, Q)
     view = ABOVE
@@ -125,6 +126,7 @@ def stage_of(
         bodies = [np.vstack(robot.skeleton(q)) for q in Q[:: max(1, len(Q) // 12)]]
         apart = [(np.vstack(robot.skeleton(a)), np.vstack(robot.skeleton(b))) for a, b in pairs]
         view = best_view(bodies, [_thinned(c.points) for c in curves], apart)
+    # The scene that holds all that is shown.
     solids = [solid for k in range(len(Q)) for solid in solids_at(pieces, frames, k, GREY)]
     solids += [solid for k in range(len(Q)) for solid in tool_frames(robot, frames, k, 2.6 * unit)]
     solids += [*triad(np.zeros(3), np.eye(3), 4.5 * unit)]

@@ -16,32 +16,17 @@ from ...base.types import Array, Indices, Matrix
 from ...motion.ik.inverse_function import leads_to
 from ...path.workspaces import PoseRange
 from ...robot import Robot
-from .plots import (
-    BLACK,
-    COLORS,
-    GREY,
-    INK,
-    LIMIT,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    YELLOW,
-    color_of,
-    movers,
-    on_figure,
-    thin,
-)
+from . import plots
 
 # --- Pictures of coverage: slices through a workspace and the cloud of its poses. Each takes an Axes and returns it.
 
 CAUSES = {
-    PoseStatus.LIMIT: (ORANGE, "joint limit"),
-    PoseStatus.BLOCKED: (SKY, "too near to something"),
-    PoseStatus.ALGORITHMIC: (VERMILLION, "leaf ends: strategy singular"),
-    PoseStatus.KINEMATIC: (PURPLE, "leaf ends: arm singular"),
-    PoseStatus.REPRESENTATION: (YELLOW, "leaf ends: representation"),
-    PoseStatus.STOPPED: (BLACK, "no path shown"),
+    PoseStatus.LIMIT: (plots.ORANGE, "joint limit"),
+    PoseStatus.BLOCKED: (plots.SKY, "too near to something"),
+    PoseStatus.ALGORITHMIC: (plots.VERMILLION, "leaf ends: strategy singular"),
+    PoseStatus.KINEMATIC: (plots.PURPLE, "leaf ends: arm singular"),
+    PoseStatus.REPRESENTATION: (plots.YELLOW, "leaf ends: representation"),
+    PoseStatus.STOPPED: (plots.BLACK, "no path shown"),
     PoseStatus.BEYOND_LIMITS: ("#6b7480", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#b4bcc8", "out of reach"),
 }
@@ -76,7 +61,7 @@ def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
     tool = part.coverage.tool[:3, 3]
     if extent[0] <= tool[i] <= extent[1] and extent[2] <= tool[j] <= extent[3]:
         around = [withStroke(linewidth=4, foreground="white")]  # it has to be seen on dark cells, too
-        axes.plot(tool[i], tool[j], "+", color=INK, markersize=9, markeredgewidth=1.6, path_effects=around)
+        axes.plot(tool[i], tool[j], "+", color=plots.INK, markersize=9, markeredgewidth=1.6, path_effects=around)
     axes.set_title(f"{_AXES[3 - i - j]} = {part.at:.3g} m: {part.coverage.share:.0%}", loc="left", fontsize=10)
     return axes
 
@@ -150,8 +135,8 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
     if not flat:
         _frame_cloud(cloud, p)
     within = "within the joint limits" if coverage.limits else "joint limits aside"
-    head = f"{on_figure(coverage.name)} reaches {coverage.share:.1%} of the workspace {within}"
-    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
+    head = f"{plots.on_figure(coverage.name)} reaches {coverage.share:.1%} of the workspace {within}"
+    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=plots.INK)
     cut = any(len(part.cuts) for part in slices)
     _explain(figure, coverage, every, most, 1 - (right - 0.75) / size[0], cut)
     return figure
@@ -203,7 +188,7 @@ def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: f
         for cause, (color, name) in CAUSES.items()
         if any(c.count(cause) for c in every)
     ]
-    cross = {"color": INK, "marker": "+", "linestyle": "", "markersize": 9, "markeredgewidth": 1.6}
+    cross = {"color": plots.INK, "marker": "+", "linestyle": "", "markersize": 9, "markeredgewidth": 1.6}
     start = [Line2D([], [], label="tool at the start (projected)", **cross)] if len(every) > 1 else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="ik(pose) jumps")] if cut else []
     corner = (left - 0.1 / width, 1 - 0.8 / height)
@@ -243,14 +228,14 @@ def _frame_cloud(axes: Any, points: Matrix) -> None:
 
 # --- Pictures of a map of sheets: which sheet serves which pose, and where the joints change.
 
-SHEETS = ("#1f7a6b", SKY, ORANGE, "#3b4ba0", YELLOW, VERMILLION, PURPLE)
+SHEETS = ("#1f7a6b", plots.SKY, plots.ORANGE, "#3b4ba0", plots.YELLOW, plots.VERMILLION, plots.PURPLE)
 """Colours of the sheets, the first one's first; of more they come again."""
 
 NONE = "#d5dae1"
 """Colour of cells that no sheet serves."""
 
 REST = {
-    PoseRest.NOT_COVERED: (BLACK, "reached, by no sheet"),
+    PoseRest.NOT_COVERED: (plots.BLACK, "reached, by no sheet"),
     PoseRest.BLOCKED: ("#4b5563", "too near to something"),
     PoseRest.LIMITS: ("#8a93a0", "beyond joint limits"),
     PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
@@ -284,9 +269,9 @@ def sheets_figure(sheets: Sheets, steps: int = STEPS) -> Any:
         jumps |= _map(axes, sheets, sheets.workspace, plane)
     _cloud(cloud, sheets)
     many = f"{len(sheets)} sheet{'' if len(sheets) == 1 else 's'}"
-    head = f"{on_figure(sheets.task.robot.name)}: {many} for {sheets.share:.1%} of what the arm reaches"
+    head = f"{plots.on_figure(sheets.task.robot.name)}: {many} for {sheets.share:.1%} of what the arm reaches"
     size = figure.get_size_inches()
-    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
+    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=plots.INK)
     _legend(figure, sheets, bool(planes), jumps)
     return figure
 
@@ -353,7 +338,7 @@ def _cloud(axes: Any, sheets: Sheets) -> None:
 
 def _lines(name: str) -> str:
     """A sheet's name in lines of the legend."""
-    return fill(on_figure(name, 60), 28)
+    return fill(plots.on_figure(name, 60), 28)
 
 
 def _share(sheets: Sheets, rest: PoseRest) -> str:
@@ -405,23 +390,23 @@ def sheet_motion_figure(motion: SheetMotion, robot: Robot) -> Any:
     axes, bar = figure.subplots(2, 1, sharex=True, height_ratios=[14, 1])
     figure.subplots_adjust(left=0.09, right=0.74, top=0.96, bottom=0.13, hspace=0.08)
     walks = [piece.trajectory for piece in motion.pieces]
-    named = movers(walks) if walks else []
+    named = plots.movers(walks) if walks else []
     for piece in motion.pieces:
         walk = piece.trajectory
-        keep = thin(len(walk))
+        keep = plots.thin(len(walk))
         share = 100 * (piece.start + (piece.stop - piece.start) * walk.t[keep] / max(float(walk.t[-1]), 1e-300))
         for j in range(robot.n):
-            color = color_of(named.index(j)) if j in named else "#c3c8d0"
-            style = "-" if j not in named or named.index(j) < len(COLORS) else (0, (4, 1.5))
+            color = plots.color_of(named.index(j)) if j in named else "#c3c8d0"
+            style = "-" if j not in named or named.index(j) < len(plots.COLORS) else (0, (4, 1.5))
             axes.plot(share, walk.q[keep, j], color=color, linestyle=style, linewidth=1.6 if j in named else 1.0)
         bar.axvspan(100 * piece.start, 100 * piece.stop, color=sheet_color(piece.sheet), linewidth=0)
     for part in motion.left_out:
         bar.axvspan(100 * part.start, 100 * part.stop, color=NONE, linewidth=0)
     # Where the sheet changes, or the path is divided.
     for place in _places(motion):
-        axes.axvline(100 * place, color=INK, linewidth=1.2, zorder=1.5)
+        axes.axvline(100 * place, color=plots.INK, linewidth=1.2, zorder=1.5)
     for division in motion.divisions:
-        axes.axvline(100 * division.at, color=LIMIT, linewidth=1.6, linestyle=(0, (3, 2)), zorder=1.5)
+        axes.axvline(100 * division.at, color=plots.LIMIT, linewidth=1.6, linestyle=(0, (3, 2)), zorder=1.5)
     _frame(axes, bar, robot)
     _motion_legend(figure, motion, robot, named, Patch)
     return figure
@@ -440,7 +425,7 @@ def _frame(axes: Any, bar: Any, robot: Robot) -> None:
     units = " or ".join(dict.fromkeys(c.unit for c in robot.coordinates))
     axes.set_ylabel(f"joints [{units}]")
     axes.set_xlim(0, 100)
-    axes.axhline(0, color=GREY, linewidth=0.8, zorder=1)
+    axes.axhline(0, color=plots.GREY, linewidth=0.8, zorder=1)
     bar.set_yticks([])
     bar.grid(visible=False)
     bar.set_xlabel("share of the path [%]")
@@ -452,8 +437,10 @@ def _motion_legend(figure: Any, motion: SheetMotion, robot: Robot, named: list[i
 
     lines = []
     for k, j in enumerate(named):
-        style = "-" if k < len(COLORS) else (0, (4, 1.5))
-        lines.append(Line2D([], [], color=color_of(k), label=on_figure(robot.joint_names[j], 22), linestyle=style))
+        style = "-" if k < len(plots.COLORS) else (0, (4, 1.5))
+        lines.append(
+            Line2D([], [], color=plots.color_of(k), label=plots.on_figure(robot.joint_names[j], 22), linestyle=style)
+        )
     if len(named) < robot.n:
         lines.append(Line2D([], [], color="#c3c8d0", label="other joints"))
     used = np.unique([piece.sheet for piece in motion.pieces]).tolist() if motion.pieces else []

@@ -27,12 +27,12 @@ from .survey_file import Own, SurveyTable, source_of
 SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
 
 HASH = "sha256"
-"""The key of a file's hash in the table of a robot or of a law."""
+"""The key of a file's hash in the table of a robot or of a strategy."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is asked once: a law, on a robot with a task, from a start, round a loop.
+    """What is asked once: a strategy, on a robot with a task, from a start, round a loop.
 
     All of it is plain data; `loop` and `start` say how they are drawn, `id` is a hash of everything.
     """
@@ -55,7 +55,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Stratum:
-    """A robot with a task, a start and a kind of loop, and its laws: cases are spread over all of them evenly."""
+    """A robot with a task, a start and a kind of loop, and its strategies: cases are spread over all of them evenly."""
 
     robot: int
     task: str
@@ -66,11 +66,11 @@ class Stratum:
 
 @dataclass(frozen=True, eq=False)
 class Cases(Value):
-    """All cases of a survey in a fixed order: those of one robot and task beside each other, all laws of a loop, too.
+    """All cases of a survey in a fixed order: those of one robot and task beside each other, all strategies of a loop.
 
-    With `cases` in the survey about so many are taken, always all laws of a loop, as even as can be over the robots,
-    then over tasks, loops and starts; else all `count` loops of each kind. No case is there twice: a loop that is given
-    as a path, or as a function of the tool pose, is one loop.
+    With `cases` in the survey about so many are taken, always all strategies of a loop, as even as can be over the
+    robots, then over tasks, loops and starts; else all `count` loops of each kind. No case is there twice: a loop that
+    is given as a path, or as a function of the tool pose, is one loop.
     """
 
     table: SurveyTable
@@ -188,7 +188,7 @@ class Cases(Value):
         return self._of(k, repetition, laws[law], number)
 
     def _of(self, k: int, repetition: int, name: str, number: int) -> Case:
-        """The case of a stratum, of one of its loops and of a law."""
+        """The case of a stratum, of one of its loops and of a strategy."""
         stratum, t = self.strata[k], self.table
         kind, index = stratum.start
         start: dict[str, Any] = {"kind": kind, "index": index}
@@ -216,7 +216,8 @@ class Cases(Value):
         return metrics
 
     def _law(self, name: str) -> list[dict[str, Any]]:
-        """What a law is: its table, with a hash of the file that it is imported from, and that of the one it is of."""
+        """What a strategy is: its table, with a hash of the file that it is imported from, and that of the one it is
+        of."""
         table = self.table.laws[name]
         own = table.model_dump(exclude_unset=True)
         if isinstance(table, Own) and (file := source_of(table.function, self.folder)) is not None:

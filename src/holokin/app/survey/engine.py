@@ -54,8 +54,8 @@ def lasting(workers: int) -> float:
 class Batches:
     """Numbers of cases that wait, taken in batches.
 
-    The first batches are all laws of one loop. The later ones follow the mean of the seconds of a case; what a worker
-    hands back, since it took too long, is taken again.
+    The first batches are all strategies of one loop. The later ones follow the mean of the seconds of a case; what a
+    worker hands back, since it took too long, is taken again.
     """
 
     def __init__(self, numbers: Iterable[int], count: int, laws: int = 1) -> None:
@@ -81,8 +81,8 @@ class Batches:
         if rows:
             mean = sum(row.seconds for row in rows) / len(rows)
             self.seconds = (self.seconds + mean) / 2 if self.seconds > 0 else mean
-        there = {row.number for row in rows}
-        self.again(number for number in batch if number not in there)
+        done = {row.number for row in rows}
+        self.again(number for number in batch if number not in done)
 
     def again(self, batch: Iterable[int]) -> None:
         """Cases to be taken again, before all others."""
@@ -166,7 +166,7 @@ _cases: dict[tuple[str, str], Cases] = {}
 
 
 def forget_cases() -> None:
-    """Look at the files of robots and laws anew: they may be others in the next survey."""
+    """Look at the files of robots and strategies anew: they may be others in the next survey."""
     _cases.clear()
     if forget_imported():
         forget_built()
@@ -193,7 +193,7 @@ def _run_batch(table: str, folder: str, batch: Batch, seconds: float = SECONDS) 
         for k, number in enumerate(batch):
             if k and time.monotonic() - began > LATE * seconds:
                 return
-            # Seconds at least that robot, law and native code may take to build: no time of the case that is the first.
+            # Robot, strategy and native code may take a minute to build: no time of the case that is the first.
             case, allowed = cases.case(number), max(limit, 60.0)
             try:
                 with watch.limited(number, allowed):
@@ -378,7 +378,7 @@ AHEAD = 2
 """Batches that wait for each worker, so that none is idle."""
 
 
-class Here:
+class InProcess:
     """This process: for what cannot be sent to others. A case that hangs in native code is not ended."""
 
     def __init__(self, table: SurveyTable, folder: Path) -> None:
@@ -403,6 +403,7 @@ class Pool:
 
     def run(self, batches: Batches) -> Generator[list[Row], None, None]:
         """Rows as they come: of all batches that are done. Close it to end the processes."""
+        # A process for each worker.
         guarded = [Guarded(self.objects) for _ in range(self.workers)]
         free: SimpleQueue[Guarded] = SimpleQueue()
         for process in guarded:
@@ -415,6 +416,7 @@ class Pool:
             finally:
                 free.put(process)
 
+        # Batches to them, and their rows back.
         threads = ThreadPoolExecutor(self.workers, "survey")
         running: dict[Future[list[Row]], Batch] = {}
         try:
@@ -484,6 +486,7 @@ class Cluster:
         alone: list[Batch] = []
         workers, looked = 1, 0.0
         while True:
+            # Batches for all workers that there are.
             if time.monotonic() - looked > 1.0:
                 workers, looked = max(1, sum(client.nthreads().values())), time.monotonic()
             while len(running) < AHEAD * workers and (batch := alone.pop() if alone else batches.take(workers)):
@@ -492,6 +495,7 @@ class Cluster:
                 flow.add(future)
             if not running:
                 return
+            # The rows of those that are done; what no worker survives is done case by case.
             rows_now: list[Row] = []
             for future in self._came(client, flow):
                 batch = running.pop(future)

@@ -21,26 +21,8 @@ from ...base.files import write_text
 from ...base.types import Array, Flags, Indices, Value, Vector, one_line
 from ...version import build
 from ..job.templates import table, toml
+from ..report import plots
 from ..report.html_page import page
-from ..report.plots import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PAGE,
-    PALE,
-    PURPLE,
-    SKY,
-    TYPE,
-    VERMILLION,
-    YELLOW,
-    law_colors,
-    legible,
-    on_figure,
-    style,
-)
 from ..report.section import Note, Section, drawn, right
 from .cases import Case, Cases
 from .one_case import METRICS, CaseStatus, repeating_job
@@ -49,7 +31,8 @@ from .survey_file import SurveyTable
 STATUS_ORDER = tuple(CaseStatus)
 FAULT = CaseStatus.FAULT
 RETURNS = 1e-6
-"""Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
+"""Drift of the last cycle [rad, m] below which a strategy is said to return: far below what any joint's encoder
+tells."""
 
 ON_PATH = 5e-3
 """Error of the tool [m] up to which a loop counts as covered: of a welding seam or a bead of glue it is the width."""
@@ -90,7 +73,7 @@ class Findings(Value):
         return one_line(f"Findings({len(self):,} rows, laws {', '.join(map(str, self.laws))})")
 
     def _repr_html_(self) -> str:
-        """The table by law, as notebooks show it."""
+        """The table by strategy, as notebooks show it."""
         return replace(self.section(), title="").html()
 
     def _fault_sentences(self) -> list[str]:
@@ -108,7 +91,7 @@ class Findings(Value):
         return list(dict.fromkeys(self.columns["law"].tolist()))
 
     def of_law(self, law: str) -> Findings:
-        """The rows of a law."""
+        """The rows of a strategy."""
         return self.where(self.columns["law"] == law)
 
     def where(self, chosen: Flags) -> Findings:
@@ -147,14 +130,16 @@ class Findings(Value):
 
     @property
     def covered(self) -> Flags:
-        """Of each row whether the law went round all cycles with the tool no further than `ON_PATH` from the path."""
+        """Of each row whether the strategy went round all cycles with the tool no further than `ON_PATH` from the
+        path."""
         with np.errstate(invalid="ignore"):
             return (self.columns["status"] == STATUS_ORDER[0]) & (self.columns["tracking"] <= ON_PATH)
 
     def coverage(self) -> tuple[list[str], list[str], Array]:
-        """(robots, laws, share of the loops asked that the law covers (robots, laws)); NaN where none was asked.
+        """(robots, strategies, share of the loops asked that the strategy covers (robots, strategies)); NaN where none
+        was asked.
 
-        It is NaN, too, where all are faults: nothing is known of such a law.
+        It is NaN, too, where all are faults: nothing is known of such a strategy.
         """
         if not len(self):
             return [], [], np.zeros((0, 0))
@@ -168,7 +153,7 @@ class Findings(Value):
         return robots, self.laws, np.divide(done, asked, out=np.full(asked.shape, np.nan), where=answered > 0)
 
     def faults(self) -> dict[tuple[str, str], int]:
-        """(robot, law) -> its cases that are faults, where there are."""
+        """(robot, strategy) -> its cases that are faults, where there are."""
         failed = self.columns["status"] == FAULT
         pairs = zip(self.columns["robot"][failed].tolist(), self.columns["law"][failed].tolist(), strict=True)
         return dict(Counter(pairs))
@@ -183,7 +168,8 @@ class Findings(Value):
         return self._rows(np.argsort(-drift, kind="stable")[:count])
 
     def stopped(self, count: int = 30) -> list[tuple[int, dict[str, Any]]]:
-        """(how many there are, the one with the fewest cycles) of rows that stopped, for each law, status and reason.
+        """(how many there are, the one with the fewest cycles) of rows that stopped, for each strategy, status and
+        reason.
 
         Reasons that differ in names and numbers alone are the same; the rarest are first.
         """
@@ -205,7 +191,7 @@ class Findings(Value):
         return [{name: values[i] for name, values in self.columns.items()} for i in which]
 
     def table(self) -> tuple[list[str], list[list[str]]]:
-        """(titles, a row for each law): how often, how far, what it costs."""
+        """(titles, a row for each strategy): how often, how far, what it costs."""
         head = ["law", "cases", "complete", "covered", "limit", "other"]
         head += ["returns", "first cycle", "last cycle", "95 %", "cost", "margin"]
         rows = []
@@ -251,17 +237,26 @@ def _digits(value: Any) -> str:
     return "0" if value < 1e-12 else f"{value:.2g}"
 
 
-# --- Figures of a survey: distributions by law, never means alone.
+# --- Figures of a survey: distributions by strategy, never means alone.
 
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
 
-STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, BLACK, SKY, GREY)
+STATUS_COLORS = (
+    plots.GREEN,
+    plots.PURPLE,
+    plots.ORANGE,
+    plots.VERMILLION,
+    plots.YELLOW,
+    plots.BLACK,
+    plots.SKY,
+    plots.GREY,
+)
 
 DASHES = ("-", "--", ":", "-.")
 
 NAME = 30
-"""Letters of a robot's name in a line: the map of the laws needs the room beside it."""
+"""Letters of a robot's name in a line: the map of the strategies needs the room beside it."""
 
 
 def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
@@ -271,7 +266,7 @@ def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
     def drawn(findings: Findings) -> Any:
         from matplotlib import rc_context
 
-        with rc_context(style()):
+        with rc_context(plots.style()):
             return draw(findings)
 
     return drawn
@@ -284,17 +279,19 @@ def _empty(height: float) -> Any:
     class Shown(Figure):
         def _repr_png_(self) -> bytes:
             stream = io.BytesIO()
-            legible(self).savefig(stream, format="png", facecolor="white")
+            plots.legible(self).savefig(stream, format="png", facecolor="white")
             return stream.getvalue()
 
-    return Shown(figsize=(PAGE, height), layout="constrained")
+    return Shown(figsize=(plots.PAGE, height), layout="constrained")
 
 
 def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
     """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
     drift = [findings.of_law(law).known("drift_last") for law in findings.laws]
     returns = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
-    colors = [GREY if color == YELLOW else color for color in law_colors(returns)]  # no line is yellow on white
+    colors = [
+        plots.GREY if color == plots.YELLOW else color for color in plots.law_colors(returns)
+    ]  # no line is yellow on white
     looks = {}
     for i, law in enumerate(findings.laws):
         before = returns[:i].count(returns[i])
@@ -303,18 +300,18 @@ def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
 
 
 def _title(axes: Any, text: str) -> None:
-    axes.set_title(text, loc="left", color=INK, fontsize=11)
+    axes.set_title(text, loc="left", color=plots.INK, fontsize=11)
 
 
 def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
-    """The laws beside the axes, in the order of the lines from above."""
+    """The strategies beside the axes, in the order of the lines from above."""
     lines = [line for _, line in sorted(handles, key=lambda pair: -pair[0])]
     figure.legend(handles=lines, fontsize=9, loc="outside right upper", frameon=False)
 
 
 @_styled
 def drift_figure(findings: Findings) -> Any:
-    """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
+    """Share of the cases of a strategy whose drift of their last cycle is below a value, over that value."""
     figure = _empty(4.4)
     axes = figure.add_subplot()
     looks, handles = _line_styles(findings), []
@@ -323,9 +320,9 @@ def drift_figure(findings: Findings) -> Any:
         if drift.size:
             share = np.arange(1, drift.size + 1) / drift.size
             ends = np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0)
-            (line,) = axes.step(*ends, where="post", label=on_figure(law), **looks[law])
+            (line,) = axes.step(*ends, where="post", label=plots.on_figure(law), **looks[law])
             handles.append((-float(np.median(drift)), line))
-    axes.axvline(RETURNS, color=GREY, linewidth=1.0, linestyle=(0, (1, 3)), zorder=0)
+    axes.axvline(RETURNS, color=plots.GREY, linewidth=1.0, linestyle=(0, (1, 3)), zorder=0)
     axes.set_xscale("log")
     axes.set_xlim(0.7 * LEAST, 4.0)
     axes.set_ylim(0, 1.02)
@@ -345,7 +342,7 @@ def survival_figure(findings: Findings) -> Any:
     for law in findings.laws:
         cycles, share, count = findings.of_law(law).survival()
         if count:
-            (line,) = axes.step(cycles, share, where="post", label=on_figure(law), **looks[law])
+            (line,) = axes.step(cycles, share, where="post", label=plots.on_figure(law), **looks[law])
             handles.append((float(share[-1]), line))
             lowest = min(lowest, float(share.min()))
     bottom = max(0.0, 1.0 - 1.15 * max(1.0 - lowest, 0.05))
@@ -368,7 +365,7 @@ def _percent(value: float, _place: Any) -> str:
 
 @_styled
 def coverage_figure(findings: Findings) -> Any:
-    """Of each robot and law the share of the loops asked that the law covers, as a map; best robots above.
+    """Of each robot and strategy the share of the loops asked that the strategy covers, as a map; best robots above.
 
     What was not asked is empty; where all cases are faults it says so.
     """
@@ -383,22 +380,22 @@ def coverage_figure(findings: Findings) -> Any:
     # The map.
     figure = _empty(2.2 + 0.29 * len(robots))
     axes = figure.add_subplot()
-    scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
-    colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
+    scale = [plots.VERMILLION, plots.YELLOW, "#FFFFFF", plots.SKY, plots.BLUE]
+    colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=plots.PALE)
     image = axes.imshow(np.ma.masked_invalid(share[order]), aspect="auto", vmin=0.0, vmax=1.0, cmap=colors)
     for row, robot in enumerate(order):
         for column in range(len(laws)):
             value = share[robot, column]
             if not np.isfinite(value) and (robots[robot], laws[column]) in faults:
-                axes.text(column, row, "faults", ha="center", va="center", fontsize=TYPE, color=INK)
+                axes.text(column, row, "faults", ha="center", va="center", fontsize=plots.TYPE, color=plots.INK)
             if np.isfinite(value):
-                ink = "white" if value > 0.9 or value < 0.1 else INK
-                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=TYPE, color=ink)
+                ink = "white" if value > 0.9 or value < 0.1 else plots.INK
+                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=plots.TYPE, color=ink)
     # The names, and the scale.
-    axes.set_xticks(range(len(laws)), [on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
+    axes.set_xticks(range(len(laws)), [plots.on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
     axes.xaxis.tick_top()
-    shown = [fill(on_figure(names[i]), NAME) for i in order]
-    axes.set_yticks(range(len(robots)), shown, fontsize=TYPE, linespacing=1.1)
+    shown = [fill(plots.on_figure(names[i]), NAME) for i in order]
+    axes.set_yticks(range(len(robots)), shown, fontsize=plots.TYPE, linespacing=1.1)
     axes.tick_params(length=0)
     axes.grid(visible=False)
     for spine in axes.spines.values():
@@ -412,7 +409,7 @@ def coverage_figure(findings: Findings) -> Any:
 
 @_styled
 def status_figure(findings: Findings) -> Any:
-    """How the cases of each law ended, as bars."""
+    """How the cases of each strategy ended, as bars."""
     laws = findings.laws
     figure = _empty(1.2 + 0.34 * len(laws))
     axes = figure.add_subplot()
@@ -422,7 +419,7 @@ def status_figure(findings: Findings) -> Any:
         if share.any():
             axes.barh(np.arange(len(laws)), share, left=left, color=color, label=status, edgecolor="white")
         left += share
-    axes.set_yticks(np.arange(len(laws)), [on_figure(law) for law in laws])
+    axes.set_yticks(np.arange(len(laws)), [plots.on_figure(law) for law in laws])
     axes.invert_yaxis()
     axes.set_xlim(0, 1)
     axes.xaxis.set_major_formatter(_percent)
@@ -445,7 +442,7 @@ def boxes_figure(findings: Findings) -> Any:
     )
     for ax, (metric, words) in zip(axes, panels, strict=True):
         values = [findings.of_law(law).known(metric) for law in laws]
-        look = {"patch_artist": True, "widths": 0.6, "medianprops": {"color": INK, "linewidth": 1.8}}
+        look = {"patch_artist": True, "widths": 0.6, "medianprops": {"color": plots.INK, "linewidth": 1.8}}
         shown = [v if v.size else [np.nan] for v in values]
         boxes = ax.boxplot(shown, orientation="horizontal", whis=(5, 95), showfliers=False, **look)
         for law, box in zip(laws, boxes["boxes"], strict=True):
@@ -457,7 +454,7 @@ def boxes_figure(findings: Findings) -> Any:
     axes[0].set_xlim(0.95, min(max(right, 1.1), 3.0))
     axes[1].set_xlim(left=min(0.0, axes[1].get_xlim()[0]))
     axes[1].xaxis.set_major_formatter(_percent)
-    axes[0].set_yticks(np.arange(1, len(laws) + 1), [on_figure(law) for law in laws])
+    axes[0].set_yticks(np.arange(1, len(laws) + 1), [plots.on_figure(law) for law in laws])
     axes[0].invert_yaxis()
     _title(axes[0], "What it costs, and how near to the limits")
     return figure
@@ -466,7 +463,7 @@ def boxes_figure(findings: Findings) -> Any:
 # --- `holokin survey report`: one self-contained page of a results file.
 
 KINDS = 40
-"""Laws with a reason to stop, of each of which a case is shown."""
+"""Strategies with a reason to stop, of each of which a case is shown."""
 
 
 _TERMS = (
@@ -526,7 +523,7 @@ def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, f
 
 
 def _faults(findings: Findings) -> str:
-    """How many cases of each law are faults, and how they count."""
+    """How many cases of each strategy are faults, and how they count."""
     many: Counter[str] = Counter()
     for (_, law), count in findings.faults().items():
         many[law] += count

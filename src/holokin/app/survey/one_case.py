@@ -1,4 +1,4 @@
-"""One case of a survey: a law goes round a loop, and what happened becomes a row."""
+"""One case of a survey: a strategy or control law follows a loop, and what happened becomes a row."""
 
 from __future__ import annotations
 
@@ -35,19 +35,9 @@ from ...symbolic.rotations import frame_about
 from ..job.job_parts import build_paths
 from ..job.strategy_tables import StrategyTable
 from ..job.tables import PathTable, RobotTable, TaskTable, robot_of_job
+from . import survey_file
 from .cases import Case, Cases, robot_table
-from .survey_file import (
-    OBJECT,
-    Given,
-    LoopTable,
-    built,
-    given,
-    given_path,
-    of_the_start,
-    own_metrics,
-    resolved,
-    when_replaced,
-)
+from .survey_file import given
 
 # --- Loops of a survey: what is left to chance is drawn, and each becomes a [path] table as of a job.
 
@@ -64,7 +54,7 @@ DIGITS = 12
 """Digits of what is drawn, so that a job file that repeats a case can be read."""
 
 
-def drawn(table: LoopTable, length: float, planar: bool, rng: np.random.Generator) -> dict[str, Any]:
+def drawn(table: survey_file.LoopTable, length: float, planar: bool, rng: np.random.Generator) -> dict[str, Any]:
     """A [path] table of a loop that begins at the tool.
 
     Args:
@@ -99,7 +89,7 @@ def _number(value: float | tuple[float, float] | None, rng: np.random.Generator)
     return float(rng.uniform(low, high))
 
 
-def _normal(table: LoopTable, planar: bool, rng: np.random.Generator) -> Vector:
+def _normal(table: survey_file.LoopTable, planar: bool, rng: np.random.Generator) -> Vector:
     towards = rng.normal(size=3)
     if planar:
         return np.array(PLANES["xy"])
@@ -151,7 +141,7 @@ def _shorts(values: Vector) -> list[float]:
 
 
 KEPT_LAWS = 64
-"""Laws whose functions a process keeps: some tens of megabytes."""
+"""Strategies whose functions a process keeps: some tens of megabytes."""
 
 LOST = 0.05
 """Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
@@ -186,7 +176,7 @@ METRICS = {
 
 
 Ready = tuple[Task, Vector, Strategy | ControlLaw]
-"""Task, start posture (n,) and law of a case."""
+"""Task, start posture (n,) and strategy of a case."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +200,7 @@ def fault(case: Case, reason: str, seconds: float = 0.0) -> Row:
 @lru_cache(maxsize=8)
 def _robot(table: str, folder: FilePath) -> Robot:
     content = robot_table(json.loads(table))
-    if str(content.get("name", "")).startswith(OBJECT):
+    if str(content.get("name", "")).startswith(survey_file.OBJECT):
         return given(content["name"])
     return robot_of_job(RobotTable.model_validate(content), folder / "survey.toml")
 
@@ -243,7 +233,7 @@ def _path_table(case: Case, folder: FilePath) -> dict[str, Any]:
     text = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
     rng = np.random.default_rng([case.loop["seed"], zlib.crc32(text.encode()), case.loop["index"]])
     length = longest_reach(arm)
-    table = LoopTable.model_validate(case.loop["table"])
+    table = survey_file.LoopTable.model_validate(case.loop["table"])
     keys = drawn(table, length if np.isfinite(length) else 1.0, arm.planar, rng)
     return keys | {"samples": case.rest["samples"], "cycles": case.rest["cycles"]}
 
@@ -260,7 +250,7 @@ def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
     if case.loop["table"]["kind"] == "given":
         raise ArgumentError("the loop", case.names["loop"], "a survey in Python was given it: go round it there")
     q0, robot = start_of(case, cases.folder), case.names["robot"]
-    law = resolved(cases.table.laws, case.law, task, q0)[case.law]
+    law = survey_file.resolved(cases.table.laws, case.law, task, q0)[case.law]
     strategies, head = {"moore-penrose": {"kind": "moore-penrose"}}, {"title": f"case {case.id}: {case.law} on {robot}"}
     if isinstance(law, StrategyTable):
         strategies, why = {case.law: law.model_dump(exclude_unset=True)}, ""
@@ -270,7 +260,7 @@ def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
             "round the same loop from the same start. "
         )
         by = f"In Python holokin.app.survey.repeat(RESULTS, {case.id!r}) runs the law itself."
-        why += "A survey in Python was given the law: run it there." if isinstance(law, Given) else by
+        why += "A survey in Python was given the law: run it there." if isinstance(law, survey_file.Given) else by
         head = {"title": f"not case {case.id}, but its loop with the pseudo-inverse, on {robot}", "about": why}
     job = head | {"robot": _anywhere(robot_table(case.robot), cases.folder), "task": case.task}
     job |= {"start": {"q": q0.tolist()}, "path": _path_table(case, cases.folder), "strategies": strategies}
@@ -313,7 +303,7 @@ def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
     metrics = _metrics(walk, task)
     status = CaseStatus[(walk.status if cause is None else cause).name]
     try:
-        own, problems = own_metrics(cases.table.metrics, walk, cases.folder)
+        own, problems = survey_file.own_metrics(cases.table.metrics, walk, cases.folder)
     except HolokinError as problem:
         own, problems = {}, [problem]
     if problems:  # a fault, so that --again does it again once the function is right
@@ -322,7 +312,7 @@ def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
 
 
 def prepare(case: Case, cases: Cases) -> Ready | None:
-    """What `run_case` takes: robot, task, law and native code are built, if later cases share them, and kept.
+    """What `run_case` takes: robot, task, strategy and native code are built, if later cases share them, and kept.
 
     None where it fails: `run_case` tells why.
     """
@@ -338,15 +328,20 @@ def _walk(case: Case, cases: Cases, ready: Ready | None = None) -> tuple[tuple[T
 
 
 def _set_up(case: Case, cases: Cases) -> Ready:
-    """Task, start posture and law of a case; task and law, with its native code, are kept."""
+    """Task, start posture and strategy of a case; task and strategy, with its native code, are kept."""
     q0 = start_of(case, cases.folder)
     of_task = json.dumps([case.robot, case.task], sort_keys=True)
     task = _task(of_task, cases.folder)
-    laws = resolved(cases.table.laws, case.law, task, q0)
-    key = [of_task, str(cases.folder), *map(repr, laws.items()), *(q0.tolist() if of_the_start(laws) else [])]
+    laws = survey_file.resolved(cases.table.laws, case.law, task, q0)
+    key = [
+        of_task,
+        str(cases.folder),
+        *map(repr, laws.items()),
+        *(q0.tolist() if survey_file.of_the_start(laws) else []),
+    ]
 
     def make() -> Strategy | ControlLaw:
-        law = built(laws, case.law, task, q0, cases.folder)
+        law = survey_file.built(laws, case.law, task, q0, cases.folder)
         if isinstance(law, Strategy):
             build_native(law)
         return law
@@ -373,7 +368,7 @@ _laws: dict[str, Strategy | ControlLaw] = {}
 
 
 def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | ControlLaw:
-    """A law, kept while it is among the last ones that were asked for."""
+    """A strategy, kept while it is among the last ones that were asked for."""
     known = _laws.pop(key, None)
     if known is None:
         known = make()
@@ -383,9 +378,9 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
     return known
 
 
-@when_replaced
+@survey_file.when_replaced
 def forget_built() -> None:
-    """Build anew what cases share: robots, tasks, laws and paths."""
+    """Build anew what cases share: robots, tasks, strategies and paths."""
     for known in (_robot, _starts, _task, _drawn_path):
         known.cache_clear()
     _laws.clear()
@@ -393,14 +388,14 @@ def forget_built() -> None:
 
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
     if case.loop["table"]["kind"] == "given":
-        return given_path(case.loop["table"]["key"], task.pose(q0))
+        return survey_file.given_path(case.loop["table"]["key"], task.pose(q0))
     table = json.dumps(_path_table(case, folder), sort_keys=True)
     return _drawn_path(task, tuple(q0.tolist()), table, folder)
 
 
 @lru_cache(maxsize=4)
 def _drawn_path(task: Task, start: tuple[float, ...], table: str, folder: FilePath) -> Path:
-    """A path, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
+    """A path, kept for all strategies of a loop: the length of a spline takes longer than a strategy to go round it."""
     path = PathTable.model_validate_json(table)
     return build_paths(path, task, np.array(start), folder / "survey.toml")  # type: ignore[return-value]
 

@@ -24,7 +24,7 @@ from ...path import Path
 from ...robot import Robot
 from ...strategies import Strategy
 from .cases import Cases
-from .engine import Batches, Cluster, Here, Pool, forget_cases, reached
+from .engine import Batches, Cluster, InProcess, Pool, forget_cases, reached
 from .one_case import Row
 from .store import COLUMNS, Store
 from .survey_file import Library, Own, SurveyTable, forks, imported, keep, sendable
@@ -32,14 +32,14 @@ from .survey_file import Library, Own, SurveyTable, forks, imported, keep, senda
 if TYPE_CHECKING:
     from .findings import Findings
 
-# --- What would be a fault of every case of a law is said before anything runs.
+# --- What would be a fault of every case of a strategy is said before anything runs.
 
 
-def check_laws(cases: Cases, *, here: bool = True) -> None:
-    """Check what laws import, and that libraries are asked for whole poses alone.
+def check_laws(cases: Cases, *, local: bool = True) -> None:
+    """Check what strategies import, and that libraries are asked for whole poses alone.
 
     Args:
-        here: libraries run on this machine, and not on the workers of a cluster.
+        local: libraries run on this machine, and not on the workers of a cluster.
 
     Raises:
         ArgumentError: a function that cannot be imported; a metric with the name of a column; a task that is no whole
@@ -49,7 +49,7 @@ def check_laws(cases: Cases, *, here: bool = True) -> None:
     for name, law in cases.table.laws.items():
         if name in asked and isinstance(law, Own):
             imported(law.function, cases.folder)
-        if name in asked and isinstance(law, Library) and here and find_spec(law.kind) is None:
+        if name in asked and isinstance(law, Library) and local and find_spec(law.kind) is None:
             raise MissingExtraError(LIBRARIES[law.kind].package, law.kind)
     for name, metric in cases.table.metrics.items():
         if name in COLUMNS:
@@ -74,8 +74,8 @@ class Progress:
 
     `done` of `total` cases have a row, `resumed` of them from a run before; `faults` of this run; `speed` is that of
     the last minute [cases/s], NaN in the first seconds; `again` cases were faults of a run before; `stale` rows are of
-    cases that are asked no more: there were more cases, or the file of a robot or of a law was another one. `fewer`
-    says why there are fewer cases than were asked for.
+    cases that are asked no more: there were more cases, or the file of a robot or of a strategy was another one.
+    `fewer` says why there are fewer cases than were asked for.
     """
 
     done: int
@@ -124,7 +124,7 @@ class _Clock:
         self._faults += sum(row.status == "fault" for row in rows)
         if rows:
             self._recent.append((now, self._done))
-        # Seconds over which the speed of a survey is told: robots and laws differ in what they cost.
+        # Seconds over which the speed of a survey is told: robots and strategies differ in what they cost.
         while len(self._recent) > 2 and self._recent[1][0] < now - 60.0:
             self._recent.popleft()
         then, before = self._recent[0] if rows else (now, self._done)
@@ -156,14 +156,14 @@ def run_survey(
 
     Raises:
         SurveyError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
-        of a law that no case could have.
+        of a strategy that no case could have.
     """
     # The cases, and what would be a fault of each of them.
     forget_cases()
     cases = Cases(table, folder.absolute())
     total = len(cases)
     keep(objects or {})
-    check_laws(cases, here=scheduler is None)
+    check_laws(cases, local=scheduler is None)
     with (  # the file last: what is wrong with the others leaves none
         _engine(table, cases.folder, workers, scheduler, objects or {}) as engine,
         Store.opened(out, table, cases.folder, resume=resume or again) as store,
@@ -190,14 +190,14 @@ def run_survey(
 @contextmanager
 def _engine(
     table: SurveyTable, folder: FilePath, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
-) -> Iterator[Here | Pool | Cluster]:
+) -> Iterator[InProcess | Pool | Cluster]:
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise ArgumentError("workers", workers, f"give 0 to {MOST_WORKERS}")
     if scheduler is not None:
         with reached(scheduler) as client:
             yield Cluster(table, folder, scheduler, client)
     elif workers == 0 or not (sendable(objects) or forks()):
-        yield Here(table, folder)
+        yield InProcess(table, folder)
     else:
         yield Pool(table, folder, workers or os.cpu_count() or 1, objects)
 
@@ -225,7 +225,7 @@ def survey(
     resume: bool = False,
     again: bool = False,
 ) -> Findings:
-    """Send every robot, with every law, round every loop; what fails is a row, too.
+    """Send every robot, with every strategy, round every loop; what fails is a row, too.
 
     Args:
         robots: names of the catalogue (also patterns, as "ur*"), files, or robots.
@@ -238,13 +238,14 @@ def survey(
         metrics: name -> a function of the trajectory (to where the case ended) that gives a number, or None; each has a
             column. What raises, or gives no finite number, makes its case a fault, and its reason says so.
         cycles, samples, limits, cases, seed, time_limit: as of a survey file.
-        workers: processes, by default one for each processor; 0 for this one, in which nothing ends a law that sleeps,
+        workers: processes, by default one for each processor; 0 for this one, in which nothing ends a strategy that
+        sleeps,
             or hangs in native code.
         out: a results file to keep. resume: go on with what it holds, where objects are told by their names alone:
             after a change of one take another file. again: the same, and do its faults again.
 
     Returns:
-        A row for each case: `.frame()` for pandas, `.table()` by law, `.columns`.
+        A row for each case: `.frame()` for pandas, `.table()` by strategy, `.columns`.
 
     Raises:
         JobError: a table that makes no sense. SurveyError, WriteError: of the file. UnknownNameError: of a robot.

@@ -1,4 +1,4 @@
-"""The survey file: its tables of robots, laws and metrics, and objects given in Python in their place."""
+"""The survey file: its tables of robots, strategies and metrics, and objects given in Python in their place."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _first(folder: FilePath) -> Iterator[None]:
         sys.path.remove(before)
 
 
-# --- Robots, laws and paths that a survey in Python is given as objects: its tables name them by keys.
+# --- Robots, strategies and paths that a survey in Python is given as objects: its tables name them by keys.
 
 OBJECT = "given:"
 """Before the name of a robot that is an object."""
@@ -332,7 +332,7 @@ else:
 
 
 def resolved(laws: Mapping[str, AnyStrategy], name: str, task: Task, q0: Vector) -> dict[str, AnyStrategy]:
-    """A law, and what it is of, with what a start posture chooses chosen: two starts may share what is built."""
+    """A strategy, and what it is of, with what a start posture chooses chosen: two starts may share what is built."""
     table = laws[name]
     chosen = resolved(laws, table.of, task, q0) if isinstance(table, ClosedLoop) else {}
     if isinstance(table, BestLock):
@@ -352,7 +352,7 @@ def of_the_start(laws: Mapping[str, AnyStrategy]) -> bool:
 def built(
     laws: Mapping[str, AnyStrategy], name: str, task: Task, q0: Vector, folder: FilePath
 ) -> Strategy | ControlLaw:
-    """The law of a name; modules are looked for in the survey file's folder first. Raises: HolokinError."""
+    """The strategy of a name; modules are looked for in the survey file's folder first. Raises: HolokinError."""
     table = laws[name]
     if isinstance(table, Own):
         return _as_law(imported(table.function, folder)(task, q0))
@@ -364,7 +364,7 @@ def built(
     return table.build(task, q0, name)
 
 
-# --- The form of a survey file, checked by pydantic: which robots, tasks, starts, loops and laws, and how many cases.
+# --- The form of a survey file, checked by pydantic: robots, tasks, starts, loops, strategies, and how many cases.
 
 MOST_CASES = 100_000_000
 """Cases of a survey: a thousand processor cores do as many in a day, at a tenth of a second each."""
@@ -497,7 +497,7 @@ class SurveyTable(Table):
 
 
 SURVEY_KINDS = by_kind(model for model in (*OF_A_JOB, *OWN_KINDS) if model is not Given)
-"""Every kind of law that a survey may hold, and its model."""
+"""Every kind of strategy that a survey may hold, and its model."""
 
 
 def _no_job(path: FilePath, table: dict[str, Any]) -> None:
