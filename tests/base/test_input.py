@@ -245,8 +245,7 @@ def test_a_new_job_may_end_in_capitals_and_says_what_its_expectations_are_of(hol
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [("poly.toml", "known: name, source, convention, base"), ("poly.txt", "give a model (.urdf")],
+    ("name", "words"), [("poly.toml", "known: name, source, convention, base"), ("poly.txt", "give a model (.urdf")]
 )
 def test_what_is_no_robot_is_told_what_is_wanted(holokin: Command, tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / name).write_text(SOUND["title"])

@@ -254,12 +254,7 @@ def test_a_step_limits_the_motion_from_a_posture_and_without_one_it_is_refused(t
 
 @pytest.mark.parametrize(
     "begin",
-    [
-        hk.ik,
-        hk.motion.ik.move_to_leaf,
-        lambda G, q: hk.radial(G, q),
-        lambda G, q: hk.controller(G, dt=0.001, q0=q),
-    ],
+    [hk.ik, hk.motion.ik.move_to_leaf, lambda G, q: hk.radial(G, q), lambda G, q: hk.controller(G, dt=0.001, q0=q)],
 )
 def test_a_start_in_degrees_is_refused_where_limits_are_not_looked_at(
     panda: hk.Robot, begin: Callable[[hk.Strategy, np.ndarray], object]
