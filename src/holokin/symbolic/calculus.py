@@ -142,7 +142,10 @@ class TaylorModel:
         for k in range(self.instructions):
             op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
             if op == ca.OP_OUTPUT:
-                lines.append(_output_code(f"y + {out[1]}", into[0], constant))
+                number = constant.get(into[0])
+                copy = f"*(y + {out[1]}) = w[{into[0]}]"
+                fixed = f"hk_model_constant(HK_C({number!r}), y + {out[1]})"
+                lines.append(f"  {copy if number is None else fixed};")
                 continue
             if op == ca.OP_CONST:
                 constant[out[0]] = made.instruction_constant(k)
@@ -182,12 +185,6 @@ def _operation(op: int, into: list[int], out: int, constant: Mapping[int, float]
     made = "".join(f"hk_model_constant(HK_C({constant[i]!r}), w + {i}), " for i in dict.fromkeys(given))
     places = [f"w + {i}" for i in into[: 2 if op in _BINARY else 1]]
     return made + (_BINARY if op in _BINARY else _UNARY)[op].format(*places, there)
-
-
-def _output_code(there: str, register: int, constant: Mapping[int, float]) -> str:
-    if register in constant:
-        return f"  hk_model_constant(HK_C({constant[register]!r}), {there});"
-    return f"  *({there}) = w[{register}];"
 
 
 # --- Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
@@ -230,11 +227,11 @@ def switches_of(formula: Formula) -> list[Switches]:
     """The switches of a formula's rows, as expressions of q."""
     switches_by_row = []
     for i, flag in enumerate(formula.angular):
-        one = switches(formula.expression[i], formula.variables, angle=flag)
-        if one.words:
-            gap, state = ca.substitute([one.gap, one.state], [formula.variables], [formula.at])
-            one = Switches(one.words, gap, state)
-        switches_by_row.append(one)
+        row = switches(formula.expression[i], formula.variables, angle=flag)
+        if row.words:
+            gap, state = ca.substitute([row.gap, row.state], [formula.variables], [formula.at])
+            row = Switches(row.words, gap, state)
+        switches_by_row.append(row)
     return switches_by_row
 
 
