@@ -29,6 +29,7 @@ from ...strategies.constraints import (
     stack,
     stationary,
 )
+from ...strategies.constraints.arm import TURNED
 from ...strategies.radial_strategy import least_motion
 from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import pose, position
@@ -212,9 +213,6 @@ def locked_joints(task: Task, q: Vector) -> list[int]:
 
 
 # --- The laws that fit a robot and its task: what `advise` compares.
-
-TURNED = 1e-3
-"""Angle [rad] from which two axes are not parallel."""
 
 TRANSVERSAL = 0.03
 """Least singular value of A N, rows of A and basis N orthonormal, from which a law is tried: below it the tool must

@@ -35,7 +35,7 @@ from ...strategies.right_inverses import monomials, monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ...symbolic.linear import null_space
-from ..coverage.pose_postures import Coordinates, chart_of, coordinates_of
+from ..coverage.pose_postures import STEP, Coordinates, chart_of, coordinates_of
 from ..curvature import Ball, Deviation, Region
 from ..curvature.leaf_functions import distance_to_repeatable
 from .objectives import Objective, length_of
@@ -233,9 +233,6 @@ WHOLE = 0.9
 
 JUDGED = 1024
 """Postures, besides those of the search, that a law is judged at: figures are right to about a per cent."""
-
-STEP = 0.2
-"""Arc length of a step along a self-motion [joint units]: two Newton corrections bring it to round-off."""
 
 REPEATABLE = 1e-4
 """rms distance from its own radial strategy up to which a law counts as repeatable. Steps of radial leave 5e-6 of a law

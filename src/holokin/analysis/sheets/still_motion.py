@@ -18,9 +18,7 @@ from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
 from ...strategies.radial_strategy import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
 from ...strategies.tasks.task import Task
-
-STEP = 0.1
-"""Arc length [joint units] between the postures of a self-motion that is traced."""
+from ..curvature.obstructions import CORRECTIONS, STEP
 
 LENGTH = 8 * np.pi
 """Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long."""
@@ -39,9 +37,6 @@ FINER = 6
 
 LEAST = 8
 """Steps of a motion at least."""
-
-CORRECTIONS = 4
-"""Newton corrections of a posture that is 1e-3 off: at round-off after three."""
 
 NEARER = 5
 """Steps to the place of a self-motion that is nearest to a posture; they converge as its bend times the distance."""

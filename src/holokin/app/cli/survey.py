@@ -13,14 +13,13 @@ from typer.core import TyperGroup
 from ...base.errors import ArgumentError
 from ...base.files import writing
 from ...base.progress import progress
+from .certify import MINUTE
 from .outcome import show, show_rich
 
 if TYPE_CHECKING:
     from ..survey import Progress
 
 RUN = "run"
-MINUTE = 60.0
-"""Seconds between two lines of progress where there is no terminal, as in the log of a cluster."""
 
 
 class _RunsFiles(TyperGroup):

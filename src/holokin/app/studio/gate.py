@@ -26,6 +26,7 @@ from msgspec import Meta, Struct
 from websockets.http11 import Request, Response
 
 from ...base.errors import MissingExtraError
+from ...base.poses import UNIT
 from .door import PAGE, TOKEN, Door, inner, policy
 from .page_scene import silent_viser
 
@@ -54,9 +55,6 @@ controls have none unless they are given, and no robot of the page is larger."""
 
 AWAY = 1e6
 """Largest coordinate of a camera [m], which zooms out far beyond what it sees."""
-
-UNIT = 1e-3
-"""How far the length of a quaternion may be from 1: a browser's 32 bits leave 1e-6."""
 
 _Name = Annotated[str, Meta(max_length=LONGEST)]
 _Near = Annotated[float, Meta(ge=-FAR, le=FAR)]

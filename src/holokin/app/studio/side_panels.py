@@ -15,6 +15,7 @@ import numpy as np
 
 from ...analysis.coverage.starts import task_of_kind
 from ...analysis.design import advise
+from ...analysis.sheets.still_motion import SAME
 from ...base.errors import ArgumentError, HolokinError, JobError
 from ...base.units import SI, PrintedUnits
 from ...export import LANGUAGES
@@ -48,10 +49,6 @@ from .work import SheetFollower, SheetState
 
 SHOWN = 3.0
 """Seconds in which two paths are shown."""
-
-SAME = 1e-6
-"""Joint difference [rad or m] below which two postures are one: round-off is far below it."""
-
 
 _CENTER = "Of the circle, or where the eight crosses itself: x, y, z in the frame of the robot's base"
 _RADIUS = "Of the circle; an eight is twice as wide"
