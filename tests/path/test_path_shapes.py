@@ -292,9 +292,7 @@ def test_joined_paths_must_meet_in_one_orientation() -> None:
     ("call", "error", "words"),
     [
         (lambda: hk.spline([[0, 0]]), ArgumentError, "at least two"),
-        (lambda: hk.spline([[0, 0], [1, np.nan]]), NotFiniteError, "NaN"),
         (lambda: hk.spline([[0, 0], [1, 0]], times=[0, 0]), ArgumentError, "after the one before"),
-        (lambda: hk.spline([[0, 0], [1, 0]], times=[0, 1, 2]), ShapeError, "one for each waypoint"),
         (lambda: hk.spline([[0, 0], [1, 0], [1, 1]], times=[0, 1, 2], closed=True), ArgumentError, "point again"),
         (lambda: hk.spline(2 * np.tile(np.eye(4), (3, 1, 1))), ArgumentError, "0, 0, 0, 1"),
         (lambda: hk.path.path_of(lambda t: [t, 0, 0]), ArgumentError, "start and the end"),
@@ -303,8 +301,6 @@ def test_joined_paths_must_meet_in_one_orientation() -> None:
         (lambda: hk.path.figure_eight([0, 0], 0.1, along=[0, 0, 1]), ArgumentError, "not the normal's"),
         (lambda: hk.path.blended(hk.polyline(SQUARE), 0), ArgumentError, "in metres"),
         (lambda: hk.polyline(poses(), turns=TURNS[:4]), ArgumentError, "the poses say"),
-        (lambda: hk.path.passes(hk.polyline(SQUARE), 0), ArgumentError, "whole number"),
-        (lambda: hk.path.raster([0, 0], [1, 0, 0], [0, 1, 0], 0.5, surface=lambda u, v: np.nan), NotFiniteError, "NaN"),
     ],
 )  # fmt: skip
 def test_a_bad_shape_is_refused_with_a_cure(call, error: type[Exception], words: str) -> None:
@@ -393,25 +389,16 @@ def test_a_flat_box_and_a_disc_are_workspaces_of_a_planar_arm() -> None:
     ("kind", "given", "cure"),
     [
         (ArgumentError, {}, "give one of box=, cylinder= and sphere="),
-        (ArgumentError, {"box": ([0, 0, 0], [1, 1, 1]), "sphere": ([0, 0, 0], 1)}, "give one of"),
         (ArgumentError, {"box": ([0, 0, 0], [1, -1, 1])}, "not two corners"),
         (ArgumentError, {"box": ([0, 0, 0], [0, 0, 0])}, "not all zero"),
         (ShapeError, {"box": ([0, 0, 0], 0.5)}, "half sides"),
         (NotFiniteError, {"box": ([0, np.nan, 0], [1, 1, 1])}, "a point"),
-        (NotFiniteError, {"box": ([0, 0, 0], [1, np.nan, 1])}, "a point"),
         (ArgumentError, {"sphere": ([0, 0, 0], 0)}, "positive radius"),
-        (ArgumentError, {"sphere": ([0, 0, 0], np.nan)}, "positive radius"),
-        (ArgumentError, {"cylinder": ([0, 0, 0], -1, 1)}, "positive radius"),
         (ArgumentError, {"cylinder": ([0, 0, 0], 1, -1)}, "not negative"),
         (ArgumentError, {"cylinder": ([0, 0, 0], 1)}, r"the radius, half the height \[m\], as in cylinder=\(\["),
         (ArgumentError, {"box": [0.5, 0, 0.3, 0.1, 0.1, 0.1]}, r"the half sides \(3,\) \[m\], as in box=\(\["),
-        (ArgumentError, {"box": 0.5}, "give a list or None"),
         (ArgumentError, {"sphere": ([0, 0, 0], 1), "tilt": 40}, "angles are in rad"),
-        (ArgumentError, {"sphere": ([0, 0, 0], 1), "tilt": -0.1}, "not negative"),
-        (ArgumentError, {"sphere": ([0, 0, 0], 1), "tilt": np.nan}, "finite"),
-        (ArgumentError, {"sphere": ([0, 0, 0], 1), "spin": 4.0}, "angles are in rad"),
         (ArgumentError, {"sphere": ([0, 0, 0], 1), "rotation": np.diag([1.0, 1, -1])}, "a reflection"),
-        (ArgumentError, {"sphere": ([0, 0, 0], 1), "rotation": 2 * np.eye(3)}, "3 away from 1"),
     ],
 )
 def test_a_workspace_that_is_none_is_refused_with_the_cure(kind: type[Exception], given: dict, cure: str) -> None:
