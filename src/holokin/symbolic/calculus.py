@@ -310,11 +310,13 @@ def transport(
             gives besides.
         center: the posture (n,) over which the label is 0.
     """
+    # The maps, each of symbols of its own.
     q, y, f, w = (ca.SX.sym(name, len(center)) for name in "qyfw")
-    first, least = ca.SX.sym("first"), ca.SX.sym("least")
+    rcond_start, rcond_least = ca.SX.sym("first"), ca.SX.sym("least")
     began = begin(q)
     v = ca.SX.sym("v", *began.shape)
-    (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
+    (moved, rcond), (by_y, by_v) = rate(y, v), slope(y, v, w)
+    label, margin, factor = end(q, y, f, rcond_start, rcond_least)
     slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
     b, c, gaps, kept_share = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
 
@@ -322,6 +324,7 @@ def transport(
         """The slopes w by y and those by v as slopes by q: v moves with it."""
         return w + gradient(by_v.T @ began, q).T
 
+    # The pieces of the loop: what one stage needs of another stands in it as a symbol.
     n = len(center)
     expressions, left, values = _staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
@@ -329,7 +332,7 @@ def transport(
         rate=_function("rate", [y, v], expressions[:n], expressions[n], values),
         pull=_function("pull", [left, w], expressions[n + 1 : 2 * n + 1], expressions[2 * n + 1 :]),
         miss=_function("miss", [y], miss(y)),
-        end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
+        end=_function("end", [q, y, f, rcond_start, rcond_least], label, margin, slopes, factor),
         back=_function(
             "back",
             [q, y, v, w, b, c, gaps, kept_share],

@@ -27,6 +27,7 @@ from .native.kernel import (
     Evaluator,
     FollowKernel,
     InverseKernel,
+    Method,
     follow_code,
     weak,
 )
@@ -272,7 +273,7 @@ class Function:
         return Port(self.program, *self._shapes)
 
     def follower(
-        self, method: str, more: Callable[[], str] = str, *, load: bool = True, build: bool = True
+        self, method: Method, more: Callable[[], str] = str, *, load: bool = True, build: bool = True
     ) -> FollowKernel | None:
         """The loop of following a path by this function, see `FollowKernel`; None where there can be none.
 
@@ -286,7 +287,7 @@ class Function:
             method, fits, lambda: FollowKernel(self.program, *self._shapes, method, more(), build), build
         )
 
-    def follower_c(self, method: str, more: str = "") -> str:
+    def follower_c(self, method: Method, more: str = "") -> str:
         """The C of that loop, for compilers other than the one here. Raises: NativeError, see `c`."""
         return follow_code(self.program, *self._shapes, method, more)
 

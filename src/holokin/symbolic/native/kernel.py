@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -99,7 +99,11 @@ def _do_all(part: Callable[[int], None], count: int, workers: int) -> None:
         list(pool.map(part, range(count)))
 
 
-def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "") -> str:
+Method = Literal["leaf", "velocity"]
+"""How a path is followed: by Newton steps on a leaf, or by Runge-Kutta steps of rates."""
+
+
+def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: Method, more: str = "") -> str:
     """The C of hk_follow, see `FollowKernel`."""
     state = sum(int(np.prod(shape)) for shape in inputs)
     head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {inputs[1][0] // 3}\n#define HK_STATE {state}\n"
@@ -118,7 +122,7 @@ class FollowKernel:
     """
 
     def __init__(
-        self, made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "", build: bool = True
+        self, made: Program, inputs: Shapes, outputs: Shapes, method: Method, more: str = "", build: bool = True
     ) -> None:
         code = follow_code(made, inputs, outputs, method, more)
         self._library = library(code, long=made.instructions > LONG, needs=("hk_follow",), build=build)
@@ -429,7 +433,7 @@ def bound_call(
 ) -> Callable[..., Any] | None:
     """A callable around a C function (in, out, context) -> 1 or 0, as `hk_sample`; None without Python's headers.
 
-    `other` is called where an argument does not fit, or it gives 0. `kept` is what the function belongs to.
+    `other` is called where an argument does not fit, or it gives 0. `alive` is what the function belongs to.
     """
     try:
         module = _module()
