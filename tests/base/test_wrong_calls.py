@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import json
+import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +15,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -21,6 +25,8 @@ from benchmarks.fuzz import calls, harness
 
 import holokin as hk
 from conftest import PANDA_START, sampled
+from holokin import export, motion
+from holokin import robot as robots
 from holokin.base.arguments import MAKERS
 from holokin.base.errors import ArgumentError, CallError, HolokinError, NoAttributeError
 from holokin.base.errors.holokin_error import FORMS
@@ -294,3 +300,129 @@ def test_a_call_that_takes_too_long_is_stopped_whatever_it_catches_and_ctrl_c_is
     assert signal.getsignal(signal.SIGINT) is before
     with pytest.raises(KeyboardInterrupt), harness.limited(5.0):
         signal.raise_signal(signal.SIGINT)
+
+
+# --- Words that are misspelt: each call below is an error of types, and an error that names the words when it is run.
+
+
+ROBOT = hk.load("planar-3r")
+TASK = hk.position(ROBOT)
+Q0 = np.array([0.3, 0.6, 0.5])
+START = ROBOT.pose(Q0)[:3, 3]
+LINE = hk.line(START, START - [0.05, 0.0, 0.0])
+LAW = hk.holonomic(TASK, hk.lock(2))
+SPACE = hk.workspace(box=(START[:2], [0.1, 0.1]))
+
+
+def walk() -> hk.Trajectory:
+    return hk.follow(LAW, LINE, Q0, samples=20)
+
+
+def timed() -> motion.TimedTrajectory:
+    return hk.retime(walk(), acceleration=4.0)
+
+
+TYPOS: dict[str, Callable[[], object]] = {
+    "orientation of a pose": lambda: hk.pose(ROBOT, orientation="twits"),  # pyright: ignore[reportArgumentType]
+    "orientation of a coupling": lambda: hk.coupled(1.0, "zxz"),  # pyright: ignore[reportArgumentType]
+    "convention": lambda: hk.from_dh([{"a": 1.0}], convention="modifed"),  # pyright: ignore[reportArgumentType]
+    "kind of a row": lambda: hk.from_dh([robots.DHRow(a=1.0, kind="hinge")]),  # pyright: ignore[reportArgumentType]
+    "definition": lambda: hk.arm_angle(definition="usual"),  # pyright: ignore[reportArgumentType]
+    "method of follow": lambda: hk.follow(LAW, LINE, Q0, method="leave"),  # pyright: ignore
+    "method of two paths": lambda: hk.motion.path_spread(LAW, LINE, LINE, Q0, method="leafs"),  # pyright: ignore[reportArgumentType]
+    "method of curvature": lambda: hk.curvature(LAW, Q0, method="hesian"),  # pyright: ignore[reportArgumentType]
+    "objective": lambda: hk.design(TASK, SPACE, Q0, objective="worst_sped"),  # pyright: ignore[reportArgumentType]
+    "profile": lambda: hk.retime(walk(), profile="trapezoid"),  # pyright: ignore[reportArgumentType]
+    "by of excess": lambda: timed().excess("differences"),  # pyright: ignore[reportArgumentType]
+    "by of approach": lambda: hk.motion.approach(LAW, LINE, Q0, by="hand"),  # pyright: ignore[reportArgumentType]
+    "format": lambda: export.to_ros(timed(), format="yml"),  # pyright: ignore[reportArgumentType]
+    "servo": lambda: robots.servo(ROBOT, "torques", Q0),  # pyright: ignore[reportArgumentType]
+}
+
+
+@pytest.mark.parametrize("name", TYPOS)
+def test_a_word_that_is_misspelt_is_refused_when_it_is_run(name: str) -> None:
+    """In words, which name what was given."""
+    with pytest.raises(hk.HolokinError, match=r"twits|zxz|modifed|hinge|usual|leave|leafs|hesian|sped|"
+                       "trapezoid|differences|hand|yml|torques"):  # fmt: skip
+        TYPOS[name]()
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(find_spec("pyright") is None, reason="no pyright here")
+def test_a_word_that_is_misspelt_is_an_error_of_types(tmp_path: Path) -> None:
+    """Each of them, and nothing else in this file: as an editor shows it, without the comments that expect it."""
+    text = Path(__file__).read_text("utf-8")
+    lines = text.partition("@pytest")[0].splitlines()
+    (tmp_path / "typos.py").write_text("\n".join(line.partition("  # pyright")[0] for line in lines), "utf-8")
+    command = [sys.executable, "-m", "pyright", "--outputjson", "--pythonpath", sys.executable, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    errors = [e for e in json.loads(done.stdout)["generalDiagnostics"] if e["severity"] == "error"]
+    places = {e["range"]["start"]["line"] for e in errors}
+    expected = {i for i, line in enumerate(lines) if line.lstrip().startswith('"') and "lambda:" in line}
+    assert places == expected
+
+
+# --- The version stands in one place; a checkout says its commit, too.
+
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = Path(hk.__file__).parent
+
+
+def test_the_version_is_written_in_one_place() -> None:
+    wanted = re.compile(rf"(?<![\d.]){re.escape(hk.__version__)}(?![\d.])")
+    files = [ROOT / "pyproject.toml", ROOT / "mkdocs.yml", *PACKAGE.rglob("*.py")]
+    assert [str(f) for f in files if wanted.search(f.read_text("utf-8"))] == [str(PACKAGE / "version.py")]
+
+
+def test_the_citation_is_of_this_version() -> None:
+    text = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert re.findall(r'^version: "(.+)"$', text, re.MULTILINE) == [hk.__version__]
+
+
+def _checkout(folder: Path) -> Path:
+    """A repository with the package's version file as this one has it, and a commit."""
+    for name in ("src/holokin/version.py", "pyproject.toml"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text((ROOT / name).read_text("utf-8"), "utf-8")
+    for words in (["init", "-q"], ["add", "-A"], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "one"]):
+        subprocess.run(["git", "-C", str(folder), *words], check=True, capture_output=True)
+    return folder / "src" / "holokin" / "version.py"
+
+
+def _said(version: Path, **environment: str) -> str:
+    code = f"import runpy; print(runpy.run_path({str(version)!r})['build']())"
+    asked = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ | environment
+    )
+    return asked.stdout.strip()
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="there is no git")
+def test_a_checkout_says_its_commit_and_an_environment_in_a_strangers_repository_does_not(tmp_path: Path) -> None:
+    version = _checkout(tmp_path / "own")
+    commit = subprocess.run(
+        ["git", "-C", str(tmp_path / "own"), "rev-parse", "--short=12", "HEAD"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
+    assert _said(version) == f"{hk.__version__} (commit {commit})"
+    (tmp_path / "own" / "pyproject.toml").write_text("# changed", "utf-8")
+    assert _said(version) == f"{hk.__version__} (commit {commit}+changes)"
+    assert _said(version, PATH=str(tmp_path)) == hk.__version__, "without git"
+    _checkout(tmp_path / "theirs")
+    inside = tmp_path / "theirs" / "venv" / "lib" / "site-packages" / "holokin" / "version.py"
+    inside.parent.mkdir(parents=True)
+    inside.write_text((PACKAGE / "version.py").read_text("utf-8"), "utf-8")
+    assert _said(inside) == hk.__version__
+
+
+def test_the_changelog_begins_with_this_version_and_only_known_sections() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    versions = re.findall(r"^## \[(.+?)\] - (\S+)$", text, re.MULTILINE)
+    assert versions[0][0] == hk.__version__
+    assert re.fullmatch(r"unreleased|\d{4}-\d\d-\d\d", versions[0][1])
+    kinds = set(re.findall(r"^### (.+)$", text, re.MULTILINE))
+    assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}

@@ -15,7 +15,7 @@ import holokin as hk
 from holokin.app.job.job_parts import build_path
 from holokin.app.job.tables import PathTable
 from holokin.app.studio import polygon_loop
-from holokin.base.errors import ArgumentError, HolokinError, NotFiniteError, OpenPathError, ShapeError
+from holokin.base.errors import ArgumentError, HolokinError, OpenPathError, ShapeError
 from holokin.path.editing import AnyPath
 from holokin.path.path import straight
 
@@ -157,13 +157,10 @@ def test_turning_on_the_spot_takes_its_time() -> None:
     [
         (lambda: hk.polyline([[0, 0, 0]]), ArgumentError),
         (lambda: hk.polyline([[0, 0, 0], [0, 0, 0]]), ArgumentError),
-        (lambda: hk.polyline([[0, 0, 0], [0, np.nan, 0]]), NotFiniteError),
         (lambda: hk.polyline([[0, 0, 0, 0], [0, 1, 0, 0]]), ShapeError),
         (lambda: hk.polyline(POINTS, turns=[[0, 0, 0]]), ShapeError),
-        (lambda: hk.line([0, 0], [1, 1], speed=-1), ArgumentError),
         (lambda: hk.path.arc([0.1, 0], [0.1, 0], 1.0), ArgumentError),
         (lambda: hk.path.arc([0.1, 0], [0, 0], 1.0, normal=[1, 0, 0]), ArgumentError),
-        (lambda: hk.path.arc([0.1, 0], [0, 0], np.inf), ArgumentError),
         (lambda: paths()["line"].part(0.5, 0.2), ArgumentError),
         (lambda: paths()["line"].steps(0), ArgumentError),
         (lambda: hk.path.join(), ArgumentError),

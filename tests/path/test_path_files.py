@@ -39,10 +39,7 @@ def forms() -> dict[str, tuple[str, list[np.ndarray], dict[str, str]]]:
 def test_the_angles_of_kuka_turn_about_z_then_the_new_y_then_the_new_x(tmp_path: Path, seed: int) -> None:
     abc = np.random.default_rng(seed).uniform([-180, -90, -180], [180, 90, 180], (3, 3))
     Rz, Ry, Rx = (Rotation.from_euler(axis, abc[:, [i]], degrees=True).as_matrix() for i, axis in enumerate("zyx"))
-    for header, said in (
-        ("X_mm,Y_mm,Z_mm,A_deg,B_deg,C_deg", {}),
-        ("x,y,z,a,b,c", {"units": "mm", "angles": "deg"}),
-    ):
+    for header, said in (("X_mm,Y_mm,Z_mm,A_deg,B_deg,C_deg", {}), ("x,y,z,a,b,c", {"units": "mm", "angles": "deg"})):
         read = hk.path.read_waypoints(table(tmp_path / "w.csv", header, ROWS, abc), **said)  # type: ignore[arg-type]
         assert read.rotations is not None
         assert np.abs(read.rotations - Rz @ Ry @ Rx).max() < 1e-14

@@ -59,8 +59,7 @@ def test_file_text_and_live_model_are_one_robot(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "tip"),
-    [("panda.urdf", "panda_hand_tcp"), ("xarm7.urdf", "link_eef"), ("tiago.urdf", "arm_7_link")],
+    ("file", "tip"), [("panda.urdf", "panda_hand_tcp"), ("xarm7.urdf", "link_eef"), ("tiago.urdf", "arm_7_link")]
 )
 def test_a_urdf_read_by_mujoco_is_the_urdf_read_here(file: str, tip: str) -> None:
     from holokin.robot.formats.urdf import essentials

@@ -391,10 +391,7 @@ def test_pinocchio_and_mujoco_find_the_source_s_mass_matrix_and_gravity_torque(t
     for q in (PANDA_START, np.zeros(7), -PANDA_START):
         M, g = pin.crba(source, source.createData(), q), pin.computeGeneralizedGravity(source, source.createData(), q)
         M = np.triu(M) + np.triu(M, 1).T
-        N, h = (
-            pin.crba(written, extra, q),
-            pin.computeGeneralizedGravity(written, extra, q),
-        )
+        N, h = (pin.crba(written, extra, q), pin.computeGeneralizedGravity(written, extra, q))
         assert np.abs(np.triu(N) - np.triu(M)).max() < 1e-12
         assert np.abs(h - g).max() < 1e-11
         data.qpos[:], data.qvel[:] = q, 0

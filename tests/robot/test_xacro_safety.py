@@ -161,10 +161,7 @@ BOMBS = {
     "long text": (robot(z="${'a' * 10**12}"), "a text of"),
     "long range": (robot(z="${sum(range(10**15))}".replace("sum", "python.sum")), "range of more than"),
     "wide format": (robot(z="${'%99999999999d' % 1}"), "a text of 1e"),
-    "macro in itself": (
-        robot('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'),
-        "contains itself",
-    ),
+    "macro in itself": (robot('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'), "contains itself"),
     "file in itself": (robot('<xacro:include filename="robot5.xacro"/>'), "contains itself"),
     "deep expression": (robot(z=f"${{{'-' * 5000}1}}"), "nested too deep"),
     "precise format": (robot(z="${'%.*f' % (10**9, 1.5)}"), "a text of 1e"),

@@ -43,12 +43,14 @@ def typed(function: F) -> F:
     @wraps(function)
     def called(*arguments: Any, **named: Any) -> Any:
         nonlocal prepared
-        if prepared is None:  # when first called: modules are complete then
+        # The kinds that the signature names, found when first called: modules are complete then.
+        if prepared is None:
             prepared = prepare()
         wanted, tests, in_order = prepared
+        # Each argument is of its kind, or the error names another one that takes it.
         for value, (name, test) in zip(arguments, in_order, strict=False):
             if test is not None and not test(value):
-                others = [one for one, takes in tests.items() if isinstance(value, Shown) and takes(value)]
+                others = [other for other, takes in tests.items() if isinstance(value, Shown) and takes(value)]
                 check(name, wanted[name], value, f"; {others[0]}= takes it" if others else "")
         if rest in tests:
             for value in arguments[len(names) :]:
@@ -56,6 +58,7 @@ def typed(function: F) -> F:
         for name, value in named.items():
             if name in tests and not tests[name](value):
                 check(name, wanted[name], value)
+        # The call itself; a TypeError of how it was called says how to call it.
         try:
             return function(*arguments, **named)
         except TypeError as problem:
@@ -84,14 +87,14 @@ def _form(function: Callable[..., Any], kinds: Mapping[str, Any], named: Mapping
     marks, parts = {Parameter.VAR_POSITIONAL: "*", Parameter.VAR_KEYWORD: "**"}, []
     known = signature(function).parameters
     given = {SYNONYMS.get(name, name): value for name, value in named.items() if name not in known}
-    for name, one in known.items():
-        value = "..." if one.kind is Parameter.KEYWORD_ONLY else ""
-        if one.default is not Parameter.empty:
-            value = "..." if callable(one.default) else brief(repr(one.default), 40)
+    for name, parameter in known.items():
+        value = "..." if parameter.kind is Parameter.KEYWORD_ONLY else ""
+        if parameter.default is not Parameter.empty:
+            value = "..." if callable(parameter.default) else brief(repr(parameter.default), 40)
         kind = kinds.get(name)
         value = next((form for noun in (kind, *get_args(kind)) if (form := _noun(noun, given))), value)
         if name != "self":
-            parts.append(f"{marks.get(one.kind, '')}{name}{'=' * bool(value)}{value}")
+            parts.append(f"{marks.get(parameter.kind, '')}{name}{'=' * bool(value)}{value}")
     return f"{function.__qualname__.removesuffix('.__init__')}({', '.join(parts)})"
 
 
@@ -104,12 +107,12 @@ def _noun(kind: Any, given: Mapping[str, Any]) -> str:
 
 def _made_as(function: Callable[..., Any], missing: Mapping[str, Any]) -> str:
     """What makes the arguments that a call lacks and must have, as far as that is known."""
-    said = ""
+    words = ""
     for name, kind in missing.items():
         makers = [MAKERS[k.__name__] for k in (kind, *get_args(kind)) if getattr(k, "__name__", "") in MAKERS]
         if makers and signature(function).parameters[name].default is Parameter.empty:
-            said += f", {name} as {' or '.join(makers)} makes it"
-    return said
+            words += f", {name} as {' or '.join(makers)} makes it"
+    return words
 
 
 def type_methods(kind: type) -> None:
@@ -148,7 +151,7 @@ def _advice(test: Test, kind: Any, value: Any) -> str:
     if isinstance(value, str | Path) and "\0" in str(value):
         return " without a NUL character"
     made_of = getattr(value, "__annotations__", {}).get("return") if isfunction(value) else None
-    if made_of and made_of in [getattr(one, "__name__", None) for one in (kind, *get_args(kind))]:
+    if made_of and made_of in [getattr(k, "__name__", None) for k in (kind, *get_args(kind))]:
         return f": call the function, {value.__name__}(...)"  # type: ignore[union-attr]
     for name in ("robot", "task", "strategy"):
         if (part := getattr(value, name, None)) is not None and test(part):
@@ -200,8 +203,8 @@ def _any_of(kinds: tuple[Any, ...]) -> Test | None:
     def test(value: Any) -> bool:
         if len(known) < len(tests) and not callable(value):  # an array, at which others look
             return True
-        for one in known:  # noqa: SIM110  a generator costs as much as the tests
-            if one(value):
+        for fits in known:  # noqa: SIM110  a generator costs as much as the tests
+            if fits(value):
                 return True
         return False
 
@@ -257,6 +260,9 @@ def _writable(value: Any) -> bool:
     return abs(value) < 10**300
 
 
+_WORDS = {NoneType: "None", bool: "True or False", int: "a whole number", float: "a number", str: "text"}
+
+
 def _words(kind: Any) -> str:
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
@@ -264,30 +270,17 @@ def _words(kind: Any) -> str:
     if origin in (tuple, _SEQUENCE):
         if inner[:1] in ((), (Any,)) and inner[1:] in ((), (Ellipsis,)):
             return "a list"
-        several = (
-            f"of {_words(next(iter(inner), Any))} each"
-            if len(inner) < 2 or inner[-1] is Ellipsis
-            else f"of {len(inner)}"
-        )
-        return f"a list {several}"
+        alike = len(inner) < 2 or inner[-1] is Ellipsis
+        return f"a list of {_words(next(iter(inner), Any))} each" if alike else f"a list of {len(inner)}"
     if origin is Literal:
         return " or ".join(map(repr, inner))
     if origin is np.ndarray:
         return "an array"
-    plain = {
-        None: "None",
-        NoneType: "None",
-        bool: "True or False",
-        int: "a whole number",
-        float: "a number",
-        str: "text",
-    }
-    if kind in plain:
-        return plain[kind]
+    if kind is None or kind in _WORDS:
+        return _WORDS[kind or NoneType]
     if kind is Callable or origin is _CALLABLE:
         count = len(inner[0]) if inner and isinstance(inner[0], list) else None
-        several = "" if count is None else " of one argument" if count == 1 else f" of {count} arguments"
-        return f"a function{several}"
+        return "a function" + {None: "", 1: " of one argument"}.get(count, f" of {count} arguments")
     if origin is _MAPPING:
         return "a mapping of names"
     name = getattr(kind, "__name__", str(kind))
@@ -398,6 +391,6 @@ class AxisCounts(Value):
         return (sign * joints + offset) / scale
 
     def _numbers(self, names: Sequence[str], turn: Vector) -> tuple[Vector, Vector, Vector]:
-        scale = np.array([self.scales.get(name, one) for name, one in zip(names, turn, strict=True)])
+        scale = np.array([self.scales.get(name, rad) for name, rad in zip(names, turn, strict=True)])
         sign, offset = ([of.get(name, none) for name in names] for of, none in ((self.signs, 1), (self.offsets, 0.0)))
         return scale, np.array(sign, dtype=float), np.array(offset, dtype=float)

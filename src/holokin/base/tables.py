@@ -182,11 +182,11 @@ def _pieces(
         reader = csv.reader(piece if plain else chain(piece, lines), delimiter=delimiter)
         rows = ((done + reader.line_num, row) for row in reader if _holds_values(row, len(header), wanted))
         while some := list(islice(rows, PIECE)):
-            kept, numbers = _row_numbers(file, header, wanted, some, bad)
-            if kept:
-                texts = [row[wanted[0]].strip() for _, row in kept]
-                words = _labels([row for _, row in kept], labels) if labels else []
-                yield Rows(np.array(numbers), texts, [line for line, _ in kept], words)
+            sound_rows, numbers = _row_numbers(file, header, wanted, some, bad)
+            if sound_rows:
+                texts = [row[wanted[0]].strip() for _, row in sound_rows]
+                words = _labels([row for _, row in sound_rows], labels) if labels else []
+                yield Rows(np.array(numbers), texts, [line for line, _ in sound_rows], words)
         done += reader.line_num
 
 
@@ -612,12 +612,14 @@ def _scales(
 def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Units, notes: list[str]) -> Array:
     from scipy.spatial.transform import Rotation
 
+    # Matrices are rotations, or refused.
     if kind == "matrix":
         matrices = values.reshape(-1, 3, 3)
         for line, R in zip(lines, matrices, strict=True):
             if not rotation_gap(R) < ROTATION:
                 raise RecordingError(file, f"{units.place} {line} has no rotation", rotation_cure(R))
         return matrices
+    # Quaternions have length 1; one that changes its sign is noted.
     if kind in ("quaternion", "numbered"):
         values = values[:, ORDERS[units.order or "xyzw"]]
         off = np.abs(np.linalg.norm(values, axis=1) - 1)
@@ -633,6 +635,7 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
             many = f"{flips.size} quaternion{'s change' if flips.size > 1 else ' changes'}"
             notes.append(f"{many} sign ({units.place} {where}): read as the rotation that it is, by the shorter way")
         return Rotation.from_quat(values).as_matrix()
+    # Angles and rotation vectors are of at most a turn.
     far = np.abs(values).max(axis=1) > FULL
     if far.any() and units.angles != "rad":
         i = int(np.argmax(far))

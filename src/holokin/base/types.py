@@ -298,7 +298,7 @@ def finite(what: str, value: Any, shape: tuple[int | str, ...] | None = None, cu
     array = numbers(what, value)
     if shape is not None and not (
         array.ndim == len(shape)
-        and all(isinstance(n, str) or n == found for n, found in zip(shape, array.shape, strict=True))
+        and all(isinstance(n, str) or n == length for n, length in zip(shape, array.shape, strict=True))
     ):
         raise ShapeError(what, shape, array.shape, cure)
     if not np.isfinite(array).all():
@@ -553,7 +553,7 @@ def _body(value: Any) -> tuple[str, bytes]:
     if isinstance(value, list | tuple):
         return "list", b"".join(map(_written, value))
     if isinstance(value, Mapping):
-        return "mapping", b"".join(_written(key) + _written(one) for key, one in value.items())
+        return "mapping", b"".join(_written(key) + _written(part) for key, part in value.items())
     if isinstance(value, partial):
         return "partial", _written([value.func, value.args, value.keywords])
     if isinstance(value, MethodType):

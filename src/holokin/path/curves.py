@@ -119,8 +119,8 @@ def polyline(
     if poses.rotations is not None:
         first, spins = poses.rotations[0], sure_turns(poses.rotations)
     segments = tuple(line_segment(a, b, s) for a, b, s in zip(poses.points, poses.points[1:], spins, strict=False))
-    said = points.notes if isinstance(points, Waypoints) else ()
-    return Path(segments, speed, rotation=first, notes=(*said, *notes))
+    notes_of_file = points.notes if isinstance(points, Waypoints) else ()
+    return Path(segments, speed, rotation=first, notes=(*notes_of_file, *notes))
 
 
 def _planar(points: PoseLike) -> ArrayLike:

@@ -434,27 +434,15 @@ def through(
     wide = np.zeros((len(corners), 3 * frames))
     wide[:, : given.shape[1]] = corners
     times = each.tolist()
-    return SynchronizedPaths(
-        tuple(
-            Path(
-                tuple(
-                    replace(line_segment(a, b, np.zeros(3)), nominal=t)
-                    for a, b, t in zip(line, line[1:], times, strict=False)
-                ),
-                speed=1.0,
-                notes=notes,
-            )
-            for line in wide.reshape(len(corners), frames, 3).swapaxes(0, 1)
-        )
-    )
+    paths = []
+    for line in wide.reshape(len(corners), frames, 3).swapaxes(0, 1):
+        lines = zip(line, line[1:], times, strict=False)
+        segments = tuple(replace(line_segment(a, b, np.zeros(3)), nominal=t) for a, b, t in lines)
+        paths.append(Path(segments, speed=1.0, notes=notes))
+    return SynchronizedPaths(tuple(paths))
 
 
 def _side_by_side(parts: list[Samples]) -> Samples:
     """Of several frames at the same instants."""
-    return Samples(
-        parts[0].t,
-        np.hstack([part.position for part in parts]),
-        np.concatenate([part.rotation for part in parts], axis=1),
-        np.hstack([part.velocity for part in parts]),
-        np.hstack([part.angular for part in parts]),
-    )
+    p, v, w = (np.hstack([getattr(part, row) for part in parts]) for row in ("position", "velocity", "angular"))
+    return Samples(parts[0].t, p, np.concatenate([part.rotation for part in parts], axis=1), v, w)

@@ -752,14 +752,15 @@ def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, 
     if poses.rotations is not None:  # divided so that the distance of two is their angle
         rows = np.hstack([rows, poses.rotations.reshape(-1, 9) / sqrt(2)])
     rows = rows.tolist()
-    kept: list[int] = []
+    distinct_rows: list[int] = []
     for i, row in enumerate(rows):
-        if not kept or dist(row, rows[kept[-1]]) > SAME:
-            kept.append(i)
-    if len(kept) < 2:
-        raise ArgumentError("the number of points that differ", len(kept), f"give at least two, {SAME:g} m apart")
-    index = np.array(kept)
-    repeats = len(rows) - len(kept)
+        if not distinct_rows or dist(row, rows[distinct_rows[-1]]) > SAME:
+            distinct_rows.append(i)
+    count = len(distinct_rows)
+    if count < 2:
+        raise ArgumentError("the number of points that differ", count, f"give at least two, {SAME:g} m apart")
+    index = np.array(distinct_rows)
+    repeats = len(rows) - count
     what = "point" if repeats == 1 else "points"
     notes = (f"{repeats} repeated {what} left out, within {SAME:g} m of the one before",) * (repeats > 0)
     return returned(poses.at(index) if notes else poses), index, notes

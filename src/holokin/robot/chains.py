@@ -125,12 +125,12 @@ class _Links:
         """Those of a robot. The span of a tool on the base, or on a slide, ends at the tip."""
         joints = [robot.joints[i] for i in reversed(joints_above(robot.joints, tip.joint))]
         slides = 0.0
-        for joint in (one for one in joints if one.kind == "prismatic"):
+        for joint in (j for j in joints if j.kind == "prismatic"):
             slide = robot.coordinates[joint.coordinate]
             slides += abs(joint.multiplier) * max(-slide.lower, slide.upper) + abs(joint.offset)
         free = np.array([joint.kind != "prismatic" for joint in joints], dtype=bool)
         return _Links(
-            np.array([one.placement[:3, 3] for one in (*joints, tip)]),
+            np.array([frame.placement[:3, 3] for frame in (*joints, tip)]),
             np.array([joint.axis for joint in joints]).reshape(-1, 3),
             np.array([joint.placement[:3, :3] @ joint.axis for joint in joints]).reshape(-1, 3),
             free,

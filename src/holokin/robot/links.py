@@ -52,13 +52,13 @@ def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool =
 def _seen_from(robot: Robot, q: SX, chain: list[int], middle: int, end: Tip) -> Frames:
     """(origin, rotation) of every joint's moving frame, seen from that of one of them; of the tool's point at -1."""
     frames: Frames = {chain[middle]: (SX.zeros(3, 1), SX.eye(3))}
-    for before, at in zip(chain[middle:], chain[middle + 1 :], strict=False):
-        joint, (p, R) = robot.joints[at], frames[before]
+    for before, link in zip(chain[middle:], chain[middle + 1 :], strict=False):
+        joint, (p, R) = robot.joints[link], frames[before]
         shift, turn = _joint_motion(joint, q, 1.0)
         R_placed = R @ SX(joint.placement[:3, :3])
-        frames[at] = p + R @ SX(joint.placement[:3, 3]) + R_placed @ shift, R_placed @ turn
-    for before, at in zip(chain[:middle][::-1], chain[1 : middle + 1][::-1], strict=True):
-        joint, (p, R) = robot.joints[at], frames[at]
+        frames[link] = p + R @ SX(joint.placement[:3, 3]) + R_placed @ shift, R_placed @ turn
+    for before, link in zip(chain[:middle][::-1], chain[1 : middle + 1][::-1], strict=True):
+        joint, (p, R) = robot.joints[link], frames[link]
         shift, turn = _joint_motion(joint, q, -1.0)
         R_placed = R @ turn
         R_before = R_placed @ SX(joint.placement[:3, :3].T)

@@ -142,7 +142,10 @@ class TaylorModel:
         for k in range(self.instructions):
             op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
             if op == ca.OP_OUTPUT:
-                lines.append(_output_code(f"y + {out[1]}", into[0], constant))
+                number = constant.get(into[0])
+                copy = f"*(y + {out[1]}) = w[{into[0]}]"
+                fixed = f"hk_model_constant(HK_C({number!r}), y + {out[1]})"
+                lines.append(f"  {copy if number is None else fixed};")
                 continue
             if op == ca.OP_CONST:
                 constant[out[0]] = made.instruction_constant(k)
@@ -182,12 +185,6 @@ def _operation(op: int, into: list[int], out: int, constant: Mapping[int, float]
     made = "".join(f"hk_model_constant(HK_C({constant[i]!r}), w + {i}), " for i in dict.fromkeys(given))
     places = [f"w + {i}" for i in into[: 2 if op in _BINARY else 1]]
     return made + (_BINARY if op in _BINARY else _UNARY)[op].format(*places, there)
-
-
-def _output_code(there: str, register: int, constant: Mapping[int, float]) -> str:
-    if register in constant:
-        return f"  hk_model_constant(HK_C({constant[register]!r}), {there});"
-    return f"  *({there}) = w[{register}];"
 
 
 # --- Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
@@ -230,11 +227,11 @@ def switches_of(formula: Formula) -> list[Switches]:
     """The switches of a formula's rows, as expressions of q."""
     switches_by_row = []
     for i, flag in enumerate(formula.angular):
-        one = switches(formula.expression[i], formula.variables, angle=flag)
-        if one.words:
-            gap, state = ca.substitute([one.gap, one.state], [formula.variables], [formula.at])
-            one = Switches(one.words, gap, state)
-        switches_by_row.append(one)
+        row = switches(formula.expression[i], formula.variables, angle=flag)
+        if row.words:
+            gap, state = ca.substitute([row.gap, row.state], [formula.variables], [formula.at])
+            row = Switches(row.words, gap, state)
+        switches_by_row.append(row)
     return switches_by_row
 
 
@@ -313,11 +310,13 @@ def transport(
             gives besides.
         center: the posture (n,) over which the label is 0.
     """
+    # The maps, each of symbols of its own.
     q, y, f, w = (ca.SX.sym(name, len(center)) for name in "qyfw")
-    first, least = ca.SX.sym("first"), ca.SX.sym("least")
+    rcond_start, rcond_least = ca.SX.sym("first"), ca.SX.sym("least")
     began = begin(q)
     v = ca.SX.sym("v", *began.shape)
-    (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
+    (moved, rcond), (by_y, by_v) = rate(y, v), slope(y, v, w)
+    label, margin, factor = end(q, y, f, rcond_start, rcond_least)
     slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
     b, c, gaps, kept_share = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
 
@@ -325,6 +324,7 @@ def transport(
         """The slopes w by y and those by v as slopes by q: v moves with it."""
         return w + gradient(by_v.T @ began, q).T
 
+    # The pieces of the loop: what one stage needs of another stands in it as a symbol.
     n = len(center)
     expressions, left, values = _staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
@@ -332,7 +332,7 @@ def transport(
         rate=_function("rate", [y, v], expressions[:n], expressions[n], values),
         pull=_function("pull", [left, w], expressions[n + 1 : 2 * n + 1], expressions[2 * n + 1 :]),
         miss=_function("miss", [y], miss(y)),
-        end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
+        end=_function("end", [q, y, f, rcond_start, rcond_least], label, margin, slopes, factor),
         back=_function(
             "back",
             [q, y, v, w, b, c, gaps, kept_share],

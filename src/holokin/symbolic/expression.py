@@ -75,7 +75,7 @@ _CURES = {
 def written(what: str, function: Callable[..., Any], *symbols: ca.SX) -> ca.SX:
     """What a user's function writes, of copies of the symbols. Raises: ExpressionError; ArgumentError."""
     try:
-        return as_expression(function(*(ca.SX(one) for one in symbols)))
+        return as_expression(function(*(ca.SX(symbol) for symbol in symbols)))
     except HolokinError:
         raise
     except Exception as problem:  # noqa: BLE001  a function may raise anything; CasADi before 3.8.2 raises a bare Exception

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from ..base.errors import ExpressionError, NativeError, ShapeError
-from ..base.types import Array, ArrayLike, Flags, Matrix, numbers, whole
+from ..base.types import Array, ArrayLike, Matrix, numbers, whole
 from .linear import System
 from .native.emit import Port, Shapes, Transport, body, program
 from .native.kernel import (
@@ -26,6 +27,7 @@ from .native.kernel import (
     Evaluator,
     FollowKernel,
     InverseKernel,
+    Method,
     follow_code,
     weak,
 )
@@ -35,10 +37,11 @@ PIECE = 100_000
 """Samples that are checked at once, so that only the results grow with their number."""
 
 
+@dataclass(frozen=True, eq=False)
 class CheckedBatch:
     """y (k, *result) of x (k, n): what the single call gives and checks of each row, by `Function.batch`.
 
-    Args:
+    Attributes:
         batch: `Function.batch` of a function of one vector; its first output is given, its last ones are measures.
         size: n. others: the shapes of the outputs but for the first.
         result: the shape of one result.
@@ -46,29 +49,23 @@ class CheckedBatch:
         doubt, bounds: as of `Function.checked`.
     """
 
-    def __init__(
-        self,
-        batch: Callable[..., Any],
-        size: int,
-        others: Shapes,
-        result: tuple[int, ...],
-        convert: Callable[..., Array],
-        doubt: Doubt,
-        bounds: Sequence[float],
-    ) -> None:
-        self._batch, self._size, self._others = batch, size, others
-        self._result, self._bounds = result, tuple(bounds)
-        self._convert, self._doubt = convert, doubt
+    batch: Callable[..., Any]
+    size: int
+    others: Shapes
+    result: tuple[int, ...]
+    convert: Callable[..., Array]
+    doubt: Doubt
+    bounds: Sequence[float]
 
     def array(self, given: ArrayLike) -> Array:
         """x (n,), checked, or (k, n) as numbers, which are checked by their results. Raises: as `convert`."""
         if hasattr(given, "keys"):  # values by name, of whose order `convert` knows
-            return self._convert(given)
+            return self.convert(given)
         array = numbers("q", given)
         if array.ndim != 2:
-            return self._convert(array)
-        if array.shape[1] != self._size:
-            raise ShapeError("q", f"({self._size},) or (k, {self._size})", array.shape)
+            return self.convert(array)
+        if array.shape[1] != self.size:
+            raise ShapeError("q", f"({self.size},) or (k, {self.size})", array.shape)
         return array
 
     def __call__(self, Q: Matrix, threads: int | None = None) -> Array:
@@ -78,25 +75,22 @@ class CheckedBatch:
         """
         if threads is not None:
             whole("threads", threads)
-        results = np.empty((len(Q), *self._result))
+        results = np.empty((len(Q), *self.result))
         edges = np.linspace(0, len(Q), 1 + max(1, len(Q) // PIECE)).astype(int)
         for first, last in pairwise(edges.tolist()):
-            more = [np.empty((last - first, *shape)) for shape in self._others]
-            self._batch(Q[first:last], threads=threads, out=[results[first:last], *more])
-            measures = [one.reshape(-1) for one in more[len(more) - len(self._bounds) :]]
-            for i in np.flatnonzero(~self._sound_rows(results[first:last], measures)).tolist():
-                q = self._convert(Q[first + i], f"posture {first + i}")
-                results[first + i] = self._doubt(q, results[first + i].copy(), *(float(one[i]) for one in measures))
+            more = [np.empty((last - first, *shape)) for shape in self.others]
+            self.batch(Q[first:last], threads=threads, out=[results[first:last], *more])
+            measures = [measure.reshape(-1) for measure in more[len(more) - len(self.bounds) :]]
+            # Rows are sound that are finite (a sum beyond all floats is not), with measures above their bounds.
+            rows = results[first:last].reshape(last - first, int(np.prod(self.result)))
+            with np.errstate(all="ignore"):
+                sound: Any = np.isfinite(rows @ np.ones(rows.shape[1]))
+                for measure, bound in zip(measures, self.bounds, strict=True):
+                    sound &= measure > bound
+            for i in np.flatnonzero(~sound).tolist():
+                q = self.convert(Q[first + i], f"posture {first + i}")
+                results[first + i] = self.doubt(q, results[first + i].copy(), *(float(m[i]) for m in measures))
         return results
-
-    def _sound_rows(self, results: Array, measures: list[Array]) -> Flags:
-        """Which rows are finite, with measures above their bounds; a sum beyond all floats counts as not finite."""
-        rows = results.reshape(len(results), int(np.prod(self._result)))
-        with np.errstate(all="ignore"):
-            sound: Any = np.isfinite(rows @ np.ones(rows.shape[1]))
-            for one, bound in zip(measures, self._bounds, strict=True):
-                sound &= one > bound
-        return sound
 
 
 NATIVE_FROM = 50_000
@@ -174,7 +168,7 @@ class Function:
         Neither keeps its object.
         """
         (size,), others = self._shapes[0][0], self._shapes[1][1:]
-        many = CheckedBatch(self.batch, size, others, result, weak(convert), weak(doubt), bounds)
+        many = CheckedBatch(self.batch, size, others, result, weak(convert), weak(doubt), tuple(bounds))
         return Evaluator(
             self.program,
             *self._shapes,
@@ -202,6 +196,7 @@ class Function:
 
         Returns one array (k, *shape), or a tuple of them; scalars come back as (k,).
         """
+        # The arguments, and how many samples they are.
         values = [numbers(f"an argument of {self.name}.batch", value) for value in self._collect(args, named)]
         shapes = list(self.input_shapes.items())
         counts = set()
@@ -217,6 +212,7 @@ class Function:
             value if value.ndim == len(shape) + 1 else np.broadcast_to(value, (count, *shape))
             for value, (_, shape) in zip(values, shapes, strict=True)
         ]
+        # The results: of native code, which takes many, else of the virtual machine.
         if out is None:
             out = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
         wanted = [(count, *shape) for shape in self.output_shapes.values()]
@@ -277,7 +273,7 @@ class Function:
         return Port(self.program, *self._shapes)
 
     def follower(
-        self, method: str, more: Callable[[], str] = str, *, load: bool = True, build: bool = True
+        self, method: Method, more: Callable[[], str] = str, *, load: bool = True, build: bool = True
     ) -> FollowKernel | None:
         """The loop of following a path by this function, see `FollowKernel`; None where there can be none.
 
@@ -291,7 +287,7 @@ class Function:
             method, fits, lambda: FollowKernel(self.program, *self._shapes, method, more(), build), build
         )
 
-    def follower_c(self, method: str, more: str = "") -> str:
+    def follower_c(self, method: Method, more: str = "") -> str:
         """The C of that loop, for compilers other than the one here. Raises: NativeError, see `c`."""
         return follow_code(self.program, *self._shapes, method, more)
 

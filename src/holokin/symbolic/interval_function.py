@@ -196,6 +196,7 @@ class IntervalFunction:
         constants: tuple[ca.SX, Vector] = (ca.SX(0, 1), np.zeros(0)),
     ) -> None:
         symbols, values = constants
+        # The operations as places in a table, each with its layer.
         given = ca.veccat(*inputs.values(), symbols)
         made = ca.Function("enclosed", [given], ca.cse([ca.densify(ca.vec(output))]))
         self.name, self.rows, self.columns = name, made.size1_out(0), made.size1_in(0) - len(values)

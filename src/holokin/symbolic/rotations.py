@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -43,7 +43,7 @@ def skew(w: ca.SX) -> ca.SX:
     return ca.skew(w)
 
 
-def exact_rotation(axis: str, angle: float) -> Matrix:
+def exact_rotation(axis: Literal["x", "y", "z"], angle: float) -> Matrix:
     """The numeric rotation about "x", "y" or "z" by an angle [rad]; right angles give exact 0 and 1."""
     c, s = _snapped(np.cos(angle)), _snapped(np.sin(angle))
     i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]

@@ -19,13 +19,13 @@ import numpy as np
 
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.ik.branch import turning
-from ...motion.ik.posture_search import newton
+from ...motion.ik.posture_search import EXACT, newton
 from ...strategies import HolonomicStrategy
 from ...strategies.radial_strategy import joint_gap
 from ...symbolic import Function, directional, gradient, jacobian, symbol, vertcat
 
-LONGEST, EXACT = 0.3, 1e-10
-"""Largest joint motion of a Newton step, and last correction of a cusp that counts as found [joint units]."""
+LONGEST = 0.3
+"""Largest joint motion [joint units] of a Newton step."""
 
 RESIDUAL = 1e-8
 """g - c [rows of g over their slopes: joint units], sigma and kappa, the rows of E of size one, up to which a posture

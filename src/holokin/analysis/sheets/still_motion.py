@@ -18,8 +18,7 @@ from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
 from ...strategies.radial_strategy import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
 from ...strategies.tasks.task import Task
-
-STEP = 0.1  # arc length [joint units] between the postures of a self-motion that is traced
+from ..curvature.obstructions import CORRECTIONS, STEP
 
 # Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long.
 LENGTH = 8 * np.pi
@@ -34,7 +33,6 @@ STILL = 1e-10
 
 FINER = 6  # times that the postures of a motion are doubled at most to keep the tool still between them
 LEAST = 8  # steps of a motion at least
-CORRECTIONS = 4  # Newton corrections of a posture that is 1e-3 off: at round-off after three
 
 # Steps to the place of a self-motion that is nearest to a posture; they converge as its bend times the distance.
 NEARER = 5

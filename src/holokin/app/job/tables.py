@@ -20,6 +20,7 @@ from ...motion.checks import CheckReport, Clearances, Scene, check
 from ...motion.timing import GIVE_VELOCITY, joint_curve
 from ...motion.trajectory import Trajectory
 from ...path import frame_pose
+from ...path.editing import MOST_PASSES
 from ...robot import (
     FARTHEST,
     Box,
@@ -418,7 +419,6 @@ MOST_CYCLES = 10_000  # cycles: a day's work of an arm that takes ten seconds fo
 # samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them;
 # these fit into a gigabyte
 MOST_STEPS = 400_000
-MOST_PASSES = 1_000
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Row = Annotated[list[Number], Field(min_length=3, max_length=3)]

@@ -25,6 +25,7 @@ from msgspec import Meta, Struct
 from websockets.http11 import Request, Response
 
 from ...base.errors import MissingExtraError
+from ...base.poses import UNIT
 from .door import PAGE, TOKEN, Door, inner, policy
 from .page_scene import silent_viser
 
@@ -42,7 +43,6 @@ PIXELS = 8192  # width and height of a picture at most
 # largest number [m, or any unit] of a control without bounds of its own, and of a handle's place: no robot is larger
 FAR = 1e3
 AWAY = 1e6  # largest coordinate of a camera [m], which zooms out far beyond what it sees
-UNIT = 1e-3  # how far the length of a quaternion may be from 1: a browser's 32 bits leave 1e-6
 
 _Name = Annotated[str, Meta(max_length=LONGEST)]
 _Near = Annotated[float, Meta(ge=-FAR, le=FAR)]

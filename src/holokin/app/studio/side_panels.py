@@ -16,6 +16,7 @@ import numpy as np
 
 from ...analysis.coverage.starts import task_of_kind
 from ...analysis.design import advise
+from ...analysis.sheets.still_motion import SAME
 from ...base.errors import ArgumentError, HolokinError, JobError
 from ...base.units import SI, PrintedUnits
 from ...export import LANGUAGES
@@ -36,7 +37,6 @@ from .work import SheetFollower
 # --- The loop: its size and place, corners by clicks, and two paths to one pose.
 
 SHOWN = 3.0  # seconds in which two paths are shown
-SAME = 1e-6  # joint difference [rad or m] below which two postures are one: round-off is far below it
 
 
 class LoopPanel:

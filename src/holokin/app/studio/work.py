@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...analysis.sheets import Sheets, StillMotion, self_motion_between
+from ...analysis.sheets.still_motion import SAME
 from ...base.errors import HolokinError, NoSheetError, brief
 from ...base.types import Array, Matrix, Value, Vector
 from .followers import Move, Run, follower, put_on_leaf
@@ -55,7 +56,6 @@ class Worker:
 
 
 FASTEST_CHANGE = 0.6  # seconds in which a change is shown at least: a faster one would not be seen
-SAME = 1e-6  # difference [joint units] below which postures are one
 LOOKED_FOR = "Why no sheet serves this pose is being looked for."
 
 Search = Callable[[Callable[[str], None]], Sheets]  # what makes or reads the map; it tells a function what it does

@@ -185,6 +185,7 @@ def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> _Piece | None:
 
 def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, notes: tuple[str, ...]) -> Path:
     """An outline: its smooth stretches one after the other, begun at a corner where a closed one has corners."""
+    # Where it turns a corner: a closed outline begins at one.
     ends = pieces[0].points(np.zeros(1))[0], pieces[-1].points(np.ones(1))[0]
     gap = float(np.linalg.norm(ends[0] - ends[1]))
     closed = gap <= SAME
@@ -195,6 +196,7 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, 
         first = smooth.index(False) + 1
         pieces, angles = pieces[first:] + pieces[:first], angles[first:] + angles[:first]
         smooth = smooth[first:] + smooth[:first]
+    # Its smooth stretches: exact where their pieces are lines and arcs that meet evenly, else splines.
     stretches: list[tuple[list[_Piece], list[float]]] = [([], [])]
     for piece, angle, goes_on in zip(pieces, angles, smooth, strict=True):
         stretches[-1][0].append(piece)
@@ -215,6 +217,7 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, 
                 f"has an outline near {some[0].points(np.zeros(1))[0][:2].round(6).tolist()} m that no spline follows"
             )
             raise RecordingError(file, f"{fact} ({problem.what})", problem.cure) from None
+    # The path, without the gaps that short pieces leave.
     try:
         path = Path(tuple(segments), speed, notes=notes)
         return _welded(path, closed) if notes or CLOSED < gap <= SAME else path

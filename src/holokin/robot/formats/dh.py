@@ -113,7 +113,7 @@ def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
     return DHRow(**values)
 
 
-def _screw(axis: str, angle: float, length: float) -> Matrix:
+def _screw(axis: Literal["x", "z"], angle: float, length: float) -> Matrix:
     T = np.eye(4)
     T[:3, :3] = exact_rotation(axis, angle)
     T["xyz".index(axis), 3] = length

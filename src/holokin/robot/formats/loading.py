@@ -430,6 +430,7 @@ def load(
 def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     for key, kind in _KINDS.items():  # those of a part come from a file
         check(key, kind, chain.get(key))
+    # A model: a tree of links and joints, of which the keys choose chains.
     path = Path(name)
     suffix = path.suffix.lower()
     if is_model(name):
@@ -442,6 +443,7 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     if suffix and suffix != ".toml":
         cure = f"give a model ({', '.join(MODELS)}) or a .toml table of a robot"
         raise RobotFileError(path, f"files of type {suffix!r} are not supported", cure)
+    # A robot of the catalogue, or a table: what somebody holds already, or what its file says.
     if str(name) in _in_use:
         return _in_use[str(name)]
     if not suffix and str(name) not in catalogue():

@@ -82,7 +82,7 @@ class _Scope:
     files: set[str] = field(default_factory=set)
     included: set[Path] = field(default_factory=set)
 
-    def found(self, name: str) -> Path | None:
+    def file_named(self, name: str) -> Path | None:
         """The first file of that name; MuJoCo says of one that is missing."""
         for folder in self.folders:
             for inner in sorted(self.inside):
@@ -100,14 +100,14 @@ def _check_sizes(text: bytes, source: str, folder: Path) -> None:
         folder: where the files that it names are looked for.
     """
     counted = sizes_of(text, source, folder)
-    for found, most, what in (
+    for count, most, what in (
         (counted.bodies, MOST_BODIES, "bodies, with the replicas and the points of flexible bodies"),
         (counted.elements, MOST_ELEMENTS, "elements, with the replicas"),
         (counted.cells, MOST_CELLS, "pixels of textures and cells of height fields"),
         (counted.bytes, MOST_FILES, "bytes of meshes, textures and height fields"),
     ):
-        if found > most:
-            raise RobotFileError(source, f"has {found:.4g} {what}", f"give a model of a robot: at most {most:,}")
+        if count > most:
+            raise RobotFileError(source, f"has {count:.4g} {what}", f"give a model of a robot: at most {most:,}")
 
 
 def sizes_of(text: bytes, source: str, folder: Path) -> Sizes:
@@ -130,7 +130,7 @@ class _Counter:
         for name in sorted(scope.files):
             self._weigh(name, scope)
         for name, times in scope.attachments:
-            part = self._part(scope.found(scope.models.get(name, "")), folders, depth)
+            part = self._part(scope.file_named(scope.models.get(name, "")), folders, depth)
             scope.sizes.bodies += times * part.bodies
             scope.sizes.elements += times * part.elements
             scope.sizes.cells += part.cells  # its files are read once
@@ -165,7 +165,7 @@ class _Counter:
                 points = n * _product(has.get("count", _GRID))
                 sizes.bodies, sizes.elements = sizes.bodies + points, sizes.elements + points
             elif tag == "include":
-                path = scope.found(has.get("file", ""))
+                path = scope.file_named(has.get("file", ""))
                 if path is not None and path not in scope.included:  # MuJoCo refuses a second time
                     scope.included.add(path)
                     self._scan(_read(path), scope, n, depth + 1)
@@ -197,7 +197,7 @@ class _Counter:
             ) from None
 
     def _weigh(self, name: str, scope: _Scope) -> None:
-        path = scope.found(name)
+        path = scope.file_named(name)
         if path is None or path in self.weighed:
             return
         self.weighed.add(path)
@@ -316,8 +316,8 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
             weighed = choice is _no_files or _without_shapes(spec, geoms, lost)
             model = spec.compile()
             break
-        except _FAULTS as found:
-            problem = found
+        except _FAULTS as fault:
+            problem = fault
     else:
         raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there")
     named = spec.modelname not in ("", "MuJoCo Model")
@@ -433,6 +433,7 @@ class _Reader:
         parent, origin = self.bodies[m.body_parentid[body]], transform(m.body_pos[body], m.body_quat[body])
         first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
         for k in range(first, first + count):
+            # The frame that the joint moves, with its kind and its limits.
             label = self.joints[k]
             child = f"{name} moved by {label}"
             anchor, back = np.eye(4), np.eye(4)
@@ -454,6 +455,7 @@ class _Reader:
                 zero=float(m.qpos0[m.jnt_qposadr[k]]),
                 follows=follows.get(k),
             )
+            # A joint that an equality holds at a constant stands still.
             if k in fixed and kind in MOVING:
                 held = branch.origin @ motion(kind, branch.axis, fixed[k])
                 branch = replace(branch, kind="fixed", origin=held)
@@ -495,8 +497,8 @@ class _Reader:
             wraps = [(m.wrap_type[k], int(m.wrap_objid[k])) for k in range(first, first + count)]
             names = {self.joints[thing] for kind, thing in wraps if kind == of_joints}
             sites = [int(m.site_bodyid[thing]) for kind, thing in wraps if kind == of_sites]
-            for one, next_one in pairwise(sites):
-                names |= self._between(one, next_one)
+            for site, next_site in pairwise(sites):
+                names |= self._between(site, next_site)
             yield f"equality of tendon {self._names('tendon', m.ntendon)[tendon]!r}", frozenset(names)
 
     def _equalities(self, word: str) -> list[int]:
@@ -504,10 +506,9 @@ class _Reader:
         m, kind = self.model, getattr(self.enums.mjtEq, f"mjEQ_{word}")
         return [e for e in range(m.neq) if m.eq_type[e] == kind and m.eq_active0[e]]
 
-    def _between(self, one: int, other: int) -> frozenset[str]:
+    def _between(self, first: int, last: int) -> frozenset[str]:
         """The joints on the way from one body to another, through the tree."""
-        ways = [self._up(one), self._up(other)]
-        return frozenset(ways[0] ^ ways[1])
+        return frozenset(self._up(first) ^ self._up(last))
 
     def _up(self, body: int) -> set[str]:
         m, ancestors = self.model, set()

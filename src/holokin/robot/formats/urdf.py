@@ -208,9 +208,10 @@ class Part(SimpleNamespace):
     Places are poses (4, 4), sizes and axes (3,), in m and rad; an element that cannot be read is None.
     """
 
-    def __getattr__(self, name: str) -> None:
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
+        return None
 
 
 def model_of(root: ElementTree.Element) -> Part:

@@ -41,6 +41,7 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
         ArgumentError: a joint that follows one which the robot does not have; a density or an effort that is not
             positive. ShapeError.
     """
+    # Links with their masses and drawings, then the tips and the feet.
     efforts = _efforts(robot, effort)
     heavy, names = weighed(robot, density), link_names(robot)
     masses, shapes = merged(heavy.bodies), drawn_links(robot)
@@ -56,6 +57,7 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
         place = _origin(pose_from(robot.joints[k].start))
         ends = f"<parent link={_quoteattr(names[0])}/><child link={_quoteattr(name)}/>"
         lines += [f'  <joint name={_quoteattr(f"{name}_fixed")} type="fixed">{place}{ends}</joint>']
+    # Joints with their limits, and the laws by which they follow others.
     for k, joint in enumerate(robot.joints):
         c, follows = _law(robot, joint)
         kind, span = _urdf_range(joint, c if follows is None else joint)
@@ -108,6 +110,7 @@ def to_mjcf(
         children.setdefault(joint.parent, []).append(k)
     ties: list[str] = []
 
+    # The bodies, each inside the one that carries it.
     def inside(index: int, depth: int) -> list[str]:
         pad = "  " * depth
         lines = [f"{pad}{_mjcf_geom(shape)}" for shape in shapes if shape.joint == index]
@@ -136,6 +139,7 @@ def to_mjcf(
             lines += body
         return lines
 
+    # The whole file: the base with all bodies, ties of followers, actuators.
     body = [f"    <body name={_quoteattr(names[0])}>", *inside(-1, 3), "    </body>"]
     if -1 in masses:
         body.insert(1, f"      {_mjcf_inertial(masses[-1])}")
@@ -249,8 +253,8 @@ def _urdf_visual(part: LinkShape) -> str:
     half = length / 2
     parts = []
     for z in (-half, half) if half else (0.0,):
-        at = part.placement[:3, :3] @ [0, 0, z] + part.placement[:3, 3]
-        place = f'<origin xyz="{_numbers(at)}" rpy="0 0 0"/>'
+        center = part.placement[:3, :3] @ [0, 0, z] + part.placement[:3, 3]
+        place = f'<origin xyz="{_numbers(center)}" rpy="0 0 0"/>'
         parts.append(f'{place}<geometry><sphere radius="{radius!r}"/></geometry>')
     if half:
         cylinder = f'<cylinder radius="{radius!r}" length="{2 * half!r}"/>'

@@ -240,10 +240,8 @@ class Interpreter:
 
 
 _WORDS: dict[type, str] = {
+    **dict.fromkeys((ast.ListComp, ast.SetComp, ast.DictComp), "a comprehension"),
     ast.Lambda: "a lambda",
-    ast.ListComp: "a comprehension",
-    ast.SetComp: "a comprehension",
-    ast.DictComp: "a comprehension",
     ast.GeneratorExp: "a generator",
     ast.NamedExpr: "an assignment",
 }
@@ -351,10 +349,11 @@ def answer(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
     from xacrodoc import XacroDoc
     from xacrodoc.packages import PackageNotFoundError
 
+    # Its expressions go to the interpreter, which notes what it refuses, and where.
     interpreter = xacro_interpreter(xacro)
     refused: dict[str, str] = {}
 
-    def told(evaluate: Callable[[str], Any], text: str) -> Any:
+    def noting_refusals(evaluate: Callable[[str], Any], text: str) -> Any:
         try:
             return evaluate(text)
         except (Refused, MemoryError, RecursionError) as problem:
@@ -365,8 +364,9 @@ def answer(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
             raise
 
     substitute = _substitutions(interpreter, substitution_args, xacro)
-    xacro.safe_eval = lambda text, names, _locals=None: told(lambda t: interpreter.evaluate(t, names), text)
-    substitution_args._eval = lambda text, context: told(lambda t: substitute(t, context), text)
+    xacro.safe_eval = lambda text, names, _locals=None: noting_refusals(lambda t: interpreter.evaluate(t, names), text)
+    substitution_args._eval = lambda text, context: noting_refusals(lambda t: substitute(t, context), text)
+    # The package notes the macros and arguments that it meets, and expands.
     given, macros, grab = _Given(args), [], xacro.grab_macro
     xacro.grab_macro = lambda element, table: (macros.append(element.getAttribute("name")), grab(element, table))
     os.chdir(path.parent)  # from where xacro looks for files that are named without a package
@@ -387,20 +387,15 @@ def answer(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
     return {"text": text, "macros": macros, "known": sorted(given.asked)}
 
 
-def _limit() -> None:
-    """Limit this process, where the system can."""
-    with suppress(ImportError, ValueError, OSError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE))
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-
-
 def main() -> None:
     """Read {"path", "args"} from the standard input, write the answer to the standard output."""
     sys.path[:] = [os.path.abspath(entry) for entry in sys.path]  # no module out of the folder of the file
     reply, sys.stdout = sys.stdout.buffer, sys.stderr  # xacro prints
-    _limit()
+    with suppress(ImportError, ValueError, OSError):  # where the system can limit a process
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     asked = json.loads(sys.stdin.buffer.read())
     reply.write(json.dumps(answer(Path(asked["path"]), asked["args"])).encode())
     reply.flush()

@@ -75,10 +75,7 @@ class Box(Shape):
     sides: Vector
 
     def __post_init__(self) -> None:
-        sides = finite("the sides of a box", self.sides, (3,))
-        for side in sides:
-            positive("the side of a box", float(side))
-        object.__setattr__(self, "sides", sides)
+        object.__setattr__(self, "sides", _positive_three("the side of a box", self.sides))
         super().__post_init__()
 
     @property
@@ -153,10 +150,7 @@ class Ellipsoid(Shape):
     radii: Vector
 
     def __post_init__(self) -> None:
-        radii = finite("the radii of an ellipsoid", self.radii, (3,))
-        for radius in radii:
-            positive("the radius of an ellipsoid", float(radius))
-        object.__setattr__(self, "radii", radii)
+        object.__setattr__(self, "radii", _positive_three("the radius of an ellipsoid", self.radii))
         super().__post_init__()
 
     @property
@@ -379,6 +373,14 @@ class LinkShape(Value):
 def lowest(shape: Shape, positions: Matrix, rotations: Array) -> Matrix:
     """The lowest point (k, 3) of a shape whose frame is at positions (k, 3), rotations (k, 3, 3)."""
     return positions + np.einsum("kij,kj->ki", rotations, shape._farthest(-rotations[:, 2, :]))
+
+
+def _positive_three(what: str, sizes: ArrayLike) -> Vector:
+    """Sizes (3,) [m]. Raises: ArgumentError, ShapeError, NotFiniteError."""
+    given = finite(what, sizes, (3,))
+    for size in given:
+        positive(what, float(size))
+    return given
 
 
 def _along_z(directions: Matrix, length: float) -> Matrix:

@@ -285,9 +285,9 @@ class Transport:
         return f"#ifndef HK_TRANSPORT\n#define HK_TRANSPORT\n{head}{pieces}{prelude('transport.c')}#endif\n"
 
 
-def _gaps(one: Any, other: Any) -> Any:
+def _gaps(first: Any, second: Any) -> Any:
     """Squares of the differences (2,) of two pairs of slopes."""
-    return ca.vertcat(*(ca.sumsqr(a - b) for a, b in zip(one, other, strict=True)))
+    return ca.vertcat(*(ca.sumsqr(a - b) for a, b in zip(first, second, strict=True)))
 
 
 def _piece(name: str, piece: ca.Function) -> str:
@@ -401,11 +401,11 @@ def program(
 
 def _shared(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
     function = ca.Function(name, inputs, outputs)
-    return _with_common_ones(function.serialize()) if function.n_instructions() <= SHARED else function
+    return _with_common_operations(function.serialize()) if function.n_instructions() <= SHARED else function
 
 
 @lru_cache(maxsize=128)
-def _with_common_ones(text: str) -> ca.Function:
+def _with_common_operations(text: str) -> ca.Function:
     """The same with each operation done once. Of a serialized function: what is made again has it at once."""
     function = ca.Function.deserialize(text)
     inputs = function.sx_in()
@@ -432,6 +432,7 @@ class Port(threading.local):
     trigger: Callable[[], None]
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, count: int | None = None):
+        # Arguments and results, views of one array.
         extra = () if count is None else (count,)
         shapes = [(*shape, *extra) for shape in (*inputs, *outputs)]
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes]).tolist()
@@ -439,6 +440,7 @@ class Port(threading.local):
         parts = np.split(self.numbers, ends[:-1])
         arrays = [_columns(part, shape) for part, shape in zip(parts, shapes, strict=False)]
         self.arguments, self.results = arrays[: len(inputs)], arrays[len(inputs) :]
+        # What a transport finds is one argument more.
         early = [self.results[i] for i in made.early]
         given, carry = self.arguments, None
         if made.transport is not None:
@@ -451,6 +453,7 @@ class Port(threading.local):
             self._buffers, first = _bind([made.before], [given], [early], count)
             self.trigger = first if carry is None else _both(carry, first)
             return
+        # With a system: the stage before it, the solution, the stage after it.
         n, k = made.order, made.columns
         A, B, X = (_memory((*shape, *extra)) for shape in ((n, n), (n, k), (n, k)))
         measures = _memory((2, *extra))

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -86,14 +86,24 @@ class BatchKernel:
             Y = (ctypes.c_void_p * len(results))(*(r.ctypes.data + start * r.strides[0] for r in results))
             self._run(stop - start, X, strides, Y)
 
-        if workers == 1:
-            part(0)
-            return
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(part, range(workers)))
+        _do_all(part, workers, workers)
 
 
-def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "") -> str:
+def _do_all(part: Callable[[int], None], count: int, workers: int) -> None:
+    """part(0), part(1), ... on some threads."""
+    if workers == 1:
+        for k in range(count):
+            part(k)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(part, range(count)))
+
+
+Method = Literal["leaf", "velocity"]
+"""How a path is followed: by Newton steps on a leaf, or by Runge-Kutta steps of rates."""
+
+
+def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: Method, more: str = "") -> str:
     """The C of hk_follow, see `FollowKernel`."""
     state = sum(int(np.prod(shape)) for shape in inputs)
     head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {inputs[1][0] // 3}\n#define HK_STATE {state}\n"
@@ -112,7 +122,7 @@ class FollowKernel:
     """
 
     def __init__(
-        self, made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "", build: bool = True
+        self, made: Program, inputs: Shapes, outputs: Shapes, method: Method, more: str = "", build: bool = True
     ) -> None:
         code = follow_code(made, inputs, outputs, method, more)
         self._library = library(code, long=made.instructions > LONG, needs=("hk_follow",), build=build)
@@ -243,6 +253,13 @@ def _glue() -> Any:
     return module if known else None
 
 
+def _leaf_code(stretches: str, *drivers: str) -> str:
+    """C of the ways along a leaf, with that of its stretches, where there is some, and of drivers."""
+    models = [prelude("model.c"), stretches, prelude("stretch.c")] if stretches else []
+    before, after = ("branch.c", "newton.c", "line.c", "way.c", "fold.c"), ("ray.c", "inverse.c", *drivers)
+    return "".join([*map(prelude, before), *models, *map(prelude, after)])
+
+
 class EdgeKernel:
     """hk_nearest_to of nearest.c: the rules of motion/ik/edge.py and motion/ik/inverse_function.py.
 
@@ -259,11 +276,7 @@ class EdgeKernel:
         self._joints, self._rows = joints, rows
         head = f"#define HK_N {joints}\n#define HK_FRAMES 1\n"
         head += "".join(f"#define HK_EDGE_{key} {value!r}\n" for key, value in constants.items())
-        parts = [*map(prelude, ("branch.c", "newton.c", "line.c", "way.c", "fold.c"))]
-        if stretches:
-            parts += [prelude("model.c"), stretches, prelude("stretch.c")]
-        parts += [*map(prelude, ("ray.c", "inverse.c", "edge.c", "nearest.c"))]
-        whole = source(SCALAR, head, code + "".join(parts))
+        whole = source(SCALAR, head, code + _leaf_code(stretches, "edge.c", "nearest.c"))
         self._library = library(whole, long=operations > LONG, interleaved=True, needs=("hk_nearest_to",))
         self._run: Any = self._library.hk_nearest_to
         self._run.argtypes = [ctypes.c_void_p] * 5
@@ -367,12 +380,12 @@ class Evaluator:
         measures = [*zip(range(-len(self._bounds), 0), self._bounds, strict=True)]  # the last of all numbers
         myself, left = weakref.ref(self), HEAVY
 
-        def sound(found: Sequence[float]) -> bool:
+        def sound(values: Sequence[float]) -> bool:
             for place, bound in measures:
-                if not found[place] > bound:
+                if not values[place] > bound:
                     return False
             # A sum beyond all floats counts as not finite, too: `doubt` looks closer. Python's sum does not warn of it.
-            return isfinite(sum(found))
+            return isfinite(sum(values))
 
         def machine(*arguments: Any, **named: Any) -> Any:
             nonlocal left
@@ -390,13 +403,13 @@ class Evaluator:
                     given = convert(*arguments, **named)
                     if many is not None and given[0].ndim > 1:
                         return many(given[0])
-                    for one, into in zip(given, slots, strict=True):
-                        into[...] = one
+                    for array, into in zip(given, slots, strict=True):
+                        into[...] = array
                     break
                 slot[...] = value
             trigger()
-            if doubt is not None and not sound(found := numbers()):
-                return doubt(*given, *[take() for take in takes], *[found[place] for place, _ in measures])
+            if doubt is not None and not sound(values := numbers()):
+                return doubt(*given, *[take() for take in takes], *[values[place] for place, _ in measures])
             return tuple([take() for take in takes]) if several else takes[0]()
 
         def restart() -> None:
@@ -420,7 +433,7 @@ def bound_call(
 ) -> Callable[..., Any] | None:
     """A callable around a C function (in, out, context) -> 1 or 0, as `hk_sample`; None without Python's headers.
 
-    `other` is called where an argument does not fit, or it gives 0. `kept` is what the function belongs to.
+    `other` is called where an argument does not fit, or it gives 0. `alive` is what the function belongs to.
     """
     try:
         module = _module()
@@ -494,11 +507,7 @@ class InverseKernel:
         frames = inputs[1][0] // 3
         head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {frames}\n#define HK_MATRICES 1\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
-        parts = [*map(prelude, ("branch.c", "newton.c", "line.c", "way.c", "fold.c"))]
-        if stretches:
-            parts += [prelude("model.c"), stretches, prelude("stretch.c")]
-        parts += [*map(prelude, ("ray.c", "inverse.c", "posed.c", "poses.c"))]
-        whole = source(SCALAR, head, code + "".join(parts))
+        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "poses.c"))
         long = made.instructions > LONG
         self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses
@@ -516,11 +525,11 @@ class InverseKernel:
         Args:
             context: what poses.c reads besides.
         """
-        n, found = self._joints, []
+        n, calls = self._joints, []
         for name, shapes, other in (("cold", (self._pose,), cold), ("warm", (self._pose, (n,)), warm)):
             function = getattr(self._library, f"hk_call_{name}")
-            found.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))
-        return None if None in found else (found[0], found[1])
+            calls.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))
+        return None if None in calls else (calls[0], calls[1])
 
     def __call__(self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None) -> Indices:
         """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free."""
@@ -535,9 +544,5 @@ class InverseKernel:
             places = [array[first:].ctypes.data for array in (targets, q, status)]
             self._poses(last - first, places[0], context.ctypes.data, int(warm), places[1], places[2])
 
-        if workers == 1:
-            part(0)
-        else:
-            with ThreadPoolExecutor(workers) as pool:
-                list(pool.map(part, range(len(edges) - 1)))
+        _do_all(part, len(edges) - 1, workers)
         return status
