@@ -750,8 +750,8 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
             raise ArgumentError("the jump of an endless cycle", max(jumps), cure)
     motion = t, q, dq, ddq, dddq, speed
     inner_stops, window = tuple(k for k in stops if k < len(q) - 1), max(part.window for part in parts)
-    slow, known = _slowdowns(trajectory, plan, t, speed, shares), (plan.limits, plan.profile, plan.dt)
-    return TimedTrajectory(trajectory, *known, *motion, tuple(marks), inner_stops, loop, slow, window)
+    slow, ends = _slowdowns(trajectory, plan, t, speed, shares), (tuple(marks), inner_stops)
+    return TimedTrajectory(trajectory, plan.limits, plan.profile, plan.dt, *motion, *ends, loop, slow, window)
 
 
 def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, shares: Matrix) -> tuple[Slowdown, ...]:

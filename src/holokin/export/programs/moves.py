@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -145,8 +145,8 @@ class ToolDeviation(Reported):
         """The larger of each of the two; kept if both are."""
         names = (*TOLERATED, "fastest", "compared")
         larger = {name: float(np.fmax(getattr(self, name), getattr(other, name))) for name in names}
-        slowest = float(np.fmin(self.slowest, other.slowest))
-        return ToolDeviation(**larger, slowest=slowest, kept=self.kept and other.kept)
+        facts: dict[str, Any] = larger | {"slowest": float(np.fmin(self.slowest, other.slowest))}
+        return ToolDeviation(**facts, kept=self.kept and other.kept)
 
 
 @dataclass(frozen=True, eq=False)
