@@ -560,8 +560,8 @@ def retime(
         raise ArgumentError("cycles", count, "the trajectory does not end where it started; retime it as a whole")
     laps = count if curve.smooth else 1
     plan = _Plan(limits, profile, most, positive("dt", dt))
-    stretches = [Stretch(stretch.s, stretch.q, stretch.round and laps > 1) for stretch in curve.stretches]
-    return _joined(trajectory, plan, [plan.timed(stretch, laps) for stretch in stretches], count // laps, endless)
+    open_ones = [s if laps > 1 or not s.round else Stretch(s.s, s.q) for s in curve.stretches]
+    return _joined(trajectory, plan, [plan.timed(stretch, laps) for stretch in open_ones], count // laps, endless)
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,9 +144,10 @@ class ToolDeviation(Reported):
     def __or__(self, other: ToolDeviation) -> ToolDeviation:
         """The larger of each of the two; kept if both are."""
         names = (*TOLERATED, "fastest", "compared")
-        larger = {name: float(np.fmax(getattr(self, name), getattr(other, name))) for name in names}
-        facts: dict[str, Any] = larger | {"slowest": float(np.fmin(self.slowest, other.slowest))}
-        return ToolDeviation(**facts, kept=self.kept and other.kept)
+        facts: dict[str, Any] = {name: float(np.fmax(getattr(self, name), getattr(other, name))) for name in names}
+        return ToolDeviation(
+            **facts, slowest=float(np.fmin(self.slowest, other.slowest)), kept=self.kept and other.kept
+        )
 
 
 @dataclass(frozen=True, eq=False)
