@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -144,10 +144,10 @@ class ToolDeviation(Reported):
     def __or__(self, other: ToolDeviation) -> ToolDeviation:
         """The larger of each of the two; kept if both are."""
         names = (*TOLERATED, "fastest", "compared")
-        facts: dict[str, Any] = {name: float(np.fmax(getattr(self, name), getattr(other, name))) for name in names}
-        return ToolDeviation(
-            **facts, slowest=float(np.fmin(self.slowest, other.slowest)), kept=self.kept and other.kept
-        )
+        larger = [float(np.fmax(getattr(self, name), getattr(other, name))) for name in names]
+        position, rotation, speed, joints, fastest, compared = larger
+        slowest, kept = float(np.fmin(self.slowest, other.slowest)), self.kept and other.kept
+        return ToolDeviation(position, rotation, speed, joints, slowest, fastest, compared, kept)
 
 
 @dataclass(frozen=True, eq=False)
