@@ -272,6 +272,12 @@ def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.Mo
             seen.add(status)
     assert seen >= {0, 1}
     pose, still = strategy.task.robot.pose(q), np.zeros(6)
+    for lost in ([1.0, 0, 0], 1e3 * pose[:3, 3]):  # a metre away, and in millimetres
+        far = pose.copy()
+        far[:3, 3] += lost
+        status = c_code.panda_sew_step(*at(q, far, still, parameters, dq, scale))
+        assert not servo.step(q, far, still).any() and not dq.any()
+        assert status == servo.status == hk.motion.StepStatus.LOST
     for level, rate in ((parameters[0] + 1e-3, 0.0), (parameters[0], 0.2), (parameters[0] - 1e-3, -0.1)):
         moving = np.concatenate([[level, rate], parameters[2:]])
         status = c_code.panda_sew_step(*at(q, pose, still, moving, dq, scale))

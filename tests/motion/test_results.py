@@ -14,6 +14,7 @@ import holokin as hk
 from conftest import IRB_START, PPR_CENTER, PPR_START
 from holokin.base.errors import LimitReachedError
 from holokin.export import ToolTolerance, to_rapid
+from holokin.motion.ik import all_postures
 from holokin.motion.trajectory import Recording
 from holokin.strategies import jumps_of
 from holokin.symbolic import if_else
@@ -85,7 +86,7 @@ RESULTS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "many poses": (lambda: hk.ik(ARM, START).batch([[1.2, 1.2], [9.0, 0.0]]), "1 of 2 poses reached; 1 "),
     "all postures": (
-        lambda: hk.motion.ik.all_postures(ARM, ARM.task.robot.pose(START), ARM.g(START), starts=64),
+        lambda: all_postures(ARM, ARM.task.robot.pose(START), ARM.g(START), starts=64),
         r"\d postures? at this tool pose on this leaf",
     ),
     "a self-motion": (lambda: hk.strategies.self_motion(ARM.task, START, limits=False), r"closed: \d"),

@@ -1,9 +1,6 @@
 """A control step has a bound wherever its leaf ends, and says so: in Python, on both engines, and in exported C."""
 
-import ctypes
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -128,58 +125,6 @@ def test_a_nearly_singular_posture_stands_still_and_says_of_which_kind() -> None
 def test_bounds_that_are_none_are_refused(panda: hk.Robot, name: str, value: object) -> None:
     with pytest.raises(ArgumentError, match=name):
         hk.controller(hk.moore_penrose(hk.pose(panda)), dt=DT, **{name: value})
-
-
-@pytest.mark.campaign
-@pytest.mark.skipif(sys.platform == "win32", reason="builds a shared library with cc")
-def test_exported_c_stops_with_the_statuses_of_python(tmp_path: Path) -> None:
-    """The exported step beside the controller's, along a line that leaves the reach of an arm without speed limits."""
-    robot = drawn_arm(np.random.default_rng(5))
-    q0 = np.array([0.4, 1.1, -0.7, 0.9])
-    strategy = hk.holonomic(hk.position(robot), hk.lock(1))
-    c = hk.controller(strategy, dt=DT, q0=q0)
-    hk.export.export_c(strategy, tmp_path, q0=q0, dt=DT, name="arm")
-    library = tmp_path / "arm.so"
-    command = [
-        "cc",
-        "-std=c99",
-        "-O0",
-        "-fPIC",
-        "-shared",
-        str(next(tmp_path.rglob("arm.c"))),
-        "-o",
-        str(library),
-        "-lm",
-    ]
-    subprocess.run(command, check=True)
-    arm = ctypes.CDLL(str(library))
-    parameters, scale = (ctypes.c_double * 7)(), ctypes.c_double()
-    arm.arm_defaults(parameters)
-    assert list(parameters[1:]) == pytest.approx([0.0, DT, 0.1 / DT, 0.1 / DT, MOST_ERROR, LEAST_RCOND])
-
-    def exported(q: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[int, np.ndarray]:
-        arguments = [(ctypes.c_double * len(x))(*x) for x in (q, p, v)]
-        dq = (ctypes.c_double * 4)()
-        return arm.arm_step(*arguments, parameters, dq, ctypes.byref(scale)), np.array(dq)
-
-    q, p = q0.copy(), robot.pose(q0)[:3, 3].copy()
-    way = 0.1 * p / np.linalg.norm(p)
-    statuses = set()
-    for k in range(20000):
-        p = p + way * DT
-        dq = c.step(q, p, way)
-        if k % 20 == 0 or c.status is not StepStatus.OK:
-            status, same = exported(q, p, way)
-            assert status == c.status
-            assert same == pytest.approx(dq, abs=1e-9)
-            statuses.add(status)
-        if c.status >= StepStatus.SINGULAR:
-            break
-        q = q + dq * DT
-    assert StepStatus.OK in statuses
-    assert statuses & {StepStatus.LOST, StepStatus.SINGULAR}
-    parameters[5] = -1.0
-    assert exported(q0, robot.pose(q0)[:3, 3], way)[0] == 6
 
 
 def test_limits_that_a_model_lacks_are_given_by_number_by_row_or_by_name(panda: hk.Robot, tmp_path: Path) -> None:

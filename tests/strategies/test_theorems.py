@@ -6,14 +6,12 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given
-from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.analysis.curvature.curvature_of_planes import curvature_function
 from holokin.symbolic import directional, jacobian, lie_bracket, pairwise_brackets
-from papers_arm import G22, N19, S3, paper_frame
+from papers_arm import paper_frame
 from sympy_bridge import to_sympy
 
 # --- Lemma III.1 and its proof, with the errata E1 ---
@@ -178,43 +176,6 @@ def test_a_representation_changes_the_geometric_jacobian_by_a_square_matrix_15_t
 
 
 # --- T14, T16 ---
-
-
-@given(st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8))
-def test_every_transport_gives_zero_curvature_T14(c: list[float]) -> None:
-    """Theory 1.6 on ppr: K = (x - cos z, y - sin z, z), Phi(x, z0) = a(x) + e^{b(x)} z0."""
-    task = hk.position(hk.load("ppr"))
-
-    def G(q: ca.SX) -> ca.SX:
-        x = ca.vertcat(q[0] + ca.cos(q[2]), q[1] + ca.sin(q[2]))
-        X = ca.SX.sym("X", 2)
-        a = c[0] * X[0] + c[1] * X[1] ** 2 + c[2] * ca.sin(X[0] * X[1]) + c[3] * X[0] * X[1]
-        b = c[4] * X[0] + c[5] * X[1] + c[6] * ca.cos(X[0] + c[7] * X[1])
-        z0 = ca.SX.sym("z0")
-        Phi = a + ca.exp(b) * z0
-        slope = ca.Function("slope", [X, z0], [ca.jacobian(Phi, X), a, b])
-        a_value, b_value = slope(x, 0)[1:]
-        dPhi = slope(x, (q[2] - a_value) / ca.exp(b_value))[0]
-        K_x = ca.vertcat(ca.horzcat(1, 0), ca.horzcat(0, 1), ca.horzcat(0, 0))
-        K_z = ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]), 1)
-        return K_x + K_z @ dPhi
-
-    strategy = hk.null_basis(task, G)
-    verdict = hk.involutivity(strategy, hk.around(PPR_START, 0.5))
-    assert verdict.holonomic
-    given_G = ca.Function("G", [q := ca.SX.sym("q", 3)], [G(q)])
-    assert np.abs(strategy(PPR_START) - np.array(given_G(PPR_START))).max() < 1e-12  # J G = 1: it is its own strategy
-
-
-def test_the_transport_of_20_reproduces_22(ppr: hk.Robot) -> None:
-    """Theory 1.6: Phi = 2 atan(tan(z0 / 2) e^-x) gives (22), since dPhi/dx = -sin z."""
-    x, z0 = sp.symbols("x z0", real=True)
-    Phi = 2 * sp.atan(sp.tan(z0 / 2) * sp.exp(-x))
-    slope = Phi.diff(x) + sp.sin(Phi)
-    for values in ((0.3, 0.7), (-1.2, 1.5), (2.0, -0.4)):
-        assert abs(float(slope.subs(dict(zip((x, z0), values, strict=True))).evalf())) < 1e-15
-    K_x = sp.Matrix([[1, 0], [0, 1], [0, 0]])
-    assert (K_x + N19 * sp.Matrix([[-S3, 0]]) - G22).applyfunc(sp.simplify) == sp.zeros(3, 2)
 
 
 def test_decimetres_with_the_gain_scaled_leave_the_joints_alone_T16() -> None:

@@ -149,7 +149,7 @@ class Cause(NoTruthValue, Enum, ask="`is Cause.NONE`"):
 
     NONE = "the joints are back at their start"
     CURVATURE = "the drift fades while the loop is contracted, without a jump: the drift comes from curvature"
-    WINDING = "the drift jumps while the loop contracts: it winds round a place where the strategy is not defined"
+    WINDING = "the drift jumps while the loop is contracted: it winds round a place where the strategy is not defined"
     TOOL_TURNS = "the tool itself makes a whole turn, so the loop cannot be contracted to a point"
     UNDECIDED = "cannot tell: smaller loops could not be made or followed, and those next in size do not tell"
 

@@ -560,8 +560,8 @@ def retime(
         raise ArgumentError("cycles", count, "the trajectory does not end where it started; retime it as a whole")
     laps = count if curve.smooth else 1
     plan = _Plan(limits, profile, most, positive("dt", dt))
-    stretches = [Stretch(stretch.s, stretch.q, stretch.round and laps > 1) for stretch in curve.stretches]
-    return _joined(trajectory, plan, [plan.timed(stretch, laps) for stretch in stretches], count // laps, endless)
+    open_ones = [s if laps > 1 or not s.round else Stretch(s.s, s.q) for s in curve.stretches]
+    return _joined(trajectory, plan, [plan.timed(stretch, laps) for stretch in open_ones], count // laps, endless)
 
 
 @dataclass(frozen=True, eq=False)
@@ -750,8 +750,8 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
             raise ArgumentError("the jump of an endless cycle", max(jumps), cure)
     motion = t, q, dq, ddq, dddq, speed
     inner_stops, window = tuple(k for k in stops if k < len(q) - 1), max(part.window for part in parts)
-    slow, known = _slowdowns(trajectory, plan, t, speed, shares), (plan.limits, plan.profile, plan.dt)
-    return TimedTrajectory(trajectory, *known, *motion, tuple(marks), inner_stops, loop, slow, window)
+    slow, ends = _slowdowns(trajectory, plan, t, speed, shares), (tuple(marks), inner_stops)
+    return TimedTrajectory(trajectory, plan.limits, plan.profile, plan.dt, *motion, *ends, loop, slow, window)
 
 
 def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, shares: Matrix) -> tuple[Slowdown, ...]:

@@ -162,14 +162,6 @@ def test_both_engines_look_at_limits(planar_3r: hk.Robot, monkeypatch: pytest.Mo
     assert np.array_equal(*found)
 
 
-def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.Robot) -> None:
-    task, start = hk.pose(irb140), np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0])
-    ik = hk.ik(hk.holonomic(task, hk.custom(lambda q: q[:0], rows=0)), start)
-    rng = np.random.default_rng(0)
-    for q in start + rng.uniform(-0.15, 0.15, (10, 6)):
-        assert ik(irb140.pose(q)) == pytest.approx(q, abs=1e-11)
-
-
 @pytest.mark.campaign
 def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot) -> None:
     """In random order, sorted, each from the last answer, and after excursions out of reach."""

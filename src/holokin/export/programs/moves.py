@@ -144,9 +144,10 @@ class ToolDeviation(Result):
     def __or__(self, other: ToolDeviation) -> ToolDeviation:
         """The larger of each of the two; kept if both are."""
         names = (*TOLERATED, "fastest", "compared")
-        larger = {name: float(np.fmax(getattr(self, name), getattr(other, name))) for name in names}
-        slowest = float(np.fmin(self.slowest, other.slowest))
-        return ToolDeviation(**larger, slowest=slowest, kept=self.kept and other.kept)
+        larger = [float(np.fmax(getattr(self, name), getattr(other, name))) for name in names]
+        position, rotation, speed, joints, fastest, compared = larger
+        slowest, kept = float(np.fmin(self.slowest, other.slowest)), self.kept and other.kept
+        return ToolDeviation(position, rotation, speed, joints, slowest, fastest, compared, kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +219,8 @@ class ToolMotion(Value):
         slowest, fastest = (speed[with_speed].min(), speed[with_speed].max()) if with_speed.any() else (np.nan, np.nan)
         distance, angle = np.linalg.norm(p - self.p[rows], axis=1).max(), np.linalg.norm(turned, axis=1).max()
         faster = np.abs(speed[with_speed] / self.speed[rows][with_speed] - 1.0).max(initial=0.0)
-        values = distance, angle, faster, np.abs(q - self.q[rows]).max(), slowest, fastest
-        return ToolDeviation(*map(float, values))
+        joints = float(np.abs(q - self.q[rows]).max())
+        return ToolDeviation(float(distance), float(angle), float(faster), joints, float(slowest), float(fastest))
 
     @cached_property
     def has_speed(self) -> Flags:

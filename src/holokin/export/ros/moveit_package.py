@@ -34,15 +34,6 @@ within the joint ranges of a Panda."""
 POSES = 16
 """Of the test in the package."""
 
-_FILES = {
-    "src/kinematics_plugin.hpp": "moveit/kinematics_plugin.hpp",
-    "src/kinematics_plugin.cpp": "moveit/kinematics_plugin.cpp",
-    "test/test_plugin.cpp": "moveit/test_plugin.cpp",
-    "test/robot.srdf": "moveit/robot.srdf",
-    "config/kinematics.yaml": "moveit/kinematics.yaml",
-    "README.md": "moveit/README.md",
-}
-
 _PLUGIN = {
     "plugin_class": "KinematicsPlugin",
     "base_class": "kinematics::KinematicsBase",
@@ -123,8 +114,8 @@ def export_moveit(
         "yaml_group": json.dumps(group, ensure_ascii=False),
         "group_line": markdown_cell(group),
     }
-    written, operations = write_package(source, Path(folder), c, _FILES, words, _python_joints(source, holonomic))
-    return MoveItPackage(Path(folder), chosen, source.name, written, operations)
+    files, operations = write_package(source, Path(folder), c, "moveit", words, _python_joints(source, holonomic))
+    return MoveItPackage(Path(folder), chosen, source.name, files, operations)
 
 
 def _python_joints(source: Source, strategy: HolonomicStrategy) -> str:

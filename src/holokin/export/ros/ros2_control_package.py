@@ -34,20 +34,6 @@ STEPS = 200
 SWING = 0.02
 """How far the joints swing in that test [rad, m]: at most 0.3 rad/s, which every arm of the catalogue can do."""
 
-_FILES = {
-    "src/tool_controller.hpp": "control/tool_controller.hpp",
-    "src/tool_controller.cpp": "control/tool_controller.cpp",
-    "src/tool_parameters.cpp": "control/tool_parameters.cpp",
-    "src/tool_motion.hpp": "control/tool_motion.hpp",
-    "src/latest_value.hpp": "control/latest_value.hpp",
-    "src/outcome.hpp": "control/outcome.hpp",
-    "src/interface_access.hpp": "control/interface_access.hpp",
-    "src/robot_description.hpp": "control/robot_description.hpp",
-    "test/test_controller.cpp": "control/test_controller.cpp",
-    "config/controller.yaml": "control/controller.yaml",
-    "README.md": "control/README.md",
-}
-
 _PLUGIN = {
     "plugin_class": "ToolController",
     "base_class": "controller_interface::ControllerInterface",
@@ -125,8 +111,8 @@ def export_ros2_control(
         "level": ", ".join(repr(float(c)) for c in source.leaf),
         "rows_count": len(source.leaf),
     }
-    written, operations = write_package(source, Path(folder), c, _FILES, words, _python_steps(source, holonomic))
-    return Ros2ControlPackage(Path(folder), chosen, source.name, written, operations)
+    files, operations = write_package(source, Path(folder), c, "control", words, _python_steps(source, holonomic))
+    return Ros2ControlPackage(Path(folder), chosen, source.name, files, operations)
 
 
 def _limits(values: Iterable[float]) -> str:

@@ -6,6 +6,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -34,14 +35,8 @@ _ROS_NAMES = frozenset(_ROS_WORDS.split())
 _PACKAGE = re.compile(r"[a-z](_?[a-z0-9])+")
 """Names of packages, as REP 144 has them: no underscore at the end, no two in a row."""
 
-SHARED = {
-    "src/exported_robot.hpp": "ros/exported_robot.hpp",
-    "src/pose_conversions.hpp": "ros/pose_conversions.hpp",
-    "plugin_description.xml": "ros/plugin_description.xml",
-    "package.xml": "ros/package.xml",
-    "CMakeLists.txt": "ros/CMakeLists.txt",
-}
-"""Files of every package, by their templates."""
+PLACES = {".hpp": "src/", ".cpp": "src/", ".yaml": "config/", ".srdf": "test/"}
+"""Where templates go in a package; tests of C++ to test, others to the top."""
 
 
 @dataclass(frozen=True)
@@ -209,19 +204,23 @@ def package_words(source: Source, package: str, plugin: Mapping[str, str]) -> di
 
 
 def write_package(
-    source: Source, folder: Path, c: Mapping[str, str], files: Mapping[str, str], words: Mapping[str, Any], test: str
+    source: Source, folder: Path, c: Mapping[str, str], kind: str, words: Mapping[str, Any], test: str
 ) -> tuple[tuple[str, ...], dict[str, int]]:
     """Write a package: its files, and the operations of each C function.
 
     Args:
-        c: the texts of `export_c`. files: templates by the files they make, besides those that all packages share.
+        c: the texts of `export_c`. kind: the folder of its templates, besides those that all packages share, in ros.
         test: the header of C++ `test/python_joints.h`.
 
     Raises:
         ArgumentError, WriteError.
     """
     texts = {f"c/{file}": content for file, content in c.items()}
-    texts |= {file: text(template, words) for file, template in {**files, **SHARED}.items()}
+    templates = files("holokin.export.c").joinpath("text")
+    for home in (kind, "ros"):
+        for name in sorted(template.name for template in templates.joinpath(home).iterdir()):
+            place = "test/" if name.startswith("test_") else PLACES.get(Path(name).suffix, "")
+            texts[f"{place}{name}"] = text(f"{home}/{name}", words)
     # With a word of who wrote it, behind the line that XML wants first.
     first, rest = to_urdf(source.strategy.task.robot).split("\n", 1)
     texts["test/robot.urdf"] = f"{first}\n<!-- Written by holokin {__version__}. -->\n{rest}"

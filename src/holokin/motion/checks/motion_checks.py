@@ -56,16 +56,22 @@ def _singular_findings(task: Task, motion: Motion, J: Array, rcond: float) -> It
         yield _finding(FindingKind.SINGULARITY, task.name, _times(motion, a, b, k), k, float(ratios[k]), rcond, "")
 
 
-def _finding(
-    kind: FindingKind, what: str, times: tuple[float, ...], k: int, value: float, limit: float, unit: str
-) -> Finding:
-    """A finding at the times of its begin, its end, and where it is worst, at sample k."""
+Times = tuple[float, float, float]
+"""When a finding begins, when it ends, and when it is worst [s]."""
+
+
+def _finding(kind: FindingKind, what: str, times: Times, k: int, value: float, limit: float, unit: str) -> Finding:
+    """A finding that is worst at sample k."""
     return Finding(kind, (what,), *times, k, value, limit, unit)
 
 
-def _times(motion: Motion, *samples: float) -> tuple[float, ...]:
-    """When a motion is at samples, whose numbers need not be whole [s]."""
-    return tuple(float(np.interp(s, np.arange(len(motion.t)), motion.t)) for s in samples)
+def _times(motion: Motion, first: float, last: float, worst: float) -> Times:
+    """The times of samples, whose numbers need not be whole."""
+    return _time(motion, first), _time(motion, last), _time(motion, worst)
+
+
+def _time(motion: Motion, s: float) -> float:
+    return float(np.interp(s, np.arange(len(motion.t)), motion.t))
 
 
 # --- Jumps of posture inside a motion: joint steps in whose middle the tool is off its way; and self-motions.
@@ -298,8 +304,7 @@ def check(
         swept = sweep(robot, pairs.gaps, samples.q, pairs.limits)
     clearances = []
     for pair, limit in sorted(zip(swept, pairs.limits, strict=True), key=lambda both: both[0].least):
-        (time,) = _times(samples, pair.least_at)
-        clearances.append(Clearance(pair.gap.names, pair.least, time, pair.bound, limit))
+        clearances.append(Clearance(pair.gap.names, pair.least, _time(samples, pair.least_at), pair.bound, limit))
         for first, last, nearest in stretches(~keeps(pair.d, limit), -pair.d):
             least, times = float(pair.d[nearest]), _times(samples, *pair.s[[first, last, nearest]])
             kind = FindingKind.COLLISION if least <= 0 else FindingKind.CLEARANCE

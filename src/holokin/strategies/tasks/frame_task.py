@@ -113,42 +113,6 @@ class Representation(Value, ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Turn(Representation):
-    """The angular velocity itself, and log(R_d R^T) for its error; its value shows log(R reference^T)."""
-
-    reference: Matrix
-    row_names = ("wx", "wy", "wz")
-    geometric = True
-
-    def value(self, R: SX) -> SX:
-        """log(R reference^T)."""
-        return log_so3(R @ SX(self.reference.T))
-
-    def margin(self, R: SX) -> SX:
-        """1: angular velocities are nowhere singular."""
-        return SX(1)
-
-    def error(self, wanted: SX, R: SX) -> SX:
-        """log(R_d R^T) (3,)."""
-        return log_so3(wanted @ R.T)
-
-    def rates(self, R: SX, angular: SX) -> SX:
-        """The angular velocity."""
-        return angular
-
-    def rotation(self, w: SX) -> SX:
-        """exp(w) reference."""
-        return exp_so3(w) @ SX(self.reference)
-
-    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
-        """exp of some rows of the error: of the tool of a plane, its turn in the plane."""
-        gap, w = self.error(wanted, present), SX.zeros(3)
-        for row in rows:
-            w[row] = gap[row]
-        return exp_so3(w) @ present
-
-
-@dataclass(frozen=True, eq=False)
 class EulerZYZ(Representation):
     """(phi, theta, psi) with R = Rz(phi) Ry(theta) Rz(psi)."""
 
@@ -221,6 +185,33 @@ class RotationVector(Representation):
     def rotation(self, w: SX) -> SX:
         """exp(w) reference."""
         return exp_so3(w) @ SX(self.reference)
+
+
+@dataclass(frozen=True, eq=False)
+class Turn(RotationVector):
+    """The angular velocity itself, and log(R_d R^T) for its error; its value shows log(R reference^T)."""
+
+    row_names = ("wx", "wy", "wz")
+    geometric = True
+
+    def margin(self, R: SX) -> SX:
+        """1: angular velocities are nowhere singular."""
+        return SX(1)
+
+    def error(self, wanted: SX, R: SX) -> SX:
+        """log(R_d R^T) (3,)."""
+        return log_so3(wanted @ R.T)
+
+    def rates(self, R: SX, angular: SX) -> SX:
+        """The angular velocity."""
+        return angular
+
+    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
+        """exp of some rows of the error: of the tool of a plane, its turn in the plane."""
+        gap, w = self.error(wanted, present), SX.zeros(3)
+        for row in rows:
+            w[row] = gap[row]
+        return exp_so3(w) @ present
 
 
 @dataclass(frozen=True, eq=False)
