@@ -409,48 +409,55 @@ def _follows(step: Step, robot: hk.Robot, start: np.ndarray, dt: float) -> bool:
     return bool(np.abs(moved - [1e-4, 0, 0, 0, 0, 0]).max() < 5e-6)
 
 
+Parts = tuple[Any, Any, Any]
+"""A configuration at the start, a frame task, a posture task."""
+
+
+def _programmes(
+    library: Any, begin: Callable[[], Parts], pose_of: Callable[[np.ndarray], Any], dt: float
+) -> Iterator[tuple[str, Step]]:
+    """pink and mink: a quadratic programme each step, with its limits and none, by every solver that is here."""
+    there = importlib.import_module("qpsolvers").available_solvers
+
+    def stepping(parts: Parts, solver: str, limits: list[Any] | None) -> Step:
+        configuration, tool, rest = parts
+
+        def step(q: np.ndarray, pose: np.ndarray, _twist: np.ndarray) -> np.ndarray:
+            configuration.update(q)
+            tool.set_target(pose_of(pose))
+            return library.solve_ik(configuration, [tool, rest], dt, solver=solver, limits=limits)
+
+        return step
+
+    for solver in [name for name in SOLVERS if name in there]:
+        yield f", its limits, {solver}", stepping(begin(), solver, None)
+        yield f", no limits, {solver}", stepping(begin(), solver, [])
+
+
 def _pink(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:
-    pin, pink, qpsolvers = map(importlib.import_module, ("pinocchio", "pink", "qpsolvers"))
+    pin, pink = map(importlib.import_module, ("pinocchio", "pink"))
     model = pin.buildModelFromXML(to_urdf(robot))
-    for solver in [name for name in SOLVERS if name in qpsolvers.available_solvers]:
-        for limits, label in ((None, "its limits"), ([], "no limits")):
-            configuration = pink.Configuration(model, model.createData(), start.copy())
-            tool = pink.tasks.FrameTask(robot.tips[0].name, position_cost=1.0, orientation_cost=1.0)
-            rest = pink.tasks.PostureTask(cost=POSTURE)
-            rest.set_target(start.copy())
 
-            def step(
-                q: np.ndarray, pose: np.ndarray, _twist: np.ndarray,
-                configuration: Any = configuration, tool: Any = tool, rest: Any = rest, solver: str = solver,
-                limits: Any = limits,
-            ) -> np.ndarray:  # fmt: skip
-                configuration.update(q)
-                tool.set_target(pin.SE3(pose[:3, :3], pose[:3, 3]))
-                return pink.solve_ik(configuration, [tool, rest], dt, solver=solver, limits=limits)
+    def begin() -> Parts:
+        tool = pink.tasks.FrameTask(robot.tips[0].name, position_cost=1.0, orientation_cost=1.0)
+        rest = pink.tasks.PostureTask(cost=POSTURE)
+        rest.set_target(start.copy())
+        return pink.Configuration(model, model.createData(), start.copy()), tool, rest
 
-            yield f", {label}, {solver}", step
+    return _programmes(pink, begin, lambda pose: pin.SE3(pose[:3, :3], pose[:3, 3]), dt)
 
 
 def _mink(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:
-    mink, mujoco, qpsolvers = map(importlib.import_module, ("mink", "mujoco", "qpsolvers"))
+    mink, mujoco = map(importlib.import_module, ("mink", "mujoco"))
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
-    for solver in [name for name in SOLVERS if name in qpsolvers.available_solvers]:
-        for limits, label in ((None, "its limits"), ([], "no limits")):
-            configuration = mink.Configuration(model)
-            tool = mink.FrameTask(robot.tips[0].name, "site", position_cost=1.0, orientation_cost=1.0)
-            rest = mink.PostureTask(model, cost=POSTURE)
-            rest.set_target(start.copy())
 
-            def step(
-                q: np.ndarray, pose: np.ndarray, _twist: np.ndarray,
-                configuration: Any = configuration, tool: Any = tool, rest: Any = rest, solver: str = solver,
-                limits: Any = limits,
-            ) -> np.ndarray:  # fmt: skip
-                configuration.update(q)
-                tool.set_target(mink.SE3.from_matrix(pose))
-                return mink.solve_ik(configuration, [tool, rest], dt, solver=solver, limits=limits)
+    def begin() -> Parts:
+        tool = mink.FrameTask(robot.tips[0].name, "site", position_cost=1.0, orientation_cost=1.0)
+        rest = mink.PostureTask(model, cost=POSTURE)
+        rest.set_target(start.copy())
+        return mink.Configuration(model), tool, rest
 
-            yield f", {label}, {solver}", step
+    return _programmes(mink, begin, mink.SE3.from_matrix, dt)
 
 
 def _placo(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:

@@ -14,7 +14,7 @@ from benchmarks.fuzz.harness import run
 
 
 @pytest.mark.parametrize("kind", ["csv_logs", "bags"])
-@pytest.mark.parametrize("count", [40, campaign("count", 150)])
+@pytest.mark.parametrize("count", [20, campaign("count", 150)])
 def test_no_mutant_of_a_log_ends_in_a_traceback(kind: str, count: int) -> None:
     if kind == "bags":
         pytest.importorskip("rosbags")
