@@ -83,7 +83,7 @@ def robot_on_screen(shown: Any) -> Any:
     return np.array([box["x"], box["y"]]) + (seen * [1, -1] + 1) / 2 * [box["width"], box["height"]]
 
 
-@pytest.mark.parametrize(("wide", "high"), [(1440, 900), (1920, 1080)])
+@pytest.mark.parametrize(("wide", "high"), [(1440, 900), campaign(("wide", "high"), (1920, 1080))])
 def test_no_panel_lies_over_the_robot(shown: Any, wide: int, high: int) -> None:
     page = shown.page
     page.set_viewport_size({"width": wide, "height": high})
