@@ -15,6 +15,7 @@ import pytest
 
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
+from conftest import campaign
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 from holokin.app.studio.page_scene import FOV, Scene
