@@ -29,9 +29,12 @@ from holokin.strategies import constraints, impedance, inertia_weighted
 
 COLORS = {"no rule": VERMILLION, "posture": ORANGE, "to a leaf": PURPLE, "no feedback": GREEN, "holonomic": BLUE}
 MEANINGS = {
-    "no rule": "no rule", "posture": "posture task", "to a leaf": "nears a leaf",
-    "no feedback": "holonomic, no feedback", "holonomic": "holonomic",
-}  # fmt: skip
+    "no rule": "no rule",
+    "posture": "posture task",
+    "to a leaf": "nears a leaf",
+    "no feedback": "holonomic, no feedback",
+    "holonomic": "holonomic",
+}
 LEAST = 1e-7
 """What is smaller is drawn there."""
 

@@ -69,10 +69,14 @@ def random_arm(rng: np.random.Generator) -> hk.Robot:
     if pick < len(ARMS):
         return hk.load(ARMS[pick])
     rows = [
-        {"a": float(rng.uniform(-0.1, 0.1)), "alpha": float(rng.choice([-1, 1]) * rng.uniform(0.6, 1.6)),
-         "d": float(rng.uniform(0.05, 0.35)), "theta": 0.0}
+        {
+            "a": float(rng.uniform(-0.1, 0.1)),
+            "alpha": float(rng.choice([-1, 1]) * rng.uniform(0.6, 1.6)),
+            "d": float(rng.uniform(0.05, 0.35)),
+            "theta": 0.0,
+        }
         for _ in range(7)
-    ]  # fmt: skip
+    ]
     return hk.from_dh(rows, name="seven random joints")
 
 

@@ -154,11 +154,13 @@ def growth_page(rows: list[Growth], both: list[Growth]) -> list[str]:
         "\n## Growth\n",
         "Planar arms hold n - 2 dense linear rows, the two Pandas eight. Build: expressions, C, compiler and loading",
         "of a new strategy. A step is called from Python, with feedback and limits.\n",
-        *head, *lines(rows),
+        *head,
+        *lines(rows),
         f"\nFrom {linear.DENSE_FROM} joints on the linear system is left to a dense factorisation in C, or to LAPACK",
         "without a compiler. Both ways, around the crossing:\n",
-        *head, *lines(both),
-    ]  # fmt: skip
+        *head,
+        *lines(both),
+    ]
 
 
 PLACES = 256
@@ -383,9 +385,12 @@ def rivals(robot: hk.Robot, start: np.ndarray, dt: float) -> tuple[list[tuple[st
     steps: list[tuple[str, Step]] = []
     left_out: list[str] = []
     for name, make in (
-        ("pink", _pink), ("mink", _mink), ("placo", _placo), ("roboticstoolbox + pinv", _roboticstoolbox),
+        ("pink", _pink),
+        ("mink", _mink),
+        ("placo", _placo),
+        ("roboticstoolbox + pinv", _roboticstoolbox),
         ("Pinocchio + pinv", _pinocchio),
-    ):  # fmt: skip
+    ):
         try:
             with _silence():
                 made = list(make(robot, start, dt))

@@ -83,9 +83,12 @@ def bags() -> list[Files]:
     found, modes = [], rosbag2.CompressionMode
     with tempfile.TemporaryDirectory() as name:
         for plugin, mode in (
-            ("SQLITE3", modes.NONE), ("SQLITE3", modes.MESSAGE), ("SQLITE3", modes.FILE), ("MCAP", modes.NONE),
+            ("SQLITE3", modes.NONE),
+            ("SQLITE3", modes.MESSAGE),
+            ("SQLITE3", modes.FILE),
+            ("MCAP", modes.NONE),
             ("MCAP", modes.STORAGE),
-        ):  # fmt: skip
+        ):
             folder = Path(name) / f"{plugin}-{mode}"
             new = rosbag2.Writer(folder, version=9, storage_plugin=rosbag2.StoragePlugin[plugin])
             if mode is not modes.NONE:

@@ -310,10 +310,15 @@ def _sqlite(data: bytes, chance: Chance) -> bytes:
         value = (
             value if isinstance(value, str | bool | float) else chance.choice((None, 0, -1, 2**62, b"\xff\x00", "{}"))
         )
-        change = chance.choice((
-            *[f"UPDATE {table} SET {column} = ?{where}"] * 7, f"ALTER TABLE {table} DROP COLUMN {column}",
-            f"ALTER TABLE {table} ADD COLUMN extra", f"DELETE FROM {table}", f"DROP TABLE {table}",
-        ))  # fmt: skip
+        change = chance.choice(
+            (
+                *[f"UPDATE {table} SET {column} = ?{where}"] * 7,
+                f"ALTER TABLE {table} DROP COLUMN {column}",
+                f"ALTER TABLE {table} ADD COLUMN extra",
+                f"DELETE FROM {table}",
+                f"DROP TABLE {table}",
+            )
+        )
         with suppress(sqlite3.DatabaseError):  # a key that may not be twice, a number that may not be missing
             db.execute(change, (value,) if "?" in change else ())
     db.commit()

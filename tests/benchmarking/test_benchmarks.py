@@ -21,9 +21,10 @@ from holokin.symbolic.native.toolchain import idle
 
 ROOT = Path(__file__).parents[2]
 FILES = [
-    f for f in sorted((ROOT / "benchmarks").rglob("*.py"))
+    f
+    for f in sorted((ROOT / "benchmarks").rglob("*.py"))
     if f.parent.name != "workers" and '__name__ == "__main__"' in f.read_text("utf-8")
-]  # fmt: skip
+]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
 WRITING = ("benchmarks.league", "benchmarks.speed")
 """These write pages."""
