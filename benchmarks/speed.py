@@ -113,7 +113,8 @@ def grown(task: hk.Task, q0: np.ndarray) -> Growth:
                 servo = hk.controller(hk.holonomic(task, hk.linear(rows)), dt=1e-3, q0=q0)
                 build.append(time.perf_counter() - begin)
                 operations = servo.generated[0].instructions
-                times.append(median_and_p99(lambda servo=servo: servo.step(q0, target, twist), 60, 100)[0])
+                step = repeated(lambda servo=servo: servo.step(q0, target, twist))
+                times.append(in_turns({"step": step}, 60, 2e-3)["step"].median)
     way = "numbers" if task.n >= linear.DENSE_FROM else "written out"
     return Growth(task.robot.name, task.n, way, operations, build[0], *times)
 
@@ -319,17 +320,6 @@ def processor() -> str:
 def load() -> str:
     """How busy the machine is."""
     return f"load {os.getloadavg()[0]:.1f} at the end" if hasattr(os, "getloadavg") else "load unknown"
-
-
-def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple[float, float]:
-    """Seconds of the processor for one call: median and 99th percentile over rounds of `inner` calls."""
-    times = np.empty(rounds)
-    for k in range(rounds):
-        begin = time.process_time()
-        for _ in range(inner):
-            call()
-        times[k] = (time.process_time() - begin) / inner
-    return float(np.median(times)), float(np.percentile(times, 99))
 
 
 def without_compiler(make: Callable[[], hk.motion.Controller]) -> hk.motion.Controller:
