@@ -23,13 +23,18 @@ import numpy as np
 import holokin as hk
 from holokin.app.report.plots import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, beside, write_figure
 from holokin.base.errors import ControllerError, MissingExtraError, PathError
+from holokin.motion import control
 from holokin.motion.control import PostureTask, mink_law, pink_law, placo_law
+from holokin.strategies import constraints, impedance, inertia_weighted
 
 COLORS = {"no rule": VERMILLION, "posture": ORANGE, "to a leaf": PURPLE, "no feedback": GREEN, "holonomic": BLUE}
 MEANINGS = {
-    "no rule": "no rule", "posture": "posture task", "to a leaf": "nears a leaf",
-    "no feedback": "holonomic, no feedback", "holonomic": "holonomic",
-}  # fmt: skip
+    "no rule": "no rule",
+    "posture": "posture task",
+    "to a leaf": "nears a leaf",
+    "no feedback": "holonomic, no feedback",
+    "holonomic": "holonomic",
+}
 LEAST = 1e-7
 """What is smaller is drawn there."""
 
@@ -114,26 +119,26 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
 
     def held(g: hk.Constraint) -> Callable[[], object]:
         leaf = hk.holonomic(task, g).constraint_value(start)  # feedback to the leaf, as to the path
-        return lambda: hk.motion.control.asymptotically_cyclic(task, g, leaf, GAIN, GAIN)
+        return lambda: control.asymptotically_cyclic(task, g, leaf, GAIN, GAIN)
 
     twin = hk.radial(given, start).constraint
     turned = hk.pose(robot, "rpy")  # impedance needs coordinates
-    bent = start + 0.3
+    bent = constraints.posture_cost(start + 0.3)
     weights = np.diag([1.0, 0.5, 1.0, 0.5, 1.0, 1.0, 2.0])
     names = robot.joint_names
     apart, swivel = hk.linear([1, 0, -1, 0, 0, 0, 0]), hk.arm_angle(pole=(0, -1, 0))
-    rest = hk.strategies.constraints.posture_cost(start)
+    rest = constraints.posture_cost(start)
     return [
-        ("Moore-Penrose", "no rule", lambda: hk.motion.control.closed_loop(given, GAIN)),
-        ("damped, 0.05", "no rule", lambda: hk.motion.control.damped(task, 0.05, GAIN)),
-        ("weighted", "no rule", lambda: hk.motion.control.closed_loop(hk.weighted(task, weights), GAIN)),
+        ("Moore-Penrose", "no rule", lambda: control.closed_loop(given, GAIN)),
+        ("damped, 0.05", "no rule", lambda: control.damped(task, 0.05, GAIN)),
+        ("weighted", "no rule", lambda: control.closed_loop(hk.weighted(task, weights), GAIN)),
         ("pink", "no rule", lambda: pink_law(robot)),
         ("mink", "no rule", lambda: mink_law(robot)),
         ("placo", "no rule", lambda: placo_law(robot)),
-        ("gradient projection, 1/s", "posture", lambda: hk.motion.control.gradient_projection(task, rest, 1.0, GAIN)),
-        ("gradient projection, 10/s", "posture", lambda: hk.motion.control.gradient_projection(task, rest, 10.0, GAIN)),
+        ("gradient projection, 1/s", "posture", lambda: control.gradient_projection(task, rest, 1.0, GAIN)),
+        ("gradient projection, 10/s", "posture", lambda: control.gradient_projection(task, rest, 10.0, GAIN)),
         ("cyclic in the end, 1/s", "to a leaf", lambda: to_the_leaf(task, start)),
-        ("repetitive motion, 4/s", "posture", lambda: hk.motion.control.repetitive_motion(task, 4.0, GAIN)),
+        ("repetitive motion, 4/s", "posture", lambda: control.repetitive_motion(task, 4.0, GAIN)),
         ("pink, cost 1e-3, gain 0.05", "posture", lambda: pink_law(robot, PostureTask(1e-3, 0.05))),
         ("pink, cost 1e-3, gain 1", "posture", lambda: pink_law(robot, PostureTask(1e-3))),
         ("pink, cost 0.1, gain 1", "posture", lambda: pink_law(robot, PostureTask(0.1))),
@@ -144,35 +149,13 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
         ("mink, leaf of q1 - q3", "holonomic", lambda: mink_law(robot, leaf=hk.holonomic(task, apart))),
         ("locked joint 3", "holonomic", held(hk.lock(2))),
         ("linear, q1 - q3", "holonomic", held(apart)),
-        (
-            "height of joint 4 + q1 - q3",
-            "holonomic",
-            held(hk.strategies.constraints.total(apart, hk.strategies.constraints.height(names[3]))),
-        ),
-        (
-            "tilted arm angle",
-            "holonomic",
-            held(hk.strategies.constraints.tilted(swivel, lambda x: 0.2 * (x[0] - x[1]))),
-        ),
+        ("height of joint 4 + q1 - q3", "holonomic", held(constraints.total(apart, constraints.height(names[3])))),
+        ("tilted arm angle", "holonomic", held(constraints.tilted(swivel, lambda x: 0.2 * (x[0] - x[1])))),
         ("arm angle", "holonomic", held(swivel)),
         ("stationary posture", "holonomic", held(hk.stationary(rest))),
-        (
-            "stationary centring",
-            "holonomic",
-            held(hk.stationary(hk.strategies.constraints.centring_cost(), free=(names[2],))),
-        ),
-        (
-            "impedance",
-            "no feedback",
-            lambda: hk.motion.control.closed_loop(
-                hk.strategies.impedance(turned, hk.strategies.constraints.posture_cost(bent)), GAIN
-            ),
-        ),
-        (
-            "impedance with memory",
-            "no feedback",
-            lambda: hk.motion.control.impedance_with_memory(turned, hk.strategies.constraints.posture_cost(bent)),
-        ),
+        ("stationary centring", "holonomic", held(hk.stationary(constraints.centring_cost(), free=(names[2],)))),
+        ("impedance", "no feedback", lambda: control.closed_loop(impedance(turned, bent), GAIN)),
+        ("impedance with memory", "no feedback", lambda: control.impedance_with_memory(turned, bent)),
         ("radial strategy", "holonomic", held(twin)),
         *with_masses(robot),
     ]
@@ -188,25 +171,17 @@ def with_masses(robot: hk.Robot) -> list[tuple[str, str, Callable[[], object]]]:
     if not found:
         return []
     task = hk.pose(hk.from_urdf(found[0], tip=robot.tips[0].name))
-    carried = hk.stationary(hk.strategies.constraints.gravity_cost())
+    carried = hk.stationary(constraints.gravity_cost())
     leaf = hk.holonomic(task, carried).constraint_value(STARTS[robot.name])
     return [
-        (
-            "inertia-weighted",
-            "no rule",
-            lambda: hk.motion.control.closed_loop(hk.strategies.inertia_weighted(task), GAIN),
-        ),
-        (
-            "stationary gravity",
-            "holonomic",
-            lambda: hk.motion.control.asymptotically_cyclic(task, carried, leaf, GAIN, GAIN),
-        ),
+        ("inertia-weighted", "no rule", lambda: control.closed_loop(inertia_weighted(task), GAIN)),
+        ("stationary gravity", "holonomic", lambda: control.asymptotically_cyclic(task, carried, leaf, GAIN, GAIN)),
     ]
 
 
 def to_the_leaf(task: hk.Task, start: np.ndarray) -> object:
     """De Luca's law, begun 0.1 rad off its leaf."""
-    return hk.motion.control.asymptotically_cyclic(task, hk.lock(2), start[2] + 0.1, 1.0, GAIN)
+    return control.asymptotically_cyclic(task, hk.lock(2), start[2] + 0.1, 1.0, GAIN)
 
 
 def paths(point: np.ndarray) -> dict[str, hk.Path]:

@@ -353,9 +353,15 @@ def row(name: str, grid: Grid, q: np.ndarray, paths: np.ndarray, seconds: float)
     pieces = cut_pieces(grid.points[grid.pairs[cut]].mean(1), grid.step)
     even = jumps[np.isfinite(jumps) & ~cut] / grid.step
     cells = (
-        name, len(q), f"{np.isfinite(q[:, 0]).mean():.2%}", pieces, f"{cut.sum() * grid.step:.2f} m",
-        f"{changes(grid, q, paths).mean():.3f}", f"{np.median(even):.2f}", f"{seconds:.0f} s",
-    )  # fmt: skip
+        name,
+        len(q),
+        f"{np.isfinite(q[:, 0]).mean():.2%}",
+        pieces,
+        f"{cut.sum() * grid.step:.2f} m",
+        f"{changes(grid, q, paths).mean():.3f}",
+        f"{np.median(even):.2f}",
+        f"{seconds:.0f} s",
+    )
     return f"| {' | '.join(map(str, cells))} |"
 
 

@@ -5,7 +5,7 @@
 Each trial starts a run of a small job over an older result, in whose folder a user keeps files; sends SIGKILL, SIGINT
 or SIGTERM at a random moment of its life; looks at the folder; lets holokin repair it as the next run does at its
 beginning, in every tenth trial by a whole run; and looks again. Half of the moments lie in the time in which files are
-written. First a run is killed before and after each of its renames.
+written. Kills before and after each rename are in `tests/app/cli/test_faults.py`.
 """
 
 from __future__ import annotations
@@ -88,13 +88,14 @@ def whole(folder: Path) -> str:
     return facts["title"]
 
 
-def _start(file: Path, out: Path, setup: str = "") -> subprocess.Popen[str]:
-    code = f"{setup}from holokin.app.cli.main import main; main()"
+def _start(file: Path, out: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-c", code, "run", str(file), "--out", str(out)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-m", "holokin", "run", str(file), "--out", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # shells ignore it in the background
-    )  # fmt: skip
+    )
 
 
 def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path, number: int) -> tuple[str, list[str]]:
@@ -130,25 +131,6 @@ def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path, number
     if code == 0 and found != "new":
         faults.append("exit code 0 without the new result")
     return f"{ended}: {found} result", [*faults, *wrong, *repaired(folder, (old, new), number)]
-
-
-def renames(folder: Path) -> tuple[collections.Counter[str], list[str]]:
-    """SIGKILL before and after every rename of a run."""
-    ends: collections.Counter[str] = collections.Counter()
-    out, faults = folder / "out", []
-    for after in (False, True):
-        for k in range(1, 100):
-            titles = whole(out / "job"), f"rename {k} {after}"
-            setup = f"from benchmarks.kills import deadly\nimport matplotlib.figure\ndeadly({k}, {after})\n"
-            process = _start(job(folder, titles[1]), out, setup)
-            process.communicate(timeout=120)
-            found, wrong = looked_at(out, titles, gap=True)
-            wrong += repaired(folder, titles, k)
-            faults += [f"rename {k}, after={after}: {fault}" for fault in wrong]
-            if process.returncode == 0:
-                break
-            ends[f"{'after' if after else 'before'} a rename: {found} result"] += 1
-    return ends, faults
 
 
 def looked_at(out: Path, titles: tuple[str, str], *, gap: bool) -> tuple[str, list[str]]:
@@ -228,34 +210,23 @@ def run(count: int, kind: signal.Signals, seed: int) -> tuple[collections.Counte
     return ends, faults
 
 
-def report(what: str, ends: collections.Counter[str], faults: list[str]) -> None:
-    """Print the counts."""
-    print(f"{what}: {ends.total()}, {len(faults)} faults", flush=True)
-    for ended, times in sorted(ends.items()):
-        print(f"  {times:4} {ended}", flush=True)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Print how the processes ended, and each fault."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", choices=["SIGKILL", "SIGINT", "SIGTERM", "renames"])
+    parser.add_argument("--only", choices=["SIGKILL", "SIGINT", "SIGTERM"])
     parser.add_argument("--quick", action="store_true", help="one kill at a random moment")
     args = parser.parse_args(arguments)
     if args.quick:
         args.count, args.only = 1, "SIGKILL"
     faults = []
-    if args.only in (None, "renames"):
-        with tempfile.TemporaryDirectory(prefix="kills-") as name:
-            prepare(Path(name))
-            ends, found = renames(Path(name))
-        report("kill at every rename", ends, found)
-        faults += found
     for kind in (signal.SIGKILL, signal.SIGINT, signal.SIGTERM):
         if args.only in (None, kind.name):
             ends, found = run(args.count, kind, args.seed)
-            report(kind.name, ends, found)
+            print(f"{kind.name}: {ends.total()}, {len(found)} faults", flush=True)
+            for ended, times in sorted(ends.items()):
+                print(f"  {times:4} {ended}", flush=True)
             faults += found
     print("\n".join(faults[:40]))
     return 1 if faults else 0

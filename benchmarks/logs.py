@@ -1,18 +1,13 @@
 """Logs of random arms on random circles, whose joints drift, fade, alternate or repeat: what the audit says of them.
 
-Arms, starts, planes, radii, gains, numbers of cycles and rates of sampling are drawn; nothing is chosen. The same
-motion is judged without noise, and with noise of three sizes: more noise must never decide what less noise did not.
-
-    python -m benchmarks.logs [--quick]
+Arms, starts, planes, radii, gains and numbers of cycles are drawn; nothing is chosen. The same motion is judged without
+noise, and with noise. `tests/analysis/audit/test_log_campaign.py` runs them.
 """
 
 from __future__ import annotations
 
-import sys
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -21,9 +16,6 @@ import holokin as hk
 from holokin.analysis.audit import LogVerdict, Trend
 
 Array = np.ndarray
-
-NOISES = (0.0, 1e-5, 1e-4, 1e-3)
-"""Standard deviations of the encoders [rad or m]."""
 
 STEPS = 160
 """Steps of a cycle when a law is run."""
@@ -77,10 +69,14 @@ def random_arm(rng: np.random.Generator) -> hk.Robot:
     if pick < len(ARMS):
         return hk.load(ARMS[pick])
     rows = [
-        {"a": float(rng.uniform(-0.1, 0.1)), "alpha": float(rng.choice([-1, 1]) * rng.uniform(0.6, 1.6)),
-         "d": float(rng.uniform(0.05, 0.35)), "theta": 0.0}
+        {
+            "a": float(rng.uniform(-0.1, 0.1)),
+            "alpha": float(rng.choice([-1, 1]) * rng.uniform(0.6, 1.6)),
+            "d": float(rng.uniform(0.05, 0.35)),
+            "theta": 0.0,
+        }
         for _ in range(7)
-    ]  # fmt: skip
+    ]
     return hk.from_dh(rows, name="seven random joints")
 
 
@@ -184,10 +180,8 @@ def random_motion(law: str, rng: np.random.Generator, cycles: tuple[int, int] = 
             return Motion(setup, law, q, count, truth)
 
 
-def judged(
-    motion: Motion, rate: float, seed: int, noises: tuple[float, ...] = NOISES
-) -> list[hk.analysis.audit.LogAudit]:
-    """The audits of a motion, by rising noise."""
+def judged(motion: Motion, rate: float, seed: int, noises: tuple[float, ...]) -> list[hk.analysis.audit.LogAudit]:
+    """The audits of a motion, by rising noise: standard deviations of the encoders [rad or m]."""
     whole, robot = motion.setup.task.orientation is not None, motion.setup.robot
     return [hk.audit_recording(motion.log(rate, noise, seed), robot, orientation=whole) for noise in noises]
 
@@ -204,66 +198,3 @@ def told(found: Trend, truth: Trend) -> str:
     if found is truth:
         return "right"
     return "cannot tell" if found is Trend.CANNOT_TELL else "wrong"
-
-
-def decided_by_noise(audits: list[hk.analysis.audit.LogAudit]) -> bool:
-    """Whether more noise decides what less noise did not, or decides it otherwise."""
-    verdicts = [audit.verdict for audit in audits]
-    trends = [audit.trend for audit in audits]
-    for answers, unknown in ((verdicts, LogVerdict.UNDECIDED), (trends, Trend.CANNOT_TELL)):
-        for less, more in pairwise(answers):
-            if more not in (less, unknown):
-                return True
-    return False
-
-
-def campaign(
-    per_law: int, cycles: tuple[int, int], rates: tuple[float, ...], noises: tuple[float, ...], seed: int
-) -> tuple[Counter[tuple[str, float, str, str]], list[str]]:
-    """Counts of (law, noise, question, mark), and the motions that noise decided."""
-    marks: Counter[tuple[str, float, str, str]] = Counter()
-    odd = []
-    for law in LAWS:
-        for i in range(per_law):
-            rng = np.random.default_rng([seed, LAWS.index(law), i])
-            motion = random_motion(law, rng, cycles)
-            rate = float(rng.choice(rates))
-            audits = judged(motion, rate, i, noises)
-            for noise, audit in zip(noises, audits, strict=True):
-                marks[law, noise, "repeated", repeated(audit.verdict, motion.truth)] += 1
-                marks[law, noise, "trend", told(audit.trend, motion.truth)] += 1
-                if audit.limit is not None and motion.truth is not Trend.GOES_ON:
-                    marks[law, noise, "limit", "predicted, and not reached"] += 1
-            if decided_by_noise(audits):
-                answers = ", ".join(f"{a.verdict.name} {a.trend.name}" for a in audits)
-                odd.append(f"{law}, {motion.setup.robot.name}, {motion.cycles} cycles, number {i}: {answers}")
-    return marks, odd
-
-
-def main() -> int:
-    """Print the counts."""
-    quick = "--quick" in sys.argv
-    per_law = 1 if quick else int(sys.argv[sys.argv.index("--count") + 1]) if "--count" in sys.argv else 10
-    noises = NOISES[::2] if quick else NOISES
-    marks, odd = campaign(per_law, (6, 10) if quick else (6, 40), (30.0,) if quick else (125.0, 500.0), noises, 0)
-    for question in ("repeated", "trend"):
-        print(f"| {question} | " + " | ".join(f"noise {noise:g}" for noise in noises) + " |")
-        print("|---" * (len(noises) + 1) + "|")
-        for law in LAWS:
-            cells = [
-                " / ".join(str(marks[law, noise, question, mark]) for mark in ("right", "wrong", "cannot tell"))
-                for noise in noises
-            ]
-            print(f"| {law} | {' | '.join(cells)} |")
-    print("Each cell: right / wrong / cannot tell.")
-    print(
-        "Limits predicted and not reached:", sum(n for (*_, mark), n in marks.items() if mark.startswith("predicted"))
-    )
-    print("More noise decided, or decided otherwise:", len(odd))
-    for line in odd:
-        print(" ", line)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

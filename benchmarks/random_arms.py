@@ -55,13 +55,18 @@ class Arm:
         """For holokin."""
         rows = [
             {
-                "a": a, "alpha": alpha, "d": d, "theta": theta, "lower": low, "upper": high,
+                "a": a,
+                "alpha": alpha,
+                "d": d,
+                "theta": theta,
+                "lower": low,
+                "upper": high,
                 "kind": "prismatic" if slides else "revolute",
             }
             for (a, alpha, d, theta), slides, low, high in zip(
                 self.rows.tolist(), self.slides, self.lower.tolist(), self.upper.tolist(), strict=True
             )
-        ]  # fmt: skip
+        ]
         return hk.from_dh(rows, name="random")
 
     @property
@@ -75,10 +80,14 @@ class Arm:
         turn, shift = np.where(self.slides, theta, theta + q), np.where(self.slides, d + q, d + 0 * q)
         c, s, ca_, sa = np.cos(turn), np.sin(turn), np.cos(alpha), np.sin(alpha)
         zero = 0 * turn
-        each = np.array([
-            [c, -s * ca_, s * sa, a * c], [s, c * ca_, -c * sa, a * s], [zero, zero + sa, zero + ca_, shift],
-            [zero, zero, zero, zero + 1],
-        ]).transpose(2, 3, 0, 1)  # fmt: skip
+        each = np.array(
+            [
+                [c, -s * ca_, s * sa, a * c],
+                [s, c * ca_, -c * sa, a * s],
+                [zero, zero + sa, zero + ca_, shift],
+                [zero, zero, zero, zero + 1],
+            ]
+        ).transpose(2, 3, 0, 1)
         found = [np.broadcast_to(np.eye(4, dtype=q.dtype), (len(q), 4, 4))]
         for i in range(self.n):
             found.append(found[-1] @ each[:, i])
@@ -217,9 +226,10 @@ def _polynomial(r: int, n: int, rng: np.random.Generator) -> Law:
 def _waves(r: int, n: int, rng: np.random.Generator) -> Law:
     A, B, w = rng.normal(size=(r, n)), rng.normal(size=(r, n)), rng.uniform(0.5, 2, (r, n))
     return _custom(
-        "waves", r,
+        "waves",
+        r,
         lambda q, sin: [sum(A[i, j] * q[j] + B[i, j] * sin(w[i, j] * q[j]) for j in range(n)) for i in range(r)],
-    )  # fmt: skip
+    )
 
 
 def _tilted(_r: int, n: int, rng: np.random.Generator) -> Law:
@@ -281,9 +291,11 @@ def _arm_angle(_r: int, _arm: Arm, rng: np.random.Generator) -> Law:
 
 def _stacked(one: Law, other: Law) -> Law:
     return (
-        f"{one[0]} over {other[0]}", hk.strategies.constraints.stack(one[1], other[1]),
-        lambda q, T: np.concatenate([one[2](q, T), other[2](q, T)], axis=1), np.concatenate([one[3], other[3]]),
-    )  # fmt: skip
+        f"{one[0]} over {other[0]}",
+        hk.strategies.constraints.stack(one[1], other[1]),
+        lambda q, T: np.concatenate([one[2](q, T), other[2](q, T)], axis=1),
+        np.concatenate([one[3], other[3]]),
+    )
 
 
 def random_law(arm: Arm, rng: np.random.Generator) -> Law | None:

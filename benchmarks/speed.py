@@ -113,7 +113,8 @@ def grown(task: hk.Task, q0: np.ndarray) -> Growth:
                 servo = hk.controller(hk.holonomic(task, hk.linear(rows)), dt=1e-3, q0=q0)
                 build.append(time.perf_counter() - begin)
                 operations = servo.generated[0].instructions
-                times.append(median_and_p99(lambda servo=servo: servo.step(q0, target, twist), 60, 100)[0])
+                step = repeated(lambda servo=servo: servo.step(q0, target, twist))
+                times.append(in_turns({"step": step}, 60, 2e-3)["step"].median)
     way = "numbers" if task.n >= linear.DENSE_FROM else "written out"
     return Growth(task.robot.name, task.n, way, operations, build[0], *times)
 
@@ -154,11 +155,13 @@ def growth_page(rows: list[Growth], both: list[Growth]) -> list[str]:
         "\n## Growth\n",
         "Planar arms hold n - 2 dense linear rows, the two Pandas eight. Build: expressions, C, compiler and loading",
         "of a new strategy. A step is called from Python, with feedback and limits.\n",
-        *head, *lines(rows),
+        *head,
+        *lines(rows),
         f"\nFrom {linear.DENSE_FROM} joints on the linear system is left to a dense factorisation in C, or to LAPACK",
         "without a compiler. Both ways, around the crossing:\n",
-        *head, *lines(both),
-    ]  # fmt: skip
+        *head,
+        *lines(both),
+    ]
 
 
 PLACES = 256
@@ -319,17 +322,6 @@ def load() -> str:
     return f"load {os.getloadavg()[0]:.1f} at the end" if hasattr(os, "getloadavg") else "load unknown"
 
 
-def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple[float, float]:
-    """Seconds of the processor for one call: median and 99th percentile over rounds of `inner` calls."""
-    times = np.empty(rounds)
-    for k in range(rounds):
-        begin = time.process_time()
-        for _ in range(inner):
-            call()
-        times[k] = (time.process_time() - begin) / inner
-    return float(np.median(times)), float(np.percentile(times, 99))
-
-
 def without_compiler(make: Callable[[], hk.motion.Controller]) -> hk.motion.Controller:
     """A controller on the virtual machine."""
     with environment(HOLOKIN_NATIVE="0"):
@@ -383,9 +375,12 @@ def rivals(robot: hk.Robot, start: np.ndarray, dt: float) -> tuple[list[tuple[st
     steps: list[tuple[str, Step]] = []
     left_out: list[str] = []
     for name, make in (
-        ("pink", _pink), ("mink", _mink), ("placo", _placo), ("roboticstoolbox + pinv", _roboticstoolbox),
+        ("pink", _pink),
+        ("mink", _mink),
+        ("placo", _placo),
+        ("roboticstoolbox + pinv", _roboticstoolbox),
         ("Pinocchio + pinv", _pinocchio),
-    ):  # fmt: skip
+    ):
         try:
             with _silence():
                 made = list(make(robot, start, dt))
@@ -409,48 +404,55 @@ def _follows(step: Step, robot: hk.Robot, start: np.ndarray, dt: float) -> bool:
     return bool(np.abs(moved - [1e-4, 0, 0, 0, 0, 0]).max() < 5e-6)
 
 
+Parts = tuple[Any, Any, Any]
+"""A configuration at the start, a frame task, a posture task."""
+
+
+def _programmes(
+    library: Any, begin: Callable[[], Parts], pose_of: Callable[[np.ndarray], Any], dt: float
+) -> Iterator[tuple[str, Step]]:
+    """pink and mink: a quadratic programme each step, with its limits and none, by every solver that is here."""
+    there = importlib.import_module("qpsolvers").available_solvers
+
+    def stepping(parts: Parts, solver: str, limits: list[Any] | None) -> Step:
+        configuration, tool, rest = parts
+
+        def step(q: np.ndarray, pose: np.ndarray, _twist: np.ndarray) -> np.ndarray:
+            configuration.update(q)
+            tool.set_target(pose_of(pose))
+            return library.solve_ik(configuration, [tool, rest], dt, solver=solver, limits=limits)
+
+        return step
+
+    for solver in [name for name in SOLVERS if name in there]:
+        yield f", its limits, {solver}", stepping(begin(), solver, None)
+        yield f", no limits, {solver}", stepping(begin(), solver, [])
+
+
 def _pink(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:
-    pin, pink, qpsolvers = map(importlib.import_module, ("pinocchio", "pink", "qpsolvers"))
+    pin, pink = map(importlib.import_module, ("pinocchio", "pink"))
     model = pin.buildModelFromXML(to_urdf(robot))
-    for solver in [name for name in SOLVERS if name in qpsolvers.available_solvers]:
-        for limits, label in ((None, "its limits"), ([], "no limits")):
-            configuration = pink.Configuration(model, model.createData(), start.copy())
-            tool = pink.tasks.FrameTask(robot.tips[0].name, position_cost=1.0, orientation_cost=1.0)
-            rest = pink.tasks.PostureTask(cost=POSTURE)
-            rest.set_target(start.copy())
 
-            def step(
-                q: np.ndarray, pose: np.ndarray, _twist: np.ndarray,
-                configuration: Any = configuration, tool: Any = tool, rest: Any = rest, solver: str = solver,
-                limits: Any = limits,
-            ) -> np.ndarray:  # fmt: skip
-                configuration.update(q)
-                tool.set_target(pin.SE3(pose[:3, :3], pose[:3, 3]))
-                return pink.solve_ik(configuration, [tool, rest], dt, solver=solver, limits=limits)
+    def begin() -> Parts:
+        tool = pink.tasks.FrameTask(robot.tips[0].name, position_cost=1.0, orientation_cost=1.0)
+        rest = pink.tasks.PostureTask(cost=POSTURE)
+        rest.set_target(start.copy())
+        return pink.Configuration(model, model.createData(), start.copy()), tool, rest
 
-            yield f", {label}, {solver}", step
+    return _programmes(pink, begin, lambda pose: pin.SE3(pose[:3, :3], pose[:3, 3]), dt)
 
 
 def _mink(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:
-    mink, mujoco, qpsolvers = map(importlib.import_module, ("mink", "mujoco", "qpsolvers"))
+    mink, mujoco = map(importlib.import_module, ("mink", "mujoco"))
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
-    for solver in [name for name in SOLVERS if name in qpsolvers.available_solvers]:
-        for limits, label in ((None, "its limits"), ([], "no limits")):
-            configuration = mink.Configuration(model)
-            tool = mink.FrameTask(robot.tips[0].name, "site", position_cost=1.0, orientation_cost=1.0)
-            rest = mink.PostureTask(model, cost=POSTURE)
-            rest.set_target(start.copy())
 
-            def step(
-                q: np.ndarray, pose: np.ndarray, _twist: np.ndarray,
-                configuration: Any = configuration, tool: Any = tool, rest: Any = rest, solver: str = solver,
-                limits: Any = limits,
-            ) -> np.ndarray:  # fmt: skip
-                configuration.update(q)
-                tool.set_target(mink.SE3.from_matrix(pose))
-                return mink.solve_ik(configuration, [tool, rest], dt, solver=solver, limits=limits)
+    def begin() -> Parts:
+        tool = mink.FrameTask(robot.tips[0].name, "site", position_cost=1.0, orientation_cost=1.0)
+        rest = mink.PostureTask(model, cost=POSTURE)
+        rest.set_target(start.copy())
+        return mink.Configuration(model), tool, rest
 
-            yield f", {label}, {solver}", step
+    return _programmes(mink, begin, mink.SE3.from_matrix, dt)
 
 
 def _placo(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:

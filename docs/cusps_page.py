@@ -45,8 +45,9 @@ def locks(found: list[Row], arms: list[str]) -> Iterator[str]:
     """A line of the table of locks for each arm."""
     for arm in arms:
         known = of_arm(found, arm, "lock")
-        yield " | ".join([NAMES.get(arm, arm), *(cell(known[(i,)]) for i in range(7)),
-                          cell(of_arm(found, arm, "arm angle")[()])])  # fmt: skip
+        yield " | ".join(
+            [NAMES.get(arm, arm), *(cell(known[(i,)]) for i in range(7)), cell(of_arm(found, arm, "arm angle")[()])]
+        )
 
 
 def pairs(found: list[Row], arms: list[str]) -> Iterator[str]:
@@ -55,8 +56,12 @@ def pairs(found: list[Row], arms: list[str]) -> Iterator[str]:
         known = {(law, p): row for law in ("sum", "difference") for p, row in of_arm(found, arm, law).items()}
         asked = [row for row in known.values() if "problem" not in row]
         sign = {"sum": "+", "difference": "-"}
-        free = [f"q{i + 1}{sign[law]}q{j + 1}" for i, j in combinations(range(7), 2) for law in ("sum", "difference")
-                if "problem" not in known[law, (i, j)] and not known[law, (i, j)]["cusps"]]  # fmt: skip
+        free = [
+            f"q{i + 1}{sign[law]}q{j + 1}"
+            for i, j in combinations(range(7), 2)
+            for law in ("sum", "difference")
+            if "problem" not in known[law, (i, j)] and not known[law, (i, j)]["cusps"]
+        ]
         loops = sum("smallest" in row for row in asked)
         only = len(asked) - loops - len(free)
         yield f"{NAMES.get(arm, arm)} | {loops} | {only} | {len(free)} | {', '.join(free) or '-'}"
@@ -70,23 +75,32 @@ def page(found: list[Row]) -> str:
     sound = [row for row in base if "problem" not in row]
     seven = [row for row in found if row["arm"] in arms and "problem" not in row]
     loops = [row for row in seven if "smallest" in row]
-    free = [arm for arm in arms if not any(row.get("cusps") for law in ("lock", "arm angle")
-                                           for row in of_arm(found, arm, law).values())]  # fmt: skip
+    free = [
+        arm
+        for arm in arms
+        if not any(row.get("cusps") for law in ("lock", "arm angle") for row in of_arm(found, arm, law).values())
+    ]
     lengths = sorted(row["smallest"]["length"] for row in loops)
     values = {
-        "version": seven[0]["version"], "asked": len(found),
+        "version": seven[0]["version"],
+        "asked": len(found),
         "minutes": round(sum(r.get("seconds", 0) for r in found) / 60),
-        "seven": len(seven), "loops": len(loops), "share": round(100 * len(loops) / len(seven)),
+        "seven": len(seven),
+        "loops": len(loops),
+        "share": round(100 * len(loops) / len(seven)),
         "without": sum(not row["cusps"] for row in seven),
         "only": sum(bool(row["cusps"]) and "smallest" not in row for row in seven),
-        "shortest": f"{100 * lengths[0]:.1f}", "median": f"{100 * lengths[len(lengths) // 2]:.1f}",
+        "shortest": f"{100 * lengths[0]:.1f}",
+        "median": f"{100 * lengths[len(lengths) // 2]:.1f}",
         "free": ", ".join(NAMES.get(arm, arm) for arm in free) or "none of them",
         "locks": "\n".join(f"| {line} |" for line in locks(found, arms)),
         "pairs": "\n".join(f"| {line} |" for line in pairs(found, arms)),
         "six": "\n".join(f"| {NAMES.get(row['arm'], row['arm'])} | {cell(row)} |" for row in six),
-        "triples": len(base), "sound": len(sound), "triple_loops": sum("smallest" in row for row in sound),
+        "triples": len(base),
+        "sound": len(sound),
+        "triple_loops": sum("smallest" in row for row in sound),
         "triple_none": sum(not row["cusps"] for row in sound),
-    }  # fmt: skip
+    }
     return Template((HERE / "cusps_page.txt").read_text("utf-8")).substitute(values)
 
 

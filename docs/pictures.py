@@ -181,9 +181,10 @@ def edge_of_reach() -> None:
     figure, (top, joint, speed) = plt.subplots(1, 3, figsize=(9.4, 3.7), width_ratios=(1, 1.1, 1.1))
     top.plot(*poses[:, :2, 3].T, "--", color="0.45", linewidth=1.4, label="hand")
     lines = {
-        "`ik`, waits where the pose is out of reach": ("0.6", 1.6), "damped least squares, 0.1": (RED, 1.6),
+        "`ik`, waits where the pose is out of reach": ("0.6", 1.6),
+        "damped least squares, 0.1": (RED, 1.6),
         "`ik.nearest`": (BLUE, 1.9),
-    }  # fmt: skip
+    }
     for name, (colour, width) in lines.items():
         Q = [ready]
         for pose in poses[1:]:
@@ -384,8 +385,11 @@ def cusp() -> None:
         axes.plot(share, walk.q[:, i] - walk.q[0, i], color=colour, label=f"joint {i + 1}")
     tool = np.linalg.norm([robot.pose(q)[:3, 3] - robot.pose(walk.q[0])[:3, 3] for q in walk.q], axis=1)
     axes.plot(share, 100 * tool, "--", color=RED, linewidth=2, label="tool [cm]")
-    axes.set(xlabel="share of the tool loop [%]", ylabel="change since the start [rad]; tool [cm]",
-             title=f"Panda, joint 3 locked: a loop of {100 * found.length:.1f} cm")  # fmt: skip
+    axes.set(
+        xlabel="share of the tool loop [%]",
+        ylabel="change since the start [rad]; tool [cm]",
+        title=f"Panda, joint 3 locked: a loop of {100 * found.length:.1f} cm",
+    )
     axes.legend(fontsize=8, ncols=2)
     figure.tight_layout(w_pad=3)
     save(figure, "cusp")
@@ -448,10 +452,12 @@ def cusps_of_orthogonal_arms() -> None:
         last = np.minimum(d3 / np.abs(d3 - 1) * B, top)
     low = d3 < 1
     for below, above, where, shade in (
-        (0 * d3, first, ~(d3 < 0), "#F2F2F2"), (first, second, ~(d3 < 0), "#F3B98A"),
-        (second, last, ~(d3 < 0), "#FBE3D0"), (last, top + 0 * d3, ~low, "#F3B98A"),
+        (0 * d3, first, ~(d3 < 0), "#F2F2F2"),
+        (first, second, ~(d3 < 0), "#F3B98A"),
+        (second, last, ~(d3 < 0), "#FBE3D0"),
+        (last, top + 0 * d3, ~low, "#F3B98A"),
         (last, top + 0 * d3, low, "#F2F2F2"),
-    ):  # fmt: skip
+    ):
         axes.fill_between(d3, below, above, where=where, color=shade, linewidth=0)
     for curve in (first, second, np.where(last < top, last, np.nan)):
         axes.plot(d3, curve, color="0.25", linewidth=1.1)
@@ -517,8 +523,11 @@ def paths() -> None:
         "corners blended within 12 mm": (hk.path.blended(hk.polyline(corners, closed=True), 0.012), corners),
         "leads and three passes": (
             hk.path.with_leads(
-                hk.path.passes(hk.path.arc([0, 0], [0.1, -0.1], -np.pi / 2), 3, offset=[0, 0.04, 0]), 0.03), None),
-    }  # fmt: skip
+                hk.path.passes(hk.path.arc([0, 0], [0.1, -0.1], -np.pi / 2), 3, offset=[0, 0.04, 0]), 0.03
+            ),
+            None,
+        ),
+    }
     for place, (title, (path, marks)) in zip((1, 2, 4, 5), flat.items(), strict=True):
         axes = figure.add_subplot(2, 3, place)
         if title.startswith("corners"):

@@ -27,9 +27,13 @@ from holokin.app.survey.findings import ON_PATH, RETURNS, boxes_figure, coverage
 
 HERE = Path(__file__).parent
 SPOKEN_OF = {
-    "plain": "pseudo-inverse", "fed": "pseudo-inverse, feedback", "lock": "lock", "held": "lock, feedback",
-    "posture": "posture in the null space", "pink": "pink",
-}  # fmt: skip
+    "plain": "pseudo-inverse",
+    "fed": "pseudo-inverse, feedback",
+    "lock": "lock",
+    "held": "lock, feedback",
+    "posture": "posture in the null space",
+    "pink": "pink",
+}
 """Laws of the survey that the text speaks of."""
 
 
@@ -94,13 +98,17 @@ def answers(table: SurveyTable, found: Findings) -> dict[str, str]:
         of = found.of_law(law)
         drift, cost = of.known("drift_last"), of.known("cost")
         facts |= {
-            f"{key}_returns": returned(of), f"{key}_stops": stops(of), f"{key}_covers": cover(of),
-            f"{key}_first": middle(of.known("drift"), form=".2g"), f"{key}_last": middle(drift, form=".2g"),
+            f"{key}_returns": returned(of),
+            f"{key}_stops": stops(of),
+            f"{key}_covers": cover(of),
+            f"{key}_first": middle(of.known("drift"), form=".2g"),
+            f"{key}_last": middle(drift, form=".2g"),
             f"{key}_far": f"{np.mean(drift > 0.01):.0%}" if drift.size else "none",
             f"{key}_limit_5": f"{of.met_a_limit(5):.1%}",
-            f"{key}_limit": f"{of.met_a_limit(table.cycles):.1%}", f"{key}_cost": middle(cost, form=".3g"),
+            f"{key}_limit": f"{of.met_a_limit(table.cycles):.1%}",
+            f"{key}_cost": middle(cost, form=".3g"),
             f"{key}_dear": middle(cost, 0.95, ".3g"),
-        }  # fmt: skip
+        }
     return facts
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 
-from benchmarks.fuzz.formats import FORMATS
+from benchmarks.fuzz.doors import DOORS
 from benchmarks.fuzz.harness import run
 
-KINDS = sorted([*FORMATS, "calls"])
+KINDS = sorted([*DOORS, "calls"])
 
 
 def main(arguments: list[str] | None = None) -> int:

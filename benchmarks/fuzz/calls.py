@@ -1,383 +1,354 @@
-"""Bad calls: every public function, and the methods of what they return, with one or two arguments spoilt.
+"""Bad calls of every public function, of the nouns that users make, and of the methods of what verbs return.
 
-What a callable of the user's own raises may pass through; all else must be a `HolokinError`.
+One or two arguments are spoilt, the others are good, so that the bad one is what the call meets; what it returns is
+used. What a callable of the user's own raises may pass through; all else must be a `HolokinError`.
 """
 
 from __future__ import annotations
 
 import contextlib
 import inspect
-import os
 import random
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
+from types import FunctionType
 from typing import Any
 
+import mujoco
 import numpy as np
 
 import holokin as hk
-from holokin import motion, strategies
+from holokin import robot as robots
+from holokin import strategies
 from holokin.analysis import curvature
 from holokin.analysis.audit import logs
+from holokin.base.errors import MissingExtraError
+from holokin.base.units import PrintedUnits
 from holokin.motion import control
+from holokin.path.workspaces import Box, Cylinder, Sphere, pose_cloud
 from holokin.strategies import constraints
+from holokin.symbolic import SX, factorise, symbol
 
-from .nouns import MineError, kit
-from .path_calls import path_calls
-from .spoiling import spoilt
+from .spoil import spoilt
 
-Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
-HEAVY = {
-    "audit", "distance_to_repeatable", "winding", "fitted", "radial", "predicted_drift", "filtration", "leaf_function",
-    "general_form", "advise", "design", "closest_holonomic",
+class MineError(Exception):
+    """What a callable of the user's raises."""
+
+
+def raises(*_: Any) -> Any:
+    """A callable of the user's that raises `MineError`."""
+    raise MineError
+
+
+MADE: dict[type, tuple[Any, ...]] = {
+    robots.Capsule: (0.1, 0.2), robots.Cylinder: (0.1, 0.2), robots.Box: ([0.1, 0.2, 0.3],),
+    robots.Ellipsoid: ([0.1, 0.2, 0.3],), robots.Hull: ([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]],),
+    robots.Mesh: (Path("no.stl"),), robots.Unread: ("x", "a plane"), robots.DHRow: (0.5,),
+    hk.export.ProcessLines: (("wait 1",),), hk.Scene: (), hk.path.Waypoints: (np.eye(3), None, None, "s", ()),
+}  # fmt: skip
+"""Nouns that users make, with good arguments."""
+
+SHAPES = (robots.Capsule, robots.Cylinder, robots.Box, robots.Ellipsoid, robots.Hull, robots.Mesh)
+
+SLOW = {
+    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey", "distance_to_repeatable",
+    "winding", "catalogue", "certify", "coverage_slices", "posture_reach", "fitted", "radial", "predicted_drift",
+    "filtration", "leaf_function", "general_form",
 }  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
 
-
-def _studio(*given: Any, **named: Any) -> None:
-    """A page that is closed again."""
-    hk.studio(*given, **named, browser=False, wait=False).close()
+OTHERS = {
+    "from_mjcf", "from_pinocchio", "from_roboticstoolbox", "from_urdf", "from_yourdfpy", "read_recording", "read_svg",
+    "read_waypoints", "read_workspace", "model_links", "model_tips", "inertia_weighted", "read_sheets", "retarget",
+    "audit_dataset", "chosen_episodes", "has_joints", "is_dataset", "joint_feature", "pose_feature", "read_dataset",
+    "read_runs", "studio", "catalogue",
+}  # fmt: skip
+"""Those whose good arguments would be files, models of other packages or datasets, which `doors` has, or a page."""
 
 
 @cache
-def calls() -> dict[str, Call]:
-    """Name -> (function, arguments, named arguments), all good."""
-    k = kit()
-    robot, task, law, held, q, loop, Q = (k[key] for key in ("robot", "task", "law", "held", "q", "loop", "Q"))
-    start, line, walk, region = k["start"], k["line"], k["walk"], k["region"]
-    row = {"a": 0.5, "alpha": 0.1, "d": 0.2, "theta": 0.3, "joint": "j", "kind": "revolute", "lower": -1.0,
-           "upper": 1.0, "max_velocity": 2.0}  # fmt: skip
-    one = np.eye(3)
-    following = {"samples": 4, "method": "velocity", "limits": True}
-    ball = hk.obstacle("ball", hk.robot.Capsule(0.1), [0.0, 0.0, 1.0])
-    around = {"obstacles": [ball], "floor": -1.0, "clearance": 0.01, "self_collision": True,
-              "allowed": [("ball", robot.joint_names[0])]}  # fmt: skip
-    shapes = {"scene": hk.Scene(**around)}
-    t = np.arange(3.0)
-    found: dict[str, Call] = {
-        "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
-        "studio": (_studio, ("no such job",), {"port": 0, "host": "127.0.0.1", "progress": str}),
-        "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
-        "model_tips": (hk.robot.model_tips, ("no.urdf",), {}),
-        "from_mjcf": (hk.robot.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),
-        **{name: (getattr(hk.robot, name), ("no model",), {"tip": None, "base": None, "locked": {"a": 0.0}})
-            for name in ("from_pinocchio", "from_yourdfpy", "from_roboticstoolbox")},
-        "pose_of": (hk.pose_of, ([0.1, 0.2, 0.3], [1.0, 0.0, 0.0, 0.0]), {"order": "wxyz"}),
-        "compose": (hk.compose, (hk.load("rail"), robot), {"name": "n", "order": ["rail_joint", *robot.joint_names]}),
-        "Part": (lambda *a, **n: hk.compose(hk.robot.Part(*a, **n)), (robot,), {
-            "on": "base", "pose": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),
-        "with_tool": (hk.with_tool, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None, "name": "t"}),
-        "with_limits": (hk.with_limits, (robot,), {"lower": -1.0, "upper": 1.0, "max_velocity": 2.0}),
-        "with_base_pose": (hk.with_base_pose, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
-        "to_urdf": (hk.robot.to_urdf, (robot,), {"density": 1000.0, "effort": 100.0}),
-        "to_mjcf": (hk.robot.to_mjcf, (robot,), {"servo": hk.robot.servo(robot, "position", q), "density": 1000.0,
-                                           "effort": [9.0, 9.0, 9.0]}),
-        "servo": (hk.robot.servo, (robot, "position", q), {
-            "frequency": 10.0, "damping_ratio": 1.0, "compensated": True}),
-        "with_capsules": (hk.robot.with_capsules, (robot, {robot.joint_names[0]: 0.1}), {}),
-        "with_shape": (hk.robot.with_shape, (
-            robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None}),
-        "obstacle": (hk.obstacle, ("ball", hk.robot.Capsule(0.1), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
-        "chain_length": (hk.robot.chain_length, (robot,), {}),
-        "Scene": (lambda **named: hk.check(walk, hk.Scene(**named), robot=robot), (), around),
-        "check": (hk.check, (walk,), {"robot": robot,
-            "task": task, **shapes, "limits": True, "margin": 0.1, "rcond": 0.01}),
-        "CheckReport.save": (hk.check(walk, robot=robot).save, ("check.json",), {}),
-        **{kind.__name__: (lambda *a, make=kind, **n: hk.obstacle("it", make(*a, **n)), sizes, {}) for kind, sizes in (
-            (hk.robot.Box, ([0.1, 0.2, 0.3],)), (hk.robot.Capsule, (0.1, 0.2)), (hk.robot.Cylinder, (0.1, 0.2)),
-            (hk.robot.Ellipsoid, ([0.1, 0.2, 0.3],)),
-            (hk.robot.Hull, ([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]],)))},
-        "reach": (hk.robot.reach, (robot,), {"tip": None}),
-        "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
-            "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),
-        "DHRow": (lambda **named: hk.from_dh([hk.robot.DHRow(**named)]), (), row),
-        "position": (hk.position, (robot,), {"tip": None, "rows": [0, 1]}),
-        "pose": (hk.pose, (robot,), {
-            "orientation": "twist", "reference": one, "axis": "z", "tip": None, "rows": [0, 1]}),
-        "relative_pose": (hk.strategies.tasks.relative_pose, (k["two"], k["two"].tips[0].name, "elbow"), {
-            "orientation": "twist", "reference": one, "axis": "z", "rows": [0, 1]}),
-        "line_of_sight": (hk.strategies.tasks.line_of_sight, (robot, [0.1, 0.2, 0.3]), {
-            "tip": None, "axis": "x", "name": "sight"}),
-        "custom_task": (hk.custom_task, (robot, lambda q: q[:2]), {
-            "units": ("rad", "rad"), "names": ("a", "b"), "name": "mine"}),
-        "stacked": (hk.stacked, (task, k["elbow"]), {}),
-        "coordinates": (hk.robot.coordinates, (("a", "b"),), {
-            "lower": -1.0, "upper": [1.0, 2.0], "max_velocity": 1.0, "units": ("N", "rad"), "name": "u"}),
-        "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {
-            "definition": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1],
-            "pole": [1, 0, 0], "tip": None}),
-        "height": (lambda joint: hk.holonomic(task, constraints.height(joint)), (robot.joint_names[1],), {}),
-        "lock": (lambda *j, **n: hk.holonomic(task, hk.lock(*j, **n)), (0,), {"name": "lock"}),
-        "linear": (lambda *a, **n: hk.holonomic(task, hk.linear(*a, **n)), ([1.0, 0.0, -1.0],), {"name": "linear"}),
-        "coupled": (lambda *a, **n: hk.holonomic(k["task"], hk.coupled(*a, **n)), (1.0,), {
-            "orientation": "rpy", "rows": (2,)}),
-        "custom": (lambda *a, **n: hk.holonomic(task, hk.custom(*a, **n)), (lambda x: [x[0]],), {
-            "rows": 1, "name": "mine", "angular": False}),
-        "stack": (lambda *a: hk.holonomic(task, constraints.stack(*a)), (k["g"],), {}),
-        "total": (lambda *a, **n: hk.holonomic(task, constraints.total(*a, **n)), (k["g"], k["g"]),
-            {"weights": [1.0, 0.5]}),
-        "tilted": (lambda *a, **n: hk.holonomic(task, constraints.tilted(*a, **n)), (k["g"], lambda x: x[0]),
-            {"name": "t"}),
-        "stationary": (lambda *a, **n: hk.holonomic(task, hk.stationary(*a, **n)), (k["cost"],), {
-            "free": (robot.joint_names[0],), "name": "s"}),
-        "posture_cost": (lambda *a: hk.holonomic(task, hk.stationary(constraints.posture_cost(*a))), (q, 1.0), {}),
-        "gravity_cost": (lambda *a: hk.holonomic(task, hk.stationary(constraints.gravity_cost(*a))), ([0, 0,
-            -9.81],), {}),
-        "moore_penrose": (hk.moore_penrose, (task,), {"name": "n"}),
-        "weighted": (hk.weighted, (task, k["weight"]), {"name": "n"}),
-        "null_basis": (lambda *a, **n: hk.null_basis(*a, **n)(q), (task, lambda x: task_frame()), {"name": "n"}),
-        "holonomic": (hk.holonomic, (task, k["g"]), {"name": "n"}),
-        "pfaffian": (lambda *a, **n: strategies.pfaffian(*a, **n)(q), (task, lambda x: [[1.0, x[0], 0.0]]),
-            {"name": "n"}),
-        "right_inverse": (strategies.right_inverse, (task, lambda x: task_frame()), {"name": "n"}),
-        "coupled_twist": (lambda *a, **n: strategies.coupled_twist(*a, **n)(q), (task, 1.0), {"name": "n"}),
-        "inertia_weighted": (strategies.inertia_weighted, (task,), {"name": "n"}),
-        "impedance": (lambda *a, **n: strategies.impedance(*a, **n)(q), (task, k["cost"]),
-            {"force": "stiffness", "name": "n"}),
-        "from_transport": (strategies.from_transport, (task, lambda x, z: z, lambda x, z: z, lambda x: x[0]), {
-            "around": q, "inverse": None, "center": [0.0, 0.0], "steps": 1, "name": "n"}),
-        "radial": (hk.radial, (law, q), {"steps": 1, "name": "n"}),
-        "fitted": (strategies.fitted, (held, Q), {"degree": 1, "rows": (0, 1), "name": "n"}),
-        "self_motion": (strategies.self_motion, (task, q), {"step": 0.2, "length": 1.0, "limits": False}),
-        "line": (hk.line, (start, start + 0.1), {"turn": [0, 0, 0.1], "speed": 0.1}),
-        "arc": (hk.path.arc, ([0, 1, 0], [0, 0, 0], 1.0, [0, 0, 1]), {"turn": [0, 0, 0.1], "speed": 0.1}),
-        "circle": (hk.circle, ([0, 1, 0], [0, 0, 0], [0, 0, 1]), {"clockwise": False, "speed": 0.1}),
-        "polyline": (hk.polyline, ([[0, 0], [1, 0], [1, 1]],), {
-            "turns": [[0, 0, 0.1]] * 3, "closed": True, "speed": 0.1}),
-        "join": (hk.path.join, (line, line), {}),
-        "synchronized": (hk.path.synchronized, (line, line, [0, 1, 0]), {"duration": 2.0}),
-        "through": (hk.path.through, ([[0, 0, 0, 0], [1, 0, 0, 1]],), {"closed": True, "speed": None, "seconds": 1.0}),
-        "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
-        "certify": (hk.certify, (held, loop, q), {"limits": True, "budget": 60, "progress": str}),
-        "retime": (hk.retime, (walk,), {
-            "acceleration": 1.0, "jerk": 100.0, "velocity": [1.0, 1.0, 1.0], "profile": "trapezoidal", "speed": 1.0,
-            "cycles": 1, "endless": False, "dt": 0.01}),
-        "TimedTrajectory.excess": (k["timed"].excess, ("difference",), {}),
-        "TimedTrajectory.save": (k["timed"].save, ("timed.csv",), {}),
-        "Wiring": (lambda **named: hk.export.to_krl(k["timed"], wiring=hk.export.Wiring(**named)), (), {
-            "axes": (*robot.joint_names, 0.1, 0.2, 0.3), "external": (0.4,), "signs": {robot.joint_names[0]: -1},
-            "offsets": {robot.joint_names[1]: 0.5}}),
-        "to_rapid": (hk.export.to_rapid, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": "z5", "tool": "tool0",
-            "base": "wobj0", "payload": "load0", "lines": hk.export.ProcessLines(on=("output 1 on",))}),
-        "ProcessLines": (hk.export.ProcessLines, (), {
-            "before": ("wait 1",), "on": ("output 1 on",), "off": ("output 1 off",), "after": (),
-            "window": (0.0, 1.0)}),
-        "ToolTolerance": (hk.export.ToolTolerance, (task,), {
-            "position": 1e-3, "rotation": 0.01, "speed": 0.05, "joints": 0.01, "linear": False}),
-        "to_krl": (hk.export.to_krl, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": 0.001, "tool": 1, "base": 2,
-            "payload": 3, "lines": hk.export.ProcessLines()}),
-        "to_urscript": (hk.export.to_urscript, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": 0.0,
-            "tool": (0.0, 0.0, 0.1, 0.0, 0.0, 0.0), "payload": 1.0, "lines": hk.export.ProcessLines(),
-            "lookahead_time": 0.1, "gain": 300.0}),
-        "to_fanuc": (hk.export.to_fanuc, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "coupled": True, "tolerance": 0.01, "base": 0,
-            "tool": 1, "payload": 1, "zone": 50, "lines": hk.export.ProcessLines(), "written": None}),
-        "to_inform": (hk.export.to_inform, (k["timed"], [1000.0] * 6), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "lines": hk.export.ProcessLines(),
-            "speeds": [3.0] * robot.n, "zone": 1, "tool": 1, "written": None}),
-        "to_val3": (hk.export.to_val3, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "lines": hk.export.ProcessLines(),
-            "speeds": [3.0] * robot.n, "zone": 0.001, "tool": "flange", "base": "world"}),
-        "to_gcode": (hk.export.to_gcode, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": None, "tolerance": 0.01, "lines": hk.export.ProcessLines(),
-            "zone": 0.001, "letters": ("A", "B", "C")}),
-        "to_ros": (hk.export.to_ros, (k["timed"],), {
-            "about": "a", "tolerance": 0.01, "frame": "base", "format": "json"}),
-        "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),
-        "path_spread": (hk.motion.path_spread, (held, loop, loop, q), following),
-        "all_postures": (hk.motion.ik.all_postures, (held, k["pose"]), {"level": 0.0, "limits": True, "starts": 16}),
-        "obstruction": (hk.analysis.curvature.obstruction, (held, loop, q), {"samples": 8}),
-        "winding": (motion.winding, (held, loop, q), following),
-        "ik": (hk.ik, (held, q), {}),
-        "learning.torch.inverse": (hk.learning.torch.inverse, (k["ik"],), {}),
-        "learning.jax.inverse": (hk.learning.jax.inverse, (k["ik"],), {}),
-        "numeric": (strategies.numeric, (task, law), {"q0": q, "name": "n", "accuracy": 1e-6}),
-        "measured_curvature": (curvature.measured_curvature, (strategies.numeric(task, law), q), {}),
-        "move_to_leaf": (hk.motion.ik.move_to_leaf, (held, q), {"level": [0.31]}),
-        "controller": (hk.controller, (held,), {
-            "dt": 0.01, "q0": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
-        "closed_loop": (_begun(control.closed_loop), (law, 10.0), {}),
-        "damped": (_begun(control.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
-        "gradient_projection": (_begun(control.gradient_projection), (task, k["cost"]), {
-            "weight": 1.0, "gain": 1.0, "name": "n"}),
-        "repetitive_motion": (_begun(control.repetitive_motion), (task,), {
-            "rate": 1.0, "gain": 1.0, "limits": False, "name": "n"}),
-        "asymptotically_cyclic": (_begun(control.asymptotically_cyclic), (task, k["g"], [0.3]), {
-            "constraint_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
-        "impedance_with_memory": (_begun(control.impedance_with_memory), (task, k["cost"]), {
-            "force": [0.0, 0.0], "name": "n"}),
-        **{name: (getattr(control, name), (held, q), {
-            "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "prefix": "", "joints": list(robot.joint_names)})
-            for name in ("pink_task", "mink_task")},
-        "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
-        "audit": (hk.audit, (k["closed"], task, [loop], q), {
-            "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0,
-            "metrics": {"length": len}}),
-        "around": (hk.around, (q, 0.1), {}),
-        "box": (curvature.box, (q - 0.1, q + 0.1), {}),
-        "ball": (curvature.ball, (q, 0.1), {"along": 0.0}),
-        "ball_postures": (curvature.ball_postures, (law, k["ball"], 2), {"seed": 0}),
-        "involutivity": (hk.involutivity, (law, region), {
-            "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
-        "involutivity_of": (curvature.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
-            "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
-        "curvature": (hk.curvature, (law, q), {"method": "auto"}),
-        "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "progress": str}),
-        "witness_between": (hk.analysis.curvature.witness_between, (held, q, q), {"via": 8, "limits": False}),
-        "why_elsewhere": (hk.analysis.curvature.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
-        "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
-        "filtration": (curvature.filtration, (held, q), {"most": 2}),
-        "predicted_drift": (curvature.predicted_drift, (law, loop, q), {}),
-        "deviation": (curvature.deviation, (law, held, Q), {"columns": 2}),
-        "distance_to_repeatable": (curvature.distance_to_repeatable, (law, k["ball"]), {
-            "ours": held, "samples": 2, "seed": 0}),
-        "leaf_function": (curvature.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
-        "general_form": (curvature.general_form, (law, q), {"reference": q}),
-        "export_c": (hk.export.export_c, (law, "out"), {
-            "q0": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
-        "export_moveit": (hk.export.export_moveit, (held, "out"), {
-            "q0": q, "package": "law_plugin", "group": "arm", "name": "law", "limits": True, "vectors_count": 1,
-            "origin": "fuzz"}),
-        "export_ros2_control": (hk.export.export_ros2_control, (held, "out"), {
-            "q0": q, "package": "law_controller", "name": "law", "vectors_count": 1, "origin": "fuzz"}),
-        "Recording": (logs.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
-        "audit_recording": (hk.audit_recording, (logs.Recording(tuple(robot.joint_names), t, np.zeros((3,
-            3)), "here"),
-            robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
-        "read_dataset": (logs.read_dataset, (Path("no folder"),), {}),
-        "lerobot_step": (hk.learning.lerobot_step, (k["ik"],), {
-            "degrees": True, "step": 0.1, "prefix": "ee", "motors": None}),
-        "read_recording": (hk.read_recording, ("no.csv", robot), {
-            "degrees": False, "topic": None, "columns": "q_%d", "time": "t"}),
-        "workspace": (hk.workspace, (), {
-            "box": ([0.5, 0, 0.3], [0.1, 0.1, 0.1]), "cylinder": None, "sphere": None, "rotation": one, "tilt": 0.5,
-            "spin": 0.5}),
-        "workspace of a cylinder": (hk.workspace, (), {"cylinder": ([0.5, 0, 0.3], 0.1, 0.2)}),
-        "workspace of a sphere": (hk.workspace, (), {"sphere": ([0.5, 0], 0.1)}),
-        "read_workspace": (
-            hk.path.read_workspace, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw", "rotation": one},
-        ),
-        "coverage": (hk.coverage, (held, q, k["space"]), {
-            "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
-        "design": (hk.design, (task, k["space"], q), {
-            "objective": hk.analysis.design.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True,
-            "margin": 0.0, "rcond": 0.0, "samples": 16, "seed": 0, **shapes}),
-        "closest_holonomic": (hk.analysis.design.closest_holonomic, (law, region), {
-            "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
-        "advise": (hk.advise, (task, k["space"]), {
-            "q0": q, "progress": lambda _: None, **shapes}),
-        "coverage_slices": (hk.analysis.coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
-        "posture_reach": (hk.analysis.coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
-        "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),
-        "Coverage.save": (k["covered"].save, ("covered.csv",), {}),
-        "Robot.pose": (robot.pose, (q,), {"tip": "tool"}),
-        "Robot.jacobian": (robot.jacobian, (q,), {"tip": "tool"}),
-        "Robot.pose of many": (robot.pose, (Q,), {"tip": "tool"}),
-        "Robot.jacobian of many": (robot.jacobian, (Q,), {"tip": "tool"}),
-        "Robot.pose_batch": (robot.pose_batch, (Q,), {"tip": None}),
-        "Robot.skeleton": (robot.skeleton, (q,), {}),
-        "Robot.checked": (robot.checked, (q,), {"what": "q"}),
-        "Robot.beyond": (robot.beyond, (q,), {}),
-        "Robot.check_limits": (robot.check_limits, (q,), {}),
-        "Robot.joint_index": (robot.joint_index, (robot.joint_names[0],), {}),
-        "Task": (task, (q,), {}),
-        "Task.jacobian": (task.jacobian, (q,), {}),
-        "Task of many": (task, (Q,), {}),
-        "Task.jacobian of many": (task.jacobian, (Q,), {}),
-        "Task.null_space": (task.null_space, (q,), {}),
-        "Task.error": (task.error, (q, start, one), {}),
-        "Task.value_batch": (task.value_batch, (Q,), {}),
-        "Task.jacobian_batch": (task.jacobian_batch, (Q,), {}),
-        "Task.error of many": (task.error, (Q[:1], [start], [one]), {}),
-        "Task[]": (task.__getitem__, ([0],), {}),
-        "Strategy": (law, (q,), {}),
-        "Strategy of many": (law, (Q,), {}),
-        "Strategy.g": (held.g, (q,), {}),
-        "Strategy.g of many": (held.g, (Q,), {}),
-        "Strategy.batch": (law.batch, (Q,), {"threads": 1}),
-        "Strategy.distribution": (law.distribution, (q,), {}),
-        "Strategy.rows": (held.rows, (q,), {}),
-        "Strategy.H": (law.H, (q,), {}),
-        "Strategy.inverse_weight": (law.inverse_weight, (q,), {}),
-        "Path.at": (loop.at, ([0.0, 0.1],), {}),
-        "Path.part": (loop.part, (0.1, 0.5), {}),
-        "Path.starting_at": (loop.starting_at, ([0.1, 0.2],), {}),
-        "Path.at_speed": (loop.at_speed, (0.1, 0.2), {}),
-        "Path.counts": (loop.counts, (5,), {}),
-        "Path.steps": (loop.steps, (5,), {}),
-        "Path+": (line.__add__, (line,), {}),
-        "Region.sample": (region.sample, (3,), {"seed": 0}),
-        "Trajectory.tracking_error": (walk.tracking_error, ("m",), {}),
-        "Trajectory.save": (walk.save, ("walk.csv",), {}),
-        "InverseKinematics": (k["ik"], (k["pose"],), {}),
-        "InverseKinematics.near": (k["ik"].near, (k["pose"], q), {}),
-        "InverseKinematics.batch": (k["ik"].batch, (np.array([k["pose"], k["pose"]]),), {"threads": 1}),
-        "InverseKinematics.nearest": (k["ik"].nearest, (k["pose"], q), {
-            "length": 0.3, "rcond": 0.1, "limits": False, "step": 0.1}),
-        "Controller.step": (k["servo"].step, (q, start, np.zeros(3)), {}),
-        "LeafFunction": (k["leaf"], (q,), {}),
-        "LeafFunction.gradient": (k["leaf"].gradient, (q,), {}),
-        "LeafFunction.disagreement": (k["leaf"].disagreement, (q, q + 0.01), {}),
-        "LeafFunction.check": (k["leaf"].check, (q,), {}),
-        "survey": (
-            hk.survey, (["planar-3r"], {"mp": hk.moore_penrose}, {"loop": {"kind": "circle", "size": 0.1}}),
-            {"tasks": "position", "cycles": 1, "samples": 5, "workers": 0, "cases": 1, "seed": 0,
-             "metrics": {"length": len}},
-        ),
+def kit() -> dict[str, Any]:
+    """Nouns to call with and on, by the names that arguments of their kind have: small ones, built once."""
+    robot = hk.load("planar-3r")
+    q = np.array([0.3, 0.7, -0.5])
+    task, T = hk.position(robot), robot.pose(q)
+    start = T[:3, 3]
+    law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
+    loop, line = hk.circle(start, start + [0.02, 0, 0]), hk.line(start, start + [0.02, 0, 0])
+    walk = hk.follow(held, loop, q, samples=8)
+    space, ik, cost = hk.workspace(box=(start[:2], [0.2, 0.1])), hk.ik(held, q), constraints.posture_cost(q)
+    servo = hk.controller(held, dt=0.01, q0=q)
+    frame = {"position": np.zeros(3), "rotation": np.eye(3), "placement": np.eye(4), "frame": T}
+    tool = {"pose": T, "poses": np.array([T]), "dx": np.zeros(task.m), "twist": np.zeros(6), "x": task(q)}
+    joints = {"joint": robot.joint_names[0], "link": robot.joint_names[0], "order": list(robot.joint_names)}
+    return frame | tool | joints | {
+        "q": q, "q0": q, "start": q, "near": q, "preferred": q, "reference": q, "Q": q + 0.01 * np.eye(40, 3),
+        "configuration": q, "dq": np.zeros(3), "rates": np.zeros(3), "velocity": np.zeros(3), "robot": robot,
+        "task": task, "law": law, "given": law, "strategy": held, "other": hk.load("ppr"), "ik": ik, "thing": servo,
+        "path": loop, "path_a": line, "path_b": line, "walk": walk, "trajectory": walk, "motion": walk,
+        "timed": hk.retime(walk, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
+        "region": hk.around(q, 0.1), "workspace": space, "cost": cost, "potential": cost, "g": hk.lock(0),
+        "constraint": hk.lock(2), "sheets": hk.sheets(task, space, q0=[q], samples=8, share=0.5, search=False),
+        "leaf": [0.3], "level": [0.3], "shape": robots.Capsule(0.1, 0.2), "A": lambda q: [[q[0], 1.0, 0.0]],
+        "expression": lambda q: [q[0]], "matrix": [[1.0, 0.0, -1.0]], "rho": lambda x: x[0],
+        "N_G": lambda q: [[1, 0], [0, 1], [q[0], 0]], "weight": np.diag([1.0, 2.0, 3.0]), "plane": (0, 1), "rows": (0,),
+        "clear": lambda Q: np.ones(len(Q), dtype=bool), "k": robot.kinematics(symbol("q", 3)), "gap": SX(1),
+        "points": np.eye(3), "point": np.zeros(3), "positions": np.zeros((2, 3)), "directions": np.eye(3),
+        "rotations": np.eye(3), "start_rotation": np.eye(3), "index": np.zeros(2, dtype=int), "u": np.array([0.0, 0.5]),
+        "cycles": 1, "samples": 4, "dt": 0.02, "t": 0.0, "tip": None, "joints": None, "folder": "out", "file": "f",
+        "speed": 0.1, "name": "n", "unit": "m", "limits": False, "count": 2, "step": 0.02, "seed": 0, "n": 3, "s": 0.0,
+        "gain": 1.0, "max_acceleration": 1.0, "servo": "velocity", "stop": 0.5, "free": 3.0, "prefix": "",
+        "radius": 0.1, "end": start + 0.1, "center": start + [0.02, 0, 0], "tolerance": 0.01, "spacing": 0.05,
+        "model": mujoco.MjModel.from_xml_string(robots.to_mjcf(robot)),
     }  # fmt: skip
-    return found | path_calls()
 
 
-def task_frame() -> np.ndarray:
-    """A right inverse at one posture: a frame that `null_basis` takes and `right_inverse` does not."""
-    return np.asarray(kit()["law"](kit()["q"]))
+@cache
+def things() -> dict[str, Any]:
+    """What has methods: nouns of every kind and what verbs answer."""
+    k = kit()
+    found = {key: value for key, value in k.items() if type(value).__module__.startswith("holokin")}
+    robot, task, held, law, q, loop = (k[key] for key in ("robot", "task", "strategy", "law", "q", "path"))
+    two = replace(robot, tips=(*robot.tips, robots.Tip("elbow", 0, np.eye(4))))
+    pair = hk.stacked(hk.position(two, tip=two.tips[0].name, rows=[0]), hk.position(two, tip="elbow", rows=[1]))
+    around = hk.follow(held, loop, q, samples=40, cycles=4)
+    log = logs.Recording(tuple(robot.joint_names), around.t, around.q, "here")
+    wiring = hk.export.Wiring(axes=(*robot.joint_names, 0.0, 0.0, 0.0))
+    made: dict[str, Callable[[], Any]] = {
+        "two": lambda: two, "turn": lambda: hk.pose(robot), "stacked": lambda: pair, "wiring": lambda: wiring,
+        "closed": lambda: control.closed_loop(law), "ball": lambda: curvature.ball(q, 0.05),
+        "leaf": lambda: curvature.leaf_function(held, q, samples=1), "log": lambda: log,
+        "covered": lambda: hk.coverage(held, k["workspace"], q, samples=4),
+        "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
+        "check": lambda: hk.check(around, robot=robot),
+        "drift": lambda: hk.drift(held, loop, q, samples=4),
+        "postures": lambda: hk.motion.ik.all_postures(held, k["pose"], held.g(q), starts=8),
+        "watch": lambda: hk.motion.LoopWatch(0.1), "status": lambda: hk.motion.Status.COMPLETE,
+        "solutions": lambda: k["ik"].batch(k["poses"]), "synchronized": lambda: hk.path.synchronized(loop, loop),
+        "rows": lambda: strategies.pfaffian(task, k["A"]), "radial": lambda: hk.radial(law, q),
+        "null basis": lambda: hk.null_basis(task, k["N_G"]), "numeric": lambda: strategies.numeric(task, law),
+        "arm": lambda: constraints.find_arm(hk.pose(hk.load("panda"))), "cloud": lambda: pose_cloud(k["poses"]),
+        "cylinder": lambda: Cylinder(np.zeros(3), 0.1, 0.2), "sphere": lambda: Sphere(np.zeros(3), 0.1),
+        "solid": lambda: Box(np.zeros(3), np.ones(3)), "log audit": lambda: hk.audit_recording(log, robot),
+        "audit": lambda: hk.audit(control.closed_loop(law), task, [loop], q0=q, dt=0.5, cycles=3),
+        "certificate": lambda: hk.certify(held, loop, q, budget=60), "nearest pose": lambda: k["ik"].nearest(k["pose"]),
+        "obstruction": lambda: curvature.obstruction(held, loop, q, samples=8),
+        "program": lambda: hk.export.to_rapid(k["timed"], wiring=wiring), "excess": lambda: k["timed"].limits,
+        "self-motion": lambda: strategies.self_motion(task, q, step=0.2, length=1.0),
+        "filtration": lambda: curvature.filtration(held, q),
+        "deviation": lambda: curvature.deviation(law, held, k["Q"]),
+        "predicted": lambda: curvature.predicted_drift(law, loop, q),
+        "objective": lambda: hk.analysis.design.Objective(squared_speed=1.0),
+        "slices": lambda: hk.analysis.coverage.coverage_slices(held, k["workspace"], q, steps=3)[0],
+        "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),
+        "spread": lambda: hk.motion.path_spread(held, k["path_a"], k["path_b"], q),
+        "link shape": lambda: hk.obstacle("ball", robots.Capsule(0.1)),
+        **{kind.__name__: lambda kind=kind, given=given: kind(*given) for kind, given in MADE.items()},
+    }  # fmt: skip
+    for key, make in made.items():
+        with contextlib.suppress(MissingExtraError):
+            found[key] = make()
+    return found
 
 
-def _begun(make: Callable[..., hk.motion.control.ControlLaw]) -> Callable[..., Any]:
-    """A control law, and one step of it."""
-
-    def run(*arguments: Any, **named: Any) -> Any:
-        k = kit()
-        return make(*arguments, **named).begin(k["q"])(k["q"], k["pose"], np.zeros(6), 0.01)
-
-    return run
+def _pseudo_inverse(q: SX) -> SX:
+    """J^T (J J^T)^-1 of the kit's task."""
+    task = kit()["task"]
+    J = task.jacobian_expression(task.kinematics(q), q)
+    return J.T @ factorise(J @ J.T).solve(SX.eye(task.m))
 
 
-def mutant(seed: int) -> tuple[str, Callable[[], Any]]:
+@cache
+def special() -> dict[str, dict[str, Any]]:
+    """Good arguments of functions for which their names do not tell what is meant."""
+    k, t = kit(), things()
+    robot, task, law, held, q, loop = (k[key] for key in ("robot", "task", "law", "strategy", "q", "path"))
+    two, pair, wired, start = t["two"], t["stacked"], {"wiring": t["wiring"]}, k["end"] - 0.1
+    kinematics = {"k": pair.kinematics(symbol("q", 3))}
+    panda, q7 = hk.pose(hk.load("panda")), symbol("q", 7)
+    cube = np.full((2, 3), 0.5)
+    patch = {"start": [0.4, 0, 0.2], "along": [0.1, 0, 0], "across": [0, 0.1, 0], "spacing": 0.05}
+    square = hk.polyline([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.02]], closed=True)
+    none = {"path": "no.csv"}
+    straight = {"start": start, "end": start + 0.1}
+    return {
+        # robots and tasks
+        "load": {"name": "planar-3r"}, "compose": {"parts": (hk.load("rail"), robot)},
+        "from_dh": {"rows": [{"a": 0.5}]}, "from_urdf": none, "model_tips": none, "model_links": none,
+        "pose_of": {"quaternion": [1.0, 0, 0, 0], "order": "wxyz"}, "with_tool": {"pose": [0.1, 0.0, 0.0]},
+        "servo": {"kind": "position", "q": q}, "coordinates": {"names": ("a", "b")},
+        "custom_task": {"expression": lambda q: q[:2], "units": ("rad", "rad")}, "stacked": {"tasks": (task,)},
+        "relative_pose": {"robot": two, "tip": two.tips[0].name, "other": "elbow"},
+        "StackedTask.jacobian_expression": kinematics, "StackedTask.value_expression": kinematics,
+        "Scene": {"obstacles": [t["link shape"]], "floor": -1.0}, "DHRow": {"a": 0.5},
+        "Box": {"sides": [0.1, 0.2, 0.3]}, "Cylinder": {"length": 0.2}, "Ellipsoid": {"radii": [0.1, 0.2, 0.3]},
+        "Unread": {"source": "x", "reason": "y"},
+        "Mesh.outward": {"faces": np.zeros((1, 3), dtype=int)},
+        # constraints and strategies
+        "find_arm": {"task": panda}, "Arm.places": {"task": panda},
+        "Arm.expressions": {"task": panda, "k": panda.kinematics(q7), "q": q7},
+        "lock": {"joints": (0,)}, "height": {"joints": ("q2",)}, "stack": {"constraints": (k["g"],)},
+        "total": {"constraints": (k["g"], k["g"]), "weights": (1.0, 2.0)}, "weighted": {"weight": k["weight"]},
+        "right_inverse": {"G": _pseudo_inverse}, "inertia_weighted": {"task": panda},
+        "numeric": {"G": law}, "from_transport": {
+            "task": hk.position(hk.load("ppr")), "K": lambda x, z: [x[0] - np.cos(z), x[1] - np.sin(z), z],
+            "Phi": lambda x, z: z, "z": lambda q: q[2], "around": [0.1, 0.2, 0.3]},
+        "fitted": {"Q": k["Q"], "degree": 1}, "radial": {"strategy": law},
+        # paths and workspaces
+        "line": straight, "circle": {"start": [0, 1, 0], "center": [0, 0, 0]},
+        "arc": {"start": [0, 1, 0], "center": [0, 0, 0], "angle": 1.0}, "join": {"paths": (loop,)},
+        "path_of": {"motion": lambda t: [0.1 * t, t * t, 0.0], "times": [0.0, 1.0]},
+        "synchronized": {"paths": (loop, loop), "duration": None}, "blended": {"path": square},
+        "with_leads": {"path": square, "lead_in": 0.01, "lead_out": 0.02}, "passes": {"path": square, "count": 2},
+        "figure_eight": {"start": [0.4, 0, 0.2], "width": 0.2}, "raster": patch,
+        "spiral": {"center": [0.4, 0, 0.2], "radius": 0.05}, "Path.in_frame": {"frame": k["pose"]},
+        "SynchronizedPaths.table": {"start_rotation": np.tile(np.eye(3), (2, 1))},
+        "SynchronizedPaths.part": {"start": 0.1}, "Path.part": {"start": 0.1}, "Path.cut": {"start": 0.0, "stop": 1.0},
+        "workspace": {"box": ([0.5, 0, 0.3], [0.1, 0.1, 0.1])}, "Solid.points": {"u": cube},
+        "Solid.contains": {"points": cube},
+        # motions
+        "check": {"robot": robot}, "controller": {"q0": q},
+        "simulate": {"control_law": t["closed"], "task": task, "path": loop, "q0": q, "dt": 0.5},
+        "retime": {"acceleration": 1.0}, "Trajectory.printed": {"units": PrintedUnits()},
+        "approach": {"path": k["path_a"], "q0": q + 0.01}, "move_to_leaf": {"level": [0.31]},
+        "Solutions.count": {"status": hk.motion.ik.InverseStatus.REACHED}, "all_postures": {"starts": 16},
+        "asymptotically_cyclic": {"level": [0.3]}, "LeafFunction.disagreement": {"by": q + 0.01},
+        # verdicts and searches
+        "around": {"radius": 0.1}, "box": {"lower": q - 0.1, "upper": q + 0.1}, "ball": {"start": q, "radius": 0.1},
+        "ball_postures": {"strategy": law, "region": t["ball"]}, "involutivity": {"samples": 4},
+        "involutivity_of": {"distribution": lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], "samples": 4},
+        "measured_curvature": {"strategy": t["numeric"]}, "obstruction": {"over": loop, "samples": 8},
+        "deviation": {"given": law, "other": held, "Q": k["Q"]}, "leaf_function": {"samples": 1},
+        "distance_to_repeatable": {"strategy": law, "region": t["ball"], "samples": 2}, "cusps": {"q0": q, "starts": 8},
+        "unique_region": {"budget": 40}, "witness_between": {"first": q, "second": np.array([0.3, 0.2, 0.5])},
+        "predicted_drift": {"strategy": law}, "certify": {"where": loop, "budget": 60},
+        "joint_rates": {"certificate": t["certificate"]},
+        "region_of": {"certificate": hk.certify(held, k["workspace"], q, budget=60)},
+        "audit": {"control_law": t["closed"], "task": task, "path": [loop], "q0": q, "dt": 0.5, "cycles": 3},
+        "audit_recording": {"recording": t["log"]}, "joined_turns": {"log": t["log"]},
+        "Recording.part": {"first": 0, "last": 1},
+        "coverage": {"samples": 4}, "coverage_slices": {"steps": 3}, "Slice.grid": {
+            "values": np.zeros(int(t["slices"].inside.sum()))},
+        "Coverage.count": {"status": hk.analysis.coverage.PoseStatus.REACHED},
+        "design": {"degree": 1, "samples": 8}, "closest_holonomic": {"strategy": law, "samples": 32, "degree": 1},
+        "advise": {"q0": q}, "sheets": {"samples": 8, "share": 0.5, "q0": [q], "search": False},
+        "write_sheets": {"path": "sheets.npz"}, "self_motion_between": {"qa": q, "qb": q},
+        "Sheets.certified": {"sheet": 0},
+        "survey": {"robots": ["planar-3r"], "laws": {"mp": hk.moore_penrose}, "loops": {"c": {"kind": "circle",
+            "size": 0.1}}, "workers": 0, "cases": 1, "cycles": 1, "samples": 5},
+        # exports
+        **{f"to_{name}": wired for name in ("rapid", "krl", "fanuc", "val3")},
+        "to_inform": wired | {"pulses": [1000.0] * 6}, "write_mcap": {"folder": "bag"},
+        "to_urscript": wired | {"tolerance": 0.01}, "export_moveit": {"folder": "moveit"},
+        "export_ros2_control": {"folder": "ros2"},
+        "export_sheets": {"found": k["sheets"], "folder": "sheets"}, "ProcessLines": {"on": ("output 1 on",)},
+        **{f"{kind}.save": {"path": "x.csv"} for kind in ("Trajectory", "TimedTrajectory", "Coverage", "CheckReport")},
+    }  # fmt: skip
+
+
+def rooms() -> list[Any]:
+    """The package and its public rooms."""
+    public = [room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name))]
+    names = [m.name for room in public for m in walk_packages(room.__path__, f"{room.__name__}.") if m.ispkg]
+    return [hk, *(room for room in (*public, *map(import_module, names)) if hasattr(room, "__all__"))]
+
+
+@cache
+def callables() -> dict[str, Callable[..., Any]]:
+    """Name -> every public function, the nouns of `MADE`, and every public method of `things`."""
+    found: dict[str, Callable[..., Any]] = {kind.__name__: kind for kind in MADE}
+    for room in rooms():
+        found |= {name: one for name in room.__all__ if inspect.isfunction(one := getattr(room, name))}
+    found["studio"] = lambda job=("no such job",): hk.studio(*job, browser=False, wait=False).close()
+    known = set()
+    for thing in things().values():
+        for name in ("__call__", *(n for n in dir(type(thing)) if not n.startswith("_"))):
+            owner = next((c for c in type(thing).__mro__ if name in vars(c)), None)
+            if owner is None or not owner.__module__.startswith("holokin") or (owner, name) in known:
+                continue
+            known.add((owner, name))
+            if isinstance(vars(owner)[name], FunctionType | staticmethod | classmethod):
+                found[f"{owner.__name__}.{name}"] = getattr(thing, name)
+    return found
+
+
+def good_arguments(name: str) -> dict[str, Any]:
+    """Arguments by their names that are good for a callable: its own ones, and what it asks for by their names."""
+    k, given = kit()["k"], special().get(name, {})
+    expressions = {
+        "q": symbol("q", 3), "R": SX.eye(3), "rotation": SX.eye(3), "v": symbol("v", 3), "w": symbol("w", 3),
+        "position": symbol("p", 3), "twist": symbol("twist", 6), "c": SX(1), "gap": SX(1), "J": k.jacobian[:2, :],
+        "dx": symbol("dx", 2), "x": symbol("x", 2), "G": symbol("G", 3, 2), "weight": symbol("weight", 3),
+    }  # fmt: skip
+    found = {}
+    for p in inspect.signature(callables()[name]).parameters.values():
+        known = expressions if p.annotation in ("SX", SX) else kit()
+        if p.name in given:
+            found[p.name] = given[p.name]
+        elif p.default is p.empty and p.name in known:
+            found[p.name] = known[p.name]
+    return found
+
+
+def call_with(function: Callable[..., Any], arguments: dict[str, Any]) -> Any:
+    """Calls it, with the arguments in their order where they have no names."""
+    given, named = [], {}
+    for p in inspect.signature(function).parameters.values():
+        if p.name not in arguments:
+            continue
+        if p.kind is p.VAR_POSITIONAL:
+            given += arguments[p.name]
+        elif p.kind is p.KEYWORD_ONLY or p.default is not p.empty:
+            named[p.name] = arguments[p.name]
+        else:
+            given.append(arguments[p.name])
+    return function(*given, **named)
+
+
+def used(result: Any) -> None:
+    """What a call with a bad argument returned is used: some nouns look at their parts only then."""
+    k = kit()
+    if isinstance(result, hk.Constraint):
+        hk.holonomic(k["task"], result)
+    elif isinstance(result, hk.Strategy) and result.task.n == 3:
+        result(k["q"])
+    elif isinstance(result, hk.Scene):
+        hk.check(k["walk"], result, robot=k["robot"])
+    elif isinstance(result, SHAPES):
+        hk.obstacle("it", result)
+    elif isinstance(result, robots.DHRow):
+        hk.from_dh([result])
+    elif isinstance(result, hk.export.Wiring):
+        hk.export.to_krl(k["timed"], wiring=result)
+    elif hasattr(result, "begin"):
+        result.begin(k["q"])(k["q"], k["pose"], np.zeros(6), 0.01)
+
+
+def mutant(seed: int | random.Random) -> tuple[str, Callable[[], Any]]:
     """(name, call) of a seed."""
-    rng = random.Random(seed)
-    table = calls()
-    name = rng.choice([key for key in table if key not in HEAVY or rng.random() < 0.1])
-    function, arguments, named = table[name]
-    arguments, named = list(arguments), dict(named)
-    places: list[Any] = [*range(len(arguments)), *named]
-    for place in rng.sample(places, min(len(places), rng.choice([1, 1, 2]))):
-        holder: Any = arguments if isinstance(place, int) else named
-        holder[place] = spoilt(rng, holder[place])
-    return name, lambda: function(*arguments, **named)
-
-
-@contextlib.contextmanager
-def _inside(folder: Path) -> Iterator[None]:
-    """In the folder, so that names of files mean files there."""
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
+    rng = seed if isinstance(seed, random.Random) else random.Random(seed)
+    short = {name: name.rpartition(".")[2] for name in callables()}
+    name = rng.choice([name for name in callables() if short[name] not in SLOW or rng.random() < 0.1])
+    function, arguments = callables()[name], good_arguments(name)
+    known = list(inspect.signature(function).parameters.values())
+    nouns = [one for one in kit().values() if not isinstance(one, np.ndarray)]
+    for p in rng.sample(known, min(len(known), rng.choice([1, 1, 2]))):
+        good = arguments.get(p.name, None if p.default is p.empty else p.default)
+        bad = spoilt(rng, good, [*nouns, raises])
+        arguments[p.name] = (*(good or ()), bad) if p.kind is p.VAR_POSITIONAL else bad
+    return name, lambda: used(call_with(function, arguments))
 
 
 def attempt(seed: int, folder: Path) -> None:
-    """One call with bad arguments."""
+    """One call with bad arguments, in a folder, so that names of files mean files there."""
     _, call = mutant(seed)
-    with _inside(folder), warnings.catch_warnings(), contextlib.suppress(MineError):
+    with contextlib.chdir(folder), warnings.catch_warnings(), contextlib.suppress(MineError):
         warnings.simplefilter("ignore")
         try:
             call()
@@ -386,7 +357,17 @@ def attempt(seed: int, folder: Path) -> None:
                 raise
 
 
-def uncalled() -> set[str]:
-    """Public functions that the table lacks."""
-    functions = {n for n in hk.__all__ if inspect.isfunction(getattr(hk, n))}
-    return functions - set(calls()) - {"catalogue", "centring_cost", "manipulability_cost"}  # they take nothing
+def unreached(folder: Path) -> dict[str, str]:
+    """Callables that refuse, or lack, the good arguments of this table, so that a bad one may go unseen, and why."""
+    found = {}
+    with warnings.catch_warnings(), contextlib.chdir(folder):
+        warnings.simplefilter("ignore")
+        for name, function in callables().items():
+            try:
+                if name not in OTHERS:
+                    call_with(function, good_arguments(name))
+            except MissingExtraError:
+                pass
+            except Exception as problem:  # noqa: BLE001  whatever it is, the call is not made
+                found[name] = f"{type(problem).__name__}: {problem}"
+    return found

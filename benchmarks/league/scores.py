@@ -77,9 +77,13 @@ class Score:
 
 
 def score(
-    told: dict[str, Any], library: str, robot: hk.Robot, runs: dict[str, dict[str, np.ndarray]],
-    joints: dict[str, np.ndarray], rest: np.ndarray | None = None,
-) -> Score:  # fmt: skip
+    told: dict[str, Any],
+    library: str,
+    robot: hk.Robot,
+    runs: dict[str, dict[str, np.ndarray]],
+    joints: dict[str, np.ndarray],
+    rest: np.ndarray | None = None,
+) -> Score:
     """Measure one answer.
 
     Args:

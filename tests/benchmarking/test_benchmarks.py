@@ -21,14 +21,15 @@ from holokin.symbolic.native.toolchain import idle
 
 ROOT = Path(__file__).parents[2]
 FILES = [
-    f for f in sorted((ROOT / "benchmarks").rglob("*.py"))
+    f
+    for f in sorted((ROOT / "benchmarks").rglob("*.py"))
     if f.parent.name != "workers" and '__name__ == "__main__"' in f.read_text("utf-8")
-]  # fmt: skip
+]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
 WRITING = ("benchmarks.league", "benchmarks.speed")
 """These write pages."""
-ELSEWHERE = ("benchmarks.drift", "benchmarks.logs", "benchmarks.selftests")
-"""The first and the last are run below, the other in tests/analysis/audit/test_log_campaign.py."""
+ELSEWHERE = ("benchmarks.drift", "benchmarks.selftests")
+"""These are run below."""
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
 

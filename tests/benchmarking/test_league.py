@@ -21,9 +21,15 @@ START = drift.STARTS["iiwa14"]
 ROBOT = hk.load("iiwa14")
 TIED = hk.ik(hk.holonomic(hk.pose(ROBOT), hk.linear([1, 0, -1, 0, 0, 0, 0])), START)
 TOLD = {
-    "name": "a", "example": True, "arm": "iiwa14", "fault": "", "missing": 0, "call_us": 1.0, "first_seconds": 0.1,
+    "name": "a",
+    "example": True,
+    "arm": "iiwa14",
+    "fault": "",
+    "missing": 0,
+    "call_us": 1.0,
+    "first_seconds": 0.1,
     "source": "here",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

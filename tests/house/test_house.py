@@ -179,9 +179,11 @@ def test_the_names_that_are_loaded_when_used_are_those_that_types_know() -> None
     """The table of `holokin/__init__.py`, its imports for types and `__all__` have the same names of the same homes."""
     block = next(node for node in parsed(ROOT / "__init__.py").body if isinstance(node, ast.If))
     typed = {
-        (f"{node.module or ''}", alias.name) for node in block.body if isinstance(node, ast.ImportFrom)
+        (f"{node.module or ''}", alias.name)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
         for alias in node.names
-    }  # fmt: skip
+    }
     table = {(home, name) for home, names in hk._HOMES.items() for name in names.split()}
     assert {(home, name) for home, name in typed if home} == table
     assert sorted([*(name for _, name in typed), "HolokinError"]) == hk.__all__ and {*hk.__all__} <= {*dir(hk)}

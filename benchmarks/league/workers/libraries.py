@@ -125,9 +125,14 @@ def mink(arm: Arm) -> Iterator[Setting]:
 
     @with_options
     def begin(
-        arm: Arm, cost: float, gain: float = 1.0, lm: float = 0.0, damping: float = 1e-12, rounds: int = 1,
+        arm: Arm,
+        cost: float,
+        gain: float = 1.0,
+        lm: float = 0.0,
+        damping: float = 1e-12,
+        rounds: int = 1,
         stop: float = 0.0,
-    ) -> Step:  # fmt: skip
+    ) -> Step:
         """A run with a posture task of this cost, and up to `rounds` steps of it a sample, until the tool is near."""
         model = mujoco.MjModel.from_xml_path(arm.mjcf)
         configuration = mink.Configuration(model, q=arm.start.copy())
@@ -257,9 +262,15 @@ def oink(arm: Arm) -> Iterator[Setting]:
 
     @with_options
     def begin(
-        arm: Arm, weight: float, gain: float = 1.0, orientation: float = 1.0, lm: float = 0.0,
-        regularization: float = 1e-12,         rounds: int = 1, tolerance: float | None = None,
-    ) -> Step:  # fmt: skip
+        arm: Arm,
+        weight: float,
+        gain: float = 1.0,
+        orientation: float = 1.0,
+        lm: float = 0.0,
+        regularization: float = 1e-12,
+        rounds: int = 1,
+        tolerance: float | None = None,
+    ) -> Step:
         """A run with a configuration task of this weight and gain, `rounds` solutions a sample, to a tolerance."""
         scene = Scene("league", loadUrdfSceneDescription(arm.urdf))
         solver = OinkSettings()
@@ -475,9 +486,12 @@ def pyroki(arm: Arm) -> Iterator[Setting]:
         problem = jaxls.LeastSquaresProblem(costs, [joints]).analyze()
         end = jaxls.TerminationConfig(cost_tolerance=1e-9, gradient_tolerance=1e-7, parameter_tolerance=1e-8)
         solved = problem.solve(
-            initial_vals=jaxls.VarValues.make([joints.with_value(guess)]), verbose=False,
-            linear_solver="dense_cholesky", trust_region=jaxls.TrustRegionConfig(lambda_initial=1e-6), termination=end,
-        )  # fmt: skip
+            initial_vals=jaxls.VarValues.make([joints.with_value(guess)]),
+            verbose=False,
+            linear_solver="dense_cholesky",
+            trust_region=jaxls.TrustRegionConfig(lambda_initial=1e-6),
+            termination=end,
+        )
         return solved[joints]
 
     @with_options

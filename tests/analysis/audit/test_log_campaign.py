@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from itertools import pairwise
 
 import numpy as np
@@ -99,11 +98,3 @@ def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> 
         cycles = hk.audit_recording(recording, setup.robot, orientation=whole).cycles
         assert cycles.residual.max() < max(1e-5, 2 * cycles.sampling)
         assert cycles.sampling == pytest.approx(0.002 * np.sqrt(2) / 4, rel=0.3) if corners else cycles.sampling < 2e-4
-
-
-@pytest.mark.campaign
-def test_the_campaign_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(sys, "argv", ["benchmarks.logs", "--quick"])
-    monkeypatch.setattr(logs, "LAWS", logs.LAWS[-2:])
-    assert logs.main() == 0
-    assert "More noise decided, or decided otherwise: 0" in capsys.readouterr().out

@@ -391,7 +391,7 @@ def differences(robot: hk.Robot, q: np.ndarray, others: np.ndarray) -> np.ndarra
 NAMES = ("seed", "m")
 
 
-@pytest.mark.parametrize(NAMES, [c if c[0] < 2 else campaign(NAMES, c) for c in product(range(60), (1, 2, 3))])
+@pytest.mark.parametrize(NAMES, [c if c[0] < 1 else campaign(NAMES, c) for c in product(range(60), (1, 2, 3))])
 def test_every_cusp_of_a_random_arm_is_one_by_differences_of_positions(seed: int, m: int) -> None:
     """It is on the leaf; one direction v is lost, and only one; det [J; C] has no slope along v, but one along the
     leaf; and its slope along v has no double zero there."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.fuzz.methods import things
+from benchmarks.fuzz.calls import things
 
 import holokin as hk
 from holokin.analysis.design import OwnCost, advice_case

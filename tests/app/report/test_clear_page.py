@@ -198,6 +198,7 @@ obstacles = [{{ name = "a ball", kind = "sphere", radius = 0.02, xyz = {ball} }}
 """
 
 
+@pytest.mark.campaign
 def test_the_command_tells_the_part_that_is_proven_and_the_posture_that_refutes_the_rest(
     holokin: Command, tmp_path: Path
 ) -> None:

@@ -106,7 +106,7 @@ def test_the_camera_begins_where_it_sees_the_whole_arm_and_more_points(name: str
         assert np.abs(pictured(points, server.initial_camera, 1.0)).max() <= 1.0
 
 
-@pytest.mark.parametrize(("wide", "high"), [(1440, 900), (1920, 1080)])
+@pytest.mark.parametrize(("wide", "high"), [(1440, 900), campaign(("wide", "high"), (1920, 1080))])
 def test_no_panel_lies_over_the_robot(shown: Any, wide: int, high: int) -> None:
     page, session = shown.page, shown.session
     page.set_viewport_size({"width": wide, "height": high})

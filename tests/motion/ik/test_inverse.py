@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START, campaign, sampled
 from holokin.base.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.motion.ik import InverseStatus
 from holokin.path.workspaces import pose_cloud
@@ -363,7 +363,7 @@ def test_of_several_turns_the_nearest_to_a_posture_is_given() -> None:
         assert len(found) <= 8
 
 
-@pytest.mark.parametrize("name", ["irb140", "ur10e"])
+@pytest.mark.parametrize("name", ["irb140", campaign("name", "ur10e")])
 def test_an_arm_without_redundancy_needs_no_constraint(name: str) -> None:
     """Referees: the robot's own posture, and of a spherical wrist that each posture has one with its wrist flipped."""
     robot, rng = hk.load(name), np.random.default_rng(len(name))
