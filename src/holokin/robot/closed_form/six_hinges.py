@@ -1,0 +1,278 @@
+"""All postures of six hinges at a tool pose, in steps of degree two, with the signs that tell the postures apart.
+
+The chain is T = E_1(q_1) ... E_6(q_6) M with E_i the turn about axis i, which has direction h_i and holds point p_i, both
+at q = 0, and M the tool's pose there. Each step gives the roots of a cos q + b sin q = d. Its slope s = -a sin q + b cos q
+has s^2 = a^2 + b^2 - d^2, so the sign of s tells the two roots apart; and det J = +- s_1 s_2 s_3, see `slopes`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+from ...symbolic import SX, Function, atan2, cos, cross, dot, fmax, fmin, horzcat, sin, solve, sqrt, symbol, vertcat
+
+
+class Family(Enum):
+    """Six hinges whose inverse is closed, by what is special in them; the text is for messages."""
+
+    PAIR = "three axes that meet in a point, and two others, next to each other, in one plane"
+    PARALLEL = "three parallel axes, and the two at their end meet"
+
+
+@dataclass(frozen=True)
+class Form:
+    """The order of the steps.
+
+    reversed: the point where three axes meet is at the base's end (or the parallel axes are 3, 4, 5): the chain is
+    solved from the tool. inner: the pair are axes 2 and 3 of such a chain, not 1 and 2.
+    """
+
+    family: Family
+    reversed: bool
+    inner: bool = False
+
+
+class Root(NamedTuple):
+    """cos q, sin q of a root, the slope s there, and how real it is, (a^2 + b^2 - d^2) / (a^2 + b^2)."""
+
+    cos: SX
+    sin: SX
+    slope: SX
+    share: SX
+
+
+def turned(h: SX, v: SX, c: SX, s: SX) -> SX:
+    """R_h(q) v by Rodrigues' formula, of cos q and sin q."""
+    return c * v + s * cross(h, v) + (1 - c) * dot(h, v) * h
+
+
+def roots(a: SX, b: SX, d: SX) -> list[Root]:
+    """The two roots of a cos q + b sin q = d, that of the positive slope first; where there is none, the nearest q."""
+    square = a * a + b * b
+    share = 1 - d * d / square
+    size = sqrt(square * fmax(share, 0))
+    d = fmin(fmax(d, -sqrt(square)), sqrt(square))
+    return [Root((a * d + b * s) / square, (b * d - a * s) / square, s, share) for s in (size, -size)]
+
+
+def projected(u: SX, h: SX, v: SX, d: SX) -> list[Root]:
+    """The roots of u . R_h(q) v = d."""
+    along = dot(u, h) * dot(h, v)
+    return roots(dot(u, v) - along, dot(u, cross(h, v)), d - along)
+
+
+def between(h: SX, v: SX, w: SX) -> tuple[SX, SX, SX]:
+    """(cos q, sin q, q) of the turn about h that brings v to w, or as near to it as a turn does."""
+    x, y = dot(v, w) - dot(h, v) * dot(h, w), dot(h, cross(v, w))
+    size = sqrt(x * x + y * y)
+    return x / size, y / size, atan2(y, x)
+
+
+class Plane(NamedTuple):
+    """Two axes of one plane: its normal n, a point a on the second axis, the part of the first one's point.
+
+    h_1 x h_2 = sine n. The foot of a on the first axis is a + along h_2 + across (h_2 x n); moment = along sine - across
+    cos: it is zero where the axes meet in a.
+    """
+
+    normal: SX
+    point: SX
+    foot: SX
+    sine: SX
+    cosine: SX
+    along: SX
+    across: SX
+    moment: SX
+
+
+def plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
+    """That of two axes, given its normal."""
+    foot = p1 + dot(p2 - p1, h1) * h1
+    sine, cosine = dot(cross(h1, h2), normal), dot(h1, h2)
+    along, across = dot(foot - p2, h2), dot(foot - p2, cross(h2, normal))
+    return Plane(normal, p2, foot, sine, cosine, along, across, along * sine - across * cosine)
+
+
+def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX) -> list[tuple[list[Root], list[SX]]]:
+    """The postures (roots of joints 2 and 3, three angles, and cos, sin of joint 1) with E_1 E_2 E_3 start = goal.
+
+    Axes 1 and 2 lie in a plane. Step 1, joint 3: with a point x, sine |x - a|^2 / 2 - moment h_2 . (x - a) is kept by turns
+    about both: where the axes meet in A, it is sine |x - A|^2 / 2 + const; where they are parallel, -moment h_2 . x.
+    Step 2, joint 2: x - a is turned about h_2 until its part in the plane across h_2 suits the goal, which is told by its
+    height along h_1 and by its distance from axis 1. Step 3: joint 1 brings it to the goal.
+    """
+    n, a = plane.normal, plane.point
+    across = cross(h[1], n)
+
+    def invariant(x: SX) -> SX:
+        return plane.sine * dot(x - a, x - a) / 2 - plane.moment * dot(h[1], x - a)
+
+    lever = start - p[2]
+    fixed = plane.sine * (dot(p[2] - a, p[2] - a) + dot(lever, lever)) / 2 - plane.moment * dot(h[1], p[2] - a)
+    found = []
+    for third in projected(plane.sine * (p[2] - a) - plane.moment * h[1], h[2], lever, invariant(goal) - fixed):
+        x = p[2] + turned(h[2], lever, third.cos, third.sin) - a
+        height = dot(h[0], goal - a) - plane.cosine * dot(h[1], x)
+        to_foot, from_foot = plane.foot - a, goal - plane.foot
+        distance = (dot(x, x) + dot(to_foot, to_foot) - dot(from_foot, from_foot)) / 2 - plane.along * dot(h[1], x)
+        weight = plane.sine**2 + plane.across**2
+        wanted = (plane.sine * height + plane.across * distance) / weight
+        # Of x turned by q_2, the part across h_2 in the plane is x_n sin q_2 + x_t cos q_2.
+        for second in roots(dot(across, x), dot(n, x), wanted):
+            y = a + turned(h[1], x, second.cos, second.sin)
+            c, s, angle = between(h[0], y - plane.foot, goal - plane.foot)
+            angles = [angle, atan2(second.sin, second.cos), atan2(third.sin, third.cos)]
+            found.append(([third, second], angles, c, s))
+    return found
+
+
+def wrist(h: list[SX], to_last: SX, from_first: SX) -> list[tuple[Root, list[SX]]]:
+    """The postures (root of joint 5, three angles) with R_4 R_5 R_6 = W, given W h_6 and W^T h_4."""
+    found = []
+    for fifth in projected(h[3], h[4], h[5], dot(h[3], to_last)):
+        angle4 = between(h[3], turned(h[4], h[5], fifth.cos, fifth.sin), to_last)[2]
+        angle6 = between(h[5], from_first, turned(h[4], h[3], fifth.cos, -fifth.sin))[2]
+        found.append((fifth, [angle4, atan2(fifth.sin, fifth.cos), angle6]))
+    return found
+
+
+class Chain(NamedTuple):
+    """Six axes h_i through p_i, the point (3,) where the wrist's axes meet and the plane's normal, and T M^-1."""
+
+    h: list[SX]
+    p: list[SX]
+    center: SX
+    normal: SX
+    rotation: SX
+    shift: SX
+
+    def backward(self) -> Chain:
+        """The same chain seen from the tool: E_6^-1 ... E_1^-1 = (T M^-1)^-1, with the axes the other way."""
+        inverse = self.rotation.T
+        h, p = [-axis for axis in self.h[::-1]], self.p[::-1]
+        return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift))
+
+
+Posture = tuple[list[SX], list[Root]]
+
+
+def pair_and_wrist(chain: Chain, inner: bool) -> list[Posture]:
+    """Axes 4, 5, 6 meet in the center: joints 1, 2, 3 bring that to its place, the others turn the tool."""
+    h, p = chain.h, chain.p
+    goal = chain.rotation @ chain.center + chain.shift
+    if inner:
+        arm = [-h[2], -h[1], -h[0]], [p[2], p[1], p[0]]
+        start, goal = goal, chain.center
+    else:
+        arm, start = (h[:3], p[:3]), chain.center
+    plane = plane_of(arm[0][0], arm[1][0], arm[0][1], arm[1][1], chain.normal)
+    postures: list[Posture] = []
+    for (third, second), angles, c, s in to_point(*arm, plane, start, goal):
+        turns = [(c, s), (second.cos, second.sin), (third.cos, third.sin)]
+        if inner:
+            turns, angles = turns[::-1], angles[::-1]
+        to_last, from_first = chain.rotation @ h[5], h[3]
+        for axis, (ci, si) in zip(h[:3], turns, strict=True):
+            to_last = turned(axis, to_last, ci, -si)
+        for axis, (ci, si) in zip(h[2::-1], turns[::-1], strict=True):
+            from_first = turned(axis, from_first, ci, si)
+        for fifth, last in wrist(h, to_last, chain.rotation.T @ from_first):
+            postures.append((angles + last, [third, second, fifth]))
+    return postures
+
+
+def parallel_axes(chain: Chain) -> list[Posture]:
+    """Axes 2, 3, 4 are parallel, 5 and 6 meet in the center: its height along them tells joint 1, axis 6 joint 5."""
+    h, p, along = chain.h, chain.p, chain.h[1]
+    goal = chain.rotation @ chain.center + chain.shift
+    level = chain.normal  # a direction square to the parallel axes
+    postures: list[Posture] = []
+    for first in projected(along, -h[0], goal - p[0], dot(along, chain.center - p[0])):
+        def back(v: SX, first: Root = first) -> SX:
+            return turned(h[0], v, first.cos, -first.sin)
+
+        for fifth in projected(along, h[4], h[5], dot(along, back(chain.rotation @ h[5]))):
+            # R_6 brings W^T h_2 to R_5^T h_2; then the turn of joints 2, 3, 4 together is known.
+            held = turned(h[4], along, fifth.cos, -fifth.sin)
+            from_first = chain.rotation.T @ turned(h[0], along, first.cos, first.sin)
+            c6, s6, angle6 = between(h[5], from_first, held)
+
+            def tool_side(v: SX, fifth: Root = fifth, c6: SX = c6, s6: SX = s6) -> SX:
+                return turned(h[5], turned(h[4], v, fifth.cos, -fifth.sin), c6, -s6)
+
+            together = between(along, level, back(chain.rotation @ tool_side(level)))[2]
+            on_axis = chain.center + tool_side(p[3] - chain.center)
+            place = p[0] + back(chain.rotation @ on_axis + chain.shift - p[0])
+            # Joints 2 and 3 bring a point of axis 4 to its place, in the plane square to the axes.
+            elbow, lever = p[2] - p[1], p[3] - p[2]
+            elbow, lever = elbow - dot(along, elbow) * along, lever - dot(along, lever) * along
+            away = place - p[1] - dot(along, place - p[1]) * along
+            for third in projected(elbow, along, lever, (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2):
+                angle2 = between(along, elbow + turned(along, lever, third.cos, third.sin), away)[2]
+                angle3 = atan2(third.sin, third.cos)
+                angles = [atan2(first.sin, first.cos), angle2, angle3, together - angle2 - angle3]
+                postures.append(([*angles, atan2(fifth.sin, fifth.cos), angle6], [first, fifth, third]))
+    return postures
+
+
+GEOMETRY = 58
+"""Numbers of a chain: 18 of the axes, 18 of their points, 3 of the center, 3 of the normal, 16 of M."""
+
+
+def _chain(x: SX) -> Chain:
+    h = [x[3 * i : 3 * i + 3] for i in range(6)]
+    p = [x[18 + 3 * i : 21 + 3 * i] for i in range(6)]
+    (home, home_at), (R, t) = _frame(x[42:58]), _frame(x[58:74])
+    rotation = R @ home.T
+    return Chain(h, p, x[36:39], x[39:42], rotation, t - rotation @ home_at)
+
+
+def _frame(x: SX) -> tuple[SX, SX]:
+    """Rotation and position of a pose (4, 4), written in rows."""
+    T = x.reshape((4, 4)).T
+    return T[:3, :3], T[:3, 3]
+
+
+def _polished(x: SX, chain: Chain, angles: SX) -> SX:
+    """Angles (6,) after a step of Newton's method on the chain itself."""
+    c, s = cos(angles), sin(angles)
+    R, t, columns = SX.eye(3), SX.zeros(3, 1), []
+    for i in range(6):
+        axis, at = R @ chain.h[i], t + R @ chain.p[i]
+        columns.append((axis, at))
+        t = at - R @ turned(chain.h[i], chain.p[i], c[i], s[i])
+        R = horzcat(*(R @ turned(chain.h[i], column, c[i], s[i]) for column in (SX([1, 0, 0]), SX([0, 1, 0]), SX([0, 0, 1]))))
+    E = chain.rotation @ R.T
+    place = chain.rotation @ chain.center + chain.shift
+    error = vertcat(place - (R @ chain.center + t), (E[2, 1] - E[1, 2]) / 2, (E[0, 2] - E[2, 0]) / 2, (E[1, 0] - E[0, 1]) / 2)
+    J = horzcat(*(vertcat(cross(axis, place - at), axis) for axis, at in columns))
+    return angles + solve(J, error)
+
+
+@cache
+def solver(form: Form, polish: bool) -> Function:
+    """x -> (8, 10): of each posture six angles, three slopes and the least share, below 0 where it is not real.
+
+    x: the numbers of the chain (58,) and the pose (16,), in rows; where it is to be polished, the chain's own numbers
+    (58,) behind them.
+    """
+    x = symbol("x", GEOMETRY + 16 + (GEOMETRY if polish else 0))
+    chain = _chain(x)
+    ordered = chain.backward() if form.reversed else chain
+    if form.family is Family.PAIR:
+        postures = pair_and_wrist(ordered, form.inner)
+    else:
+        postures = parallel_axes(ordered)
+    rows = []
+    for angles, steps in postures:
+        q = vertcat(*(angles[::-1] if form.reversed else angles))
+        if polish:
+            own = _chain(vertcat(x[74:], x[58:74]))
+            q = _polished(x, own, q)
+        share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
+        rows.append(horzcat(q.T, *(step.slope for step in steps), share))
+    return Function("six_hinges", {"x": x}, {"postures": vertcat(*rows)})
