@@ -63,7 +63,11 @@ def exact_direction(v: Vector) -> Array:
     s, t = (Fraction(float(v[i] / (1 + abs(v[largest])))).limit_denominator(10**12) for i in (first, second))
     square = s * s + t * t
     out = np.empty(3, dtype=object)
-    out[first], out[second], out[largest] = 2 * s / (1 + square), 2 * t / (1 + square), sign * (1 - square) / (1 + square)
+    out[first], out[second], out[largest] = (
+        2 * s / (1 + square),
+        2 * t / (1 + square),
+        sign * (1 - square) / (1 + square),
+    )
     return out
 
 
@@ -267,7 +271,11 @@ def _always_singular(links: Sequence[Link], place: dict[int, tuple]) -> bool:
         spot = {i: (float(np.cos(a)), float(np.sin(a))) for i, a in enumerate(rng.uniform(-3, 3, len(links)))}
         everything = {i: place.get(i, spot[i]) for i, link in enumerate(links) if link.coordinate >= 0}
         _, axes, (_, end) = screws(links, everything)
-        rows = [np.concatenate([np.cross(h, end - p), h]) for i, (h, p) in zip(everything, axes, strict=True) if i not in place]
+        rows = [
+            np.concatenate([np.cross(h, end - p), h])
+            for i, (h, p) in zip(everything, axes, strict=True)
+            if i not in place
+        ]
         if np.linalg.cond(np.array(rows)) < 1e8:
             return False
     return True

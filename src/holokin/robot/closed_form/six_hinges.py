@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
-from itertools import product
 from typing import NamedTuple
 
-from ...symbolic import SX, Function, atan2, cos, cross, dot, fmax, fmin, horzcat, sin, solve, sqrt, symbol, vertcat
+from ...symbolic import SX, Function, atan2, cross, dot, fmax, fmin, horzcat, horzsplit, sqrt, symbol, vertcat
 
 
 class Family(Enum):
@@ -36,18 +35,29 @@ class Form:
     inner: bool = False
 
 
-class Root(NamedTuple):
-    """cos q, sin q of a root, the slope s there, and how real it is, (a^2 + b^2 - d^2) / (a^2 + b^2)."""
+class Turn(NamedTuple):
+    """An angle by its cosine and sine."""
 
     cos: SX
     sin: SX
+
+    @property
+    def angle(self) -> SX:
+        """In (-pi, pi]."""
+        return atan2(self.sin, self.cos)
+
+    def about(self, h: SX, v: SX, back: bool = False) -> SX:
+        """R_h(q) v, or R_h(-q) v, by Rodrigues' formula."""
+        s = -self.sin if back else self.sin
+        return self.cos * v + s * cross(h, v) + (1 - self.cos) * dot(h, v) * h
+
+
+class Root(NamedTuple):
+    """A root, the slope s there, and how real it is, (a^2 + b^2 - d^2) / (a^2 + b^2)."""
+
+    turn: Turn
     slope: SX
     share: SX
-
-
-def turned(h: SX, v: SX, c: SX, s: SX) -> SX:
-    """R_h(q) v by Rodrigues' formula, of cos q and sin q."""
-    return c * v + s * cross(h, v) + (1 - c) * dot(h, v) * h
 
 
 def roots(a: SX, b: SX, d: SX) -> list[Root]:
@@ -56,7 +66,7 @@ def roots(a: SX, b: SX, d: SX) -> list[Root]:
     share = 1 - d * d / square
     size = sqrt(square * fmax(share, 0))
     d = fmin(fmax(d, -sqrt(square)), sqrt(square))
-    return [Root((a * d + b * s) / square, (b * d - a * s) / square, s, share) for s in (size, -size)]
+    return [Root(Turn((a * d + b * s) / square, (b * d - a * s) / square), s, share) for s in (size, -size)]
 
 
 def projected(u: SX, h: SX, v: SX, d: SX) -> list[Root]:
@@ -65,11 +75,15 @@ def projected(u: SX, h: SX, v: SX, d: SX) -> list[Root]:
     return roots(dot(u, v) - along, dot(u, cross(h, v)), d - along)
 
 
-def between(h: SX, v: SX, w: SX) -> tuple[SX, SX, SX]:
-    """(cos q, sin q, q) of the turn about h that brings v to w, or as near to it as a turn does."""
+def between(h: SX, v: SX, w: SX) -> Turn:
+    """The turn about h that brings v to w, or as near to it as a turn does."""
     x, y = dot(v, w) - dot(h, v) * dot(h, w), dot(h, cross(v, w))
     size = sqrt(x * x + y * y)
-    return x / size, y / size, atan2(y, x)
+    return Turn(x / size, y / size)
+
+
+Posture = tuple[list[Turn], list[Root]]
+"""The turns of joints, and the roots that were chosen on the way."""
 
 
 class Plane(NamedTuple):
@@ -97,8 +111,8 @@ def plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
     return Plane(normal, p2, foot, sine, cosine, along, across, along * sine - across * cosine)
 
 
-def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX) -> list[tuple[list[Root], list[SX]]]:
-    """The postures (roots of joints 2 and 3, three angles, and cos, sin of joint 1) with E_1 E_2 E_3 start = goal.
+def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX) -> list[Posture]:
+    """The turns of joints 1, 2, 3 with E_1 E_2 E_3 start = goal, and the roots of joints 3 and 2.
 
     Axes 1 and 2 lie in a plane. Step 1, joint 3: with a point x, sine |x - a|^2 / 2 - moment h_2 . (x - a) is kept by turns
     about both: where the axes meet in A, it is sine |x - A|^2 / 2 + const; where they are parallel, -moment h_2 . x.
@@ -113,9 +127,9 @@ def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX) -> lis
 
     lever = start - p[2]
     fixed = plane.sine * (dot(p[2] - a, p[2] - a) + dot(lever, lever)) / 2 - plane.moment * dot(h[1], p[2] - a)
-    found = []
+    postures = []
     for third in projected(plane.sine * (p[2] - a) - plane.moment * h[1], h[2], lever, invariant(goal) - fixed):
-        x = p[2] + turned(h[2], lever, third.cos, third.sin) - a
+        x = p[2] + third.turn.about(h[2], lever) - a
         height = dot(h[0], goal - a) - plane.cosine * dot(h[1], x)
         to_foot, from_foot = plane.foot - a, goal - plane.foot
         distance = (dot(x, x) + dot(to_foot, to_foot) - dot(from_foot, from_foot)) / 2 - plane.along * dot(h[1], x)
@@ -123,21 +137,20 @@ def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX) -> lis
         wanted = (plane.sine * height + plane.across * distance) / weight
         # Of x turned by q_2, the part across h_2 in the plane is x_n sin q_2 + x_t cos q_2.
         for second in roots(dot(across, x), dot(n, x), wanted):
-            y = a + turned(h[1], x, second.cos, second.sin)
-            c, s, angle = between(h[0], y - plane.foot, goal - plane.foot)
-            angles = [angle, atan2(second.sin, second.cos), atan2(third.sin, third.cos)]
-            found.append(([third, second], angles, c, s))
-    return found
+            y = a + second.turn.about(h[1], x)
+            first = between(h[0], y - plane.foot, goal - plane.foot)
+            postures.append(([first, second.turn, third.turn], [third, second]))
+    return postures
 
 
-def wrist(h: list[SX], to_last: SX, from_first: SX) -> list[tuple[Root, list[SX]]]:
-    """The postures (root of joint 5, three angles) with R_4 R_5 R_6 = W, given W h_6 and W^T h_4."""
-    found = []
+def wrist(h: list[SX], to_last: SX, from_first: SX) -> list[Posture]:
+    """The turns with R_4 R_5 R_6 = W, given W h_6 and W^T h_4, and the root of joint 5."""
+    postures = []
     for fifth in projected(h[3], h[4], h[5], dot(h[3], to_last)):
-        angle4 = between(h[3], turned(h[4], h[5], fifth.cos, fifth.sin), to_last)[2]
-        angle6 = between(h[5], from_first, turned(h[4], h[3], fifth.cos, -fifth.sin))[2]
-        found.append((fifth, [angle4, atan2(fifth.sin, fifth.cos), angle6]))
-    return found
+        fourth = between(h[3], fifth.turn.about(h[4], h[5]), to_last)
+        sixth = between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True))
+        postures.append(([fourth, fifth.turn, sixth], [fifth]))
+    return postures
 
 
 class Chain(NamedTuple):
@@ -157,9 +170,6 @@ class Chain(NamedTuple):
         return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift))
 
 
-Posture = tuple[list[SX], list[Root]]
-
-
 def pair_and_wrist(chain: Chain, inner: bool) -> list[Posture]:
     """Axes 4, 5, 6 meet in the center: joints 1, 2, 3 bring that to its place, the others turn the tool."""
     h, p = chain.h, chain.p
@@ -171,17 +181,15 @@ def pair_and_wrist(chain: Chain, inner: bool) -> list[Posture]:
         arm, start = (h[:3], p[:3]), chain.center
     plane = plane_of(arm[0][0], arm[1][0], arm[0][1], arm[1][1], chain.normal)
     postures: list[Posture] = []
-    for (third, second), angles, c, s in to_point(*arm, plane, start, goal):
-        turns = [(c, s), (second.cos, second.sin), (third.cos, third.sin)]
-        if inner:
-            turns, angles = turns[::-1], angles[::-1]
+    for turns, steps in to_point(*arm, plane, start, goal):
+        first = turns[::-1] if inner else turns
         to_last, from_first = chain.rotation @ h[5], h[3]
-        for axis, (ci, si) in zip(h[:3], turns, strict=True):
-            to_last = turned(axis, to_last, ci, -si)
-        for axis, (ci, si) in zip(h[2::-1], turns[::-1], strict=True):
-            from_first = turned(axis, from_first, ci, si)
-        for fifth, last in wrist(h, to_last, chain.rotation.T @ from_first):
-            postures.append((angles + last, [third, second, fifth]))
+        for turn, axis in zip(first, h, strict=False):
+            to_last = turn.about(axis, to_last, back=True)
+        for turn, axis in zip(first[::-1], h[2::-1], strict=True):
+            from_first = turn.about(axis, from_first)
+        for last, fifth in wrist(h, to_last, chain.rotation.T @ from_first):
+            postures.append((first + last, steps + fifth))
     return postures
 
 
@@ -192,19 +200,19 @@ def parallel_axes(chain: Chain) -> list[Posture]:
     level = chain.normal  # a direction square to the parallel axes
     postures: list[Posture] = []
     for first in projected(along, -h[0], goal - p[0], dot(along, chain.center - p[0])):
-        def back(v: SX, first: Root = first) -> SX:
-            return turned(h[0], v, first.cos, -first.sin)
+
+        def back(v: SX, first: Turn = first.turn) -> SX:
+            return first.about(h[0], v, back=True)
 
         for fifth in projected(along, h[4], h[5], dot(along, back(chain.rotation @ h[5]))):
             # R_6 brings W^T h_2 to R_5^T h_2; then the turn of joints 2, 3, 4 together is known.
-            held = turned(h[4], along, fifth.cos, -fifth.sin)
-            from_first = chain.rotation.T @ turned(h[0], along, first.cos, first.sin)
-            c6, s6, angle6 = between(h[5], from_first, held)
+            from_first = chain.rotation.T @ first.turn.about(h[0], along)
+            sixth = between(h[5], from_first, fifth.turn.about(h[4], along, back=True))
 
-            def tool_side(v: SX, fifth: Root = fifth, c6: SX = c6, s6: SX = s6) -> SX:
-                return turned(h[5], turned(h[4], v, fifth.cos, -fifth.sin), c6, -s6)
+            def tool_side(v: SX, fifth: Turn = fifth.turn, sixth: Turn = sixth) -> SX:
+                return sixth.about(h[5], fifth.about(h[4], v, back=True), back=True)
 
-            together = between(along, level, back(chain.rotation @ tool_side(level)))[2]
+            together = between(along, level, back(chain.rotation @ tool_side(level)))
             on_axis = chain.center + tool_side(p[3] - chain.center)
             place = p[0] + back(chain.rotation @ on_axis + chain.shift - p[0])
             # Joints 2 and 3 bring a point of axis 4 to its place, in the plane square to the axes.
@@ -212,11 +220,18 @@ def parallel_axes(chain: Chain) -> list[Posture]:
             elbow, lever = elbow - dot(along, elbow) * along, lever - dot(along, lever) * along
             away = place - p[1] - dot(along, place - p[1]) * along
             for third in projected(elbow, along, lever, (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2):
-                angle2 = between(along, elbow + turned(along, lever, third.cos, third.sin), away)[2]
-                angle3 = atan2(third.sin, third.cos)
-                angles = [atan2(first.sin, first.cos), angle2, angle3, together - angle2 - angle3]
-                postures.append(([*angles, atan2(fifth.sin, fifth.cos), angle6], [first, fifth, third]))
+                second = between(along, elbow + third.turn.about(along, lever), away)
+                fourth = less(together, second, third.turn)
+                turns = [first.turn, second, third.turn, fourth, fifth.turn, sixth]
+                postures.append((turns, [first, fifth, third]))
     return postures
+
+
+def less(turn: Turn, *others: Turn) -> Turn:
+    """A turn less others about the same axis."""
+    for c, s in others:
+        turn = Turn(turn.cos * c + turn.sin * s, turn.sin * c - turn.cos * s)
+    return turn
 
 
 GEOMETRY = 58
@@ -237,20 +252,41 @@ def _frame(x: SX) -> tuple[SX, SX]:
     return T[:3, :3], T[:3, 3]
 
 
-def _polished(x: SX, chain: Chain, angles: SX) -> SX:
-    """Angles (6,) after a step of Newton's method on the chain itself."""
-    c, s = cos(angles), sin(angles)
-    R, t, columns = SX.eye(3), SX.zeros(3, 1), []
-    for i in range(6):
-        axis, at = R @ chain.h[i], t + R @ chain.p[i]
-        columns.append((axis, at))
-        t = at - R @ turned(chain.h[i], chain.p[i], c[i], s[i])
-        R = horzcat(*(R @ turned(chain.h[i], column, c[i], s[i]) for column in (SX([1, 0, 0]), SX([0, 1, 0]), SX([0, 0, 1]))))
+def _corrections(family: Family, chain: Chain, turns: list[Turn]) -> list[SX]:
+    """What a step of Newton's method adds to six angles, with the exact model's zeros in the Jacobian.
+
+    Of axes that meet in the center nothing moves it: so the other three joints alone are corrected by its place, and
+    those of the wrist by what is then left of the rotation.
+    """
+    R, t = SX.eye(3), SX.zeros(3, 1)
+    axes, points = [], []
+    for h, p, turn in zip(chain.h, chain.p, turns, strict=True):
+        axes.append(R @ h)
+        points.append(t + R @ p)
+        R = horzcat(*(R @ turn.about(h, e) for e in horzsplit(SX.eye(3))))
+        t = points[-1] - R @ p
     E = chain.rotation @ R.T
-    place = chain.rotation @ chain.center + chain.shift
-    error = vertcat(place - (R @ chain.center + t), (E[2, 1] - E[1, 2]) / 2, (E[0, 2] - E[2, 0]) / 2, (E[1, 0] - E[0, 1]) / 2)
-    J = horzcat(*(vertcat(cross(axis, place - at), axis) for axis, at in columns))
-    return angles + solve(J, error)
+    turn = vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
+    place = R @ chain.center + t
+    shift = chain.rotation @ chain.center + chain.shift - place
+    moves = [cross(axis, place - point) for axis, point in zip(axes, points, strict=True)]
+    if family is Family.PAIR:
+        first = _combined(*moves[:3], shift)
+        last = _combined(
+            *axes[3:], turn - sum((d * axis for d, axis in zip(first, axes, strict=False)), SX.zeros(3, 1))
+        )
+        return first + last
+    along = axes[1]
+    d1 = dot(along, shift) / dot(along, moves[0])
+    together, d5, d6 = _combined(along, *axes[4:], turn - d1 * axes[0])
+    d2, d3, _ = _combined(moves[1] - moves[3], moves[2] - moves[3], along, shift - d1 * moves[0] - together * moves[3])
+    return [d1, d2, d3, together - d2 - d3, d5, d6]
+
+
+def _combined(a: SX, b: SX, c: SX, v: SX) -> list[SX]:
+    """The numbers x, y, z with a x + b y + c z = v, by Cramer's rule."""
+    volume = dot(a, cross(b, c))
+    return [dot(v, cross(b, c)) / volume, dot(v, cross(c, a)) / volume, dot(v, cross(a, b)) / volume]
 
 
 @cache
@@ -261,18 +297,19 @@ def solver(form: Form, polish: bool) -> Function:
     (58,) behind them.
     """
     x = symbol("x", GEOMETRY + 16 + (GEOMETRY if polish else 0))
-    chain = _chain(x)
-    ordered = chain.backward() if form.reversed else chain
-    if form.family is Family.PAIR:
-        postures = pair_and_wrist(ordered, form.inner)
-    else:
-        postures = parallel_axes(ordered)
+
+    def ordered(chain: Chain) -> Chain:
+        return chain.backward() if form.reversed else chain
+
+    chain, own = ordered(_chain(x)), ordered(_chain(vertcat(x[74:], x[58:74]))) if polish else None
+    postures = pair_and_wrist(chain, form.inner) if form.family is Family.PAIR else parallel_axes(chain)
     rows = []
-    for angles, steps in postures:
-        q = vertcat(*(angles[::-1] if form.reversed else angles))
-        if polish:
-            own = _chain(vertcat(x[74:], x[58:74]))
-            q = _polished(x, own, q)
+    for turns, steps in postures:
+        angles = [turn.angle for turn in turns]
+        if own is not None:
+            added = _corrections(form.family, own, turns)
+            angles = [angle + more for angle, more in zip(angles, added, strict=True)]
         share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
-        rows.append(horzcat(q.T, *(step.slope for step in steps), share))
+        row = angles[::-1] if form.reversed else angles
+        rows.append(horzcat(*row, *(step.slope for step in steps), share))
     return Function("six_hinges", {"x": x}, {"postures": vertcat(*rows)})

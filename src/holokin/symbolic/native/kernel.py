@@ -25,7 +25,7 @@ from .toolchain import enabled, extension, later, library, tell
 LARGEST = 50_000
 """Operations up to which native code is made: beyond, a compiler takes half a minute, and the virtual machine runs."""
 
-LARGEST_VECTOR = 8_000
+LARGEST_VECTOR = 12_000
 """The same for vectors of numbers, in one piece, which take a compiler far longer: ten seconds for 5,300, ninety for
 12,800; but five for 8,100 in the pieces of a loop."""
 
