@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -17,6 +18,10 @@ EXACT = 1e-13
 
 DOUBLE = -1e-12
 """Share of a root, (a^2 + b^2 - d^2) / (a^2 + b^2), from which it is real: two roots meet where it is 0."""
+
+
+SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
+"""The signs (8, 3) of the three slopes."""
 
 
 def _geometry(arm: ArmClass, links: Sequence[Link], levels: Matrix) -> Matrix:
@@ -103,14 +108,14 @@ class ClosedInverse(Value):
         signs = np.array([link.multiplier for link in free])
         return [link.coordinate for link in free], signs, np.array([link.offset for link in free])
 
-    def postures(self, poses: Array, levels: Matrix) -> tuple[Array, Array, Array]:
-        """(postures (k, 8, n), slopes (k, 8, 3), shares (k, 8): below `DOUBLE` where there is none) of poses (k, 4, 4)."""
+    def postures(self, poses: Array, levels: Matrix, polish: bool = True) -> tuple[Array, Array, Array]:
+        """(postures (k, 8, n), slopes (k, 8, 3), shares (k, 8): below `DOUBLE` there is none) of poses (k, 4, 4)."""
         k = len(poses)
         levels = np.broadcast_to(levels, (k, len(self.arm.held)))
-        x = [_geometry(self.arm, self._exact, levels), poses.reshape(k, 16)]
-        if self.polished:
-            x.append(_geometry(self.arm, self._given, levels))
-        out = solver(self.arm.form, self.polished).batch(np.hstack(x))
+        chain, own = (_geometry(self.arm, links, levels) for links in (self._exact, self._given))
+        function = solver(self.arm.form, polish)
+        out = function.batch(*(np.repeat(x, 8, axis=0) for x in (chain, poses, own)), np.tile(SIGNS, (k, 1)))
+        out = out.reshape(k, 8, 10)
         coordinates, signs, offsets = self._columns
         q = np.zeros((k, 8, self.arm.robot.n))
         angles = (out[:, :, :6] - offsets) * signs

@@ -60,19 +60,20 @@ class Root(NamedTuple):
     share: SX
 
 
-def roots(a: SX, b: SX, d: SX) -> list[Root]:
-    """The two roots of a cos q + b sin q = d, that of the positive slope first; where there is none, the nearest q."""
+def root(a: SX, b: SX, d: SX, sign: SX) -> Root:
+    """The root of a cos q + b sin q = d whose slope has a sign, 1 or -1; where there is none, the q nearest to one."""
     square = a * a + b * b
     share = 1 - d * d / square
     size = sqrt(square * fmax(share, 0))
     d = fmin(fmax(d, -sqrt(square)), sqrt(square))
-    return [Root(Turn((a * d + b * s) / square, (b * d - a * s) / square), s, share) for s in (size, -size)]
+    s = sign * size
+    return Root(Turn((a * d + b * s) / square, (b * d - a * s) / square), s, share)
 
 
-def projected(u: SX, h: SX, v: SX, d: SX) -> list[Root]:
-    """The roots of u . R_h(q) v = d."""
+def projected(u: SX, h: SX, v: SX, d: SX, sign: SX) -> Root:
+    """The root of u . R_h(q) v = d."""
     along = dot(u, h) * dot(h, v)
-    return roots(dot(u, v) - along, dot(u, cross(h, v)), d - along)
+    return root(dot(u, v) - along, dot(u, cross(h, v)), d - along, sign)
 
 
 def between(h: SX, v: SX, w: SX) -> Turn:
@@ -111,46 +112,38 @@ def plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
     return Plane(normal, p2, foot, sine, cosine, along, across, along * sine - across * cosine)
 
 
-def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX) -> list[Posture]:
+def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs: list[SX]) -> Posture:
     """The turns of joints 1, 2, 3 with E_1 E_2 E_3 start = goal, and the roots of joints 3 and 2.
 
-    Axes 1 and 2 lie in a plane. Step 1, joint 3: with a point x, sine |x - a|^2 / 2 - moment h_2 . (x - a) is kept by turns
-    about both: where the axes meet in A, it is sine |x - A|^2 / 2 + const; where they are parallel, -moment h_2 . x.
-    Step 2, joint 2: x - a is turned about h_2 until its part in the plane across h_2 suits the goal, which is told by its
-    height along h_1 and by its distance from axis 1. Step 3: joint 1 brings it to the goal.
+    Axes 1 and 2 lie in a plane. Step 1, joint 3: turns about both keep sine |x - a|^2 / 2 - moment h_2 . (x - a) of a
+    point x: where the axes meet in A, it is sine |x - A|^2 / 2 + const; where they are parallel, -moment h_2 . x.
+    Step 2, joint 2: x - a is turned about h_2 until its part in the plane across h_2 suits the goal, which is told by
+    its height along h_1 and by its distance from axis 1. Step 3: joint 1 brings it to the goal.
     """
     n, a = plane.normal, plane.point
-    across = cross(h[1], n)
-
-    def invariant(x: SX) -> SX:
-        return plane.sine * dot(x - a, x - a) / 2 - plane.moment * dot(h[1], x - a)
-
-    lever = start - p[2]
+    across, lever = cross(h[1], n), start - p[2]
+    # Step 1: joint 3.
     fixed = plane.sine * (dot(p[2] - a, p[2] - a) + dot(lever, lever)) / 2 - plane.moment * dot(h[1], p[2] - a)
-    postures = []
-    for third in projected(plane.sine * (p[2] - a) - plane.moment * h[1], h[2], lever, invariant(goal) - fixed):
-        x = p[2] + third.turn.about(h[2], lever) - a
-        height = dot(h[0], goal - a) - plane.cosine * dot(h[1], x)
-        to_foot, from_foot = plane.foot - a, goal - plane.foot
-        distance = (dot(x, x) + dot(to_foot, to_foot) - dot(from_foot, from_foot)) / 2 - plane.along * dot(h[1], x)
-        weight = plane.sine**2 + plane.across**2
-        wanted = (plane.sine * height + plane.across * distance) / weight
-        # Of x turned by q_2, the part across h_2 in the plane is x_n sin q_2 + x_t cos q_2.
-        for second in roots(dot(across, x), dot(n, x), wanted):
-            y = a + second.turn.about(h[1], x)
-            first = between(h[0], y - plane.foot, goal - plane.foot)
-            postures.append(([first, second.turn, third.turn], [third, second]))
-    return postures
+    wanted = plane.sine * dot(goal - a, goal - a) / 2 - plane.moment * dot(h[1], goal - a)
+    third = projected(plane.sine * (p[2] - a) - plane.moment * h[1], h[2], lever, wanted - fixed, signs[0])
+    x = p[2] + third.turn.about(h[2], lever) - a
+    # Step 2: joint 2. The part of x across h_2 in the plane is x_n sin q_2 + x_t cos q_2.
+    height = dot(h[0], goal - a) - plane.cosine * dot(h[1], x)
+    to_foot, from_foot = plane.foot - a, goal - plane.foot
+    distance = (dot(x, x) + dot(to_foot, to_foot) - dot(from_foot, from_foot)) / 2 - plane.along * dot(h[1], x)
+    wanted = (plane.sine * height + plane.across * distance) / (plane.sine**2 + plane.across**2)
+    second = root(dot(across, x), dot(n, x), wanted, signs[1])
+    # Step 3: joint 1.
+    first = between(h[0], a + second.turn.about(h[1], x) - plane.foot, goal - plane.foot)
+    return [first, second.turn, third.turn], [third, second]
 
 
-def wrist(h: list[SX], to_last: SX, from_first: SX) -> list[Posture]:
+def wrist(h: list[SX], to_last: SX, from_first: SX, sign: SX) -> Posture:
     """The turns with R_4 R_5 R_6 = W, given W h_6 and W^T h_4, and the root of joint 5."""
-    postures = []
-    for fifth in projected(h[3], h[4], h[5], dot(h[3], to_last)):
-        fourth = between(h[3], fifth.turn.about(h[4], h[5]), to_last)
-        sixth = between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True))
-        postures.append(([fourth, fifth.turn, sixth], [fifth]))
-    return postures
+    fifth = projected(h[3], h[4], h[5], dot(h[3], to_last), sign)
+    fourth = between(h[3], fifth.turn.about(h[4], h[5]), to_last)
+    sixth = between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True))
+    return [fourth, fifth.turn, sixth], [fifth]
 
 
 class Chain(NamedTuple):
@@ -170,61 +163,53 @@ class Chain(NamedTuple):
         return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift))
 
 
-def pair_and_wrist(chain: Chain, inner: bool) -> list[Posture]:
+def pair_and_wrist(chain: Chain, inner: bool, signs: list[SX]) -> Posture:
     """Axes 4, 5, 6 meet in the center: joints 1, 2, 3 bring that to its place, the others turn the tool."""
     h, p = chain.h, chain.p
     goal = chain.rotation @ chain.center + chain.shift
-    if inner:
-        arm = [-h[2], -h[1], -h[0]], [p[2], p[1], p[0]]
-        start, goal = goal, chain.center
-    else:
-        arm, start = (h[:3], p[:3]), chain.center
-    plane = plane_of(arm[0][0], arm[1][0], arm[0][1], arm[1][1], chain.normal)
-    postures: list[Posture] = []
-    for turns, steps in to_point(*arm, plane, start, goal):
-        first = turns[::-1] if inner else turns
-        to_last, from_first = chain.rotation @ h[5], h[3]
-        for turn, axis in zip(first, h, strict=False):
-            to_last = turn.about(axis, to_last, back=True)
-        for turn, axis in zip(first[::-1], h[2::-1], strict=True):
-            from_first = turn.about(axis, from_first)
-        for last, fifth in wrist(h, to_last, chain.rotation.T @ from_first):
-            postures.append((first + last, steps + fifth))
-    return postures
+    arm, points, start = (h[:3], p[:3], chain.center)
+    if inner:  # E_3^-1 E_2^-1 E_1^-1 goal = center
+        arm, points, start, goal = [-axis for axis in arm[::-1]], points[::-1], goal, start
+    plane = plane_of(arm[0], points[0], arm[1], points[1], chain.normal)
+    turns, steps = to_point(arm, points, plane, start, goal, signs)
+    first = turns[::-1] if inner else turns
+    to_last, from_first = chain.rotation @ h[5], h[3]
+    for turn, axis in zip(first, h, strict=False):
+        to_last = turn.about(axis, to_last, back=True)
+    for turn, axis in zip(first[::-1], h[2::-1], strict=True):
+        from_first = turn.about(axis, from_first)
+    last, fifth = wrist(h, to_last, chain.rotation.T @ from_first, signs[2])
+    return first + last, steps + fifth
 
 
-def parallel_axes(chain: Chain) -> list[Posture]:
+def parallel_axes(chain: Chain, signs: list[SX]) -> Posture:
     """Axes 2, 3, 4 are parallel, 5 and 6 meet in the center: its height along them tells joint 1, axis 6 joint 5."""
     h, p, along = chain.h, chain.p, chain.h[1]
+    # Joints 1 and 5.
     goal = chain.rotation @ chain.center + chain.shift
-    level = chain.normal  # a direction square to the parallel axes
-    postures: list[Posture] = []
-    for first in projected(along, -h[0], goal - p[0], dot(along, chain.center - p[0])):
+    first = projected(along, -h[0], goal - p[0], dot(along, chain.center - p[0]), signs[0])
 
-        def back(v: SX, first: Turn = first.turn) -> SX:
-            return first.about(h[0], v, back=True)
+    def behind_first(v: SX) -> SX:
+        return first.turn.about(h[0], v, back=True)
 
-        for fifth in projected(along, h[4], h[5], dot(along, back(chain.rotation @ h[5]))):
-            # R_6 brings W^T h_2 to R_5^T h_2; then the turn of joints 2, 3, 4 together is known.
-            from_first = chain.rotation.T @ first.turn.about(h[0], along)
-            sixth = between(h[5], from_first, fifth.turn.about(h[4], along, back=True))
+    fifth = projected(along, h[4], h[5], dot(along, behind_first(chain.rotation @ h[5])), signs[1])
+    # Joint 6 brings W^T h_2 to R_5^T h_2; then the turn of joints 2, 3, 4 together is known.
+    from_first = chain.rotation.T @ first.turn.about(h[0], along)
+    sixth = between(h[5], from_first, fifth.turn.about(h[4], along, back=True))
 
-            def tool_side(v: SX, fifth: Turn = fifth.turn, sixth: Turn = sixth) -> SX:
-                return sixth.about(h[5], fifth.about(h[4], v, back=True), back=True)
+    def before_fifth(v: SX) -> SX:
+        return sixth.about(h[5], fifth.turn.about(h[4], v, back=True), back=True)
 
-            together = between(along, level, back(chain.rotation @ tool_side(level)))
-            on_axis = chain.center + tool_side(p[3] - chain.center)
-            place = p[0] + back(chain.rotation @ on_axis + chain.shift - p[0])
-            # Joints 2 and 3 bring a point of axis 4 to its place, in the plane square to the axes.
-            elbow, lever = p[2] - p[1], p[3] - p[2]
-            elbow, lever = elbow - dot(along, elbow) * along, lever - dot(along, lever) * along
-            away = place - p[1] - dot(along, place - p[1]) * along
-            for third in projected(elbow, along, lever, (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2):
-                second = between(along, elbow + third.turn.about(along, lever), away)
-                fourth = less(together, second, third.turn)
-                turns = [first.turn, second, third.turn, fourth, fifth.turn, sixth]
-                postures.append((turns, [first, fifth, third]))
-    return postures
+    together = between(along, chain.normal, behind_first(chain.rotation @ before_fifth(chain.normal)))
+    # Joints 2 and 3 bring a point of axis 4 to its place, in the plane square to the axes.
+    on_axis = chain.center + before_fifth(p[3] - chain.center)
+    away = p[0] + behind_first(chain.rotation @ on_axis + chain.shift - p[0]) - p[1]
+    elbow, lever, away = (v - dot(along, v) * along for v in (p[2] - p[1], p[3] - p[2], away))
+    wanted = (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2
+    third = projected(elbow, along, lever, wanted, signs[2])
+    second = between(along, elbow + third.turn.about(along, lever), away)
+    turns = [first.turn, second, third.turn, less(together, second, third.turn), fifth.turn, sixth]
+    return turns, [first, fifth, third]
 
 
 def less(turn: Turn, *others: Turn) -> Turn:
@@ -238,17 +223,17 @@ GEOMETRY = 58
 """Numbers of a chain: 18 of the axes, 18 of their points, 3 of the center, 3 of the normal, 16 of M."""
 
 
-def _chain(x: SX) -> Chain:
+def _chain(x: SX, pose: SX) -> Chain:
     h = [x[3 * i : 3 * i + 3] for i in range(6)]
     p = [x[18 + 3 * i : 21 + 3 * i] for i in range(6)]
-    (home, home_at), (R, t) = _frame(x[42:58]), _frame(x[58:74])
+    home, home_at = _frame(x[42:58].reshape((4, 4)).T)
+    R, t = _frame(pose)
     rotation = R @ home.T
     return Chain(h, p, x[36:39], x[39:42], rotation, t - rotation @ home_at)
 
 
-def _frame(x: SX) -> tuple[SX, SX]:
-    """Rotation and position of a pose (4, 4), written in rows."""
-    T = x.reshape((4, 4)).T
+def _frame(T: SX) -> tuple[SX, SX]:
+    """Rotation and position of a pose (4, 4)."""
     return T[:3, :3], T[:3, 3]
 
 
@@ -291,25 +276,24 @@ def _combined(a: SX, b: SX, c: SX, v: SX) -> list[SX]:
 
 @cache
 def solver(form: Form, polish: bool) -> Function:
-    """x -> (8, 10): of each posture six angles, three slopes and the least share, below 0 where it is not real.
+    """(chain (58,), pose (4, 4), own chain (58,), signs (3,)) -> posture (10,).
 
-    x: the numbers of the chain (58,) and the pose (16,), in rows; where it is to be polished, the chain's own numbers
-    (58,) behind them.
+    It holds six angles, the three slopes, and how real the posture is: the least share of its roots. Where answers are
+    to be polished they take a step of Newton's method on the chain's own numbers, from those of the exact model.
     """
-    x = symbol("x", GEOMETRY + 16 + (GEOMETRY if polish else 0))
-
-    def ordered(chain: Chain) -> Chain:
-        return chain.backward() if form.reversed else chain
-
-    chain, own = ordered(_chain(x)), ordered(_chain(vertcat(x[74:], x[58:74]))) if polish else None
-    postures = pair_and_wrist(chain, form.inner) if form.family is Family.PAIR else parallel_axes(chain)
-    rows = []
-    for turns, steps in postures:
-        angles = [turn.angle for turn in turns]
-        if own is not None:
-            added = _corrections(form.family, own, turns)
-            angles = [angle + more for angle, more in zip(angles, added, strict=True)]
-        share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
-        row = angles[::-1] if form.reversed else angles
-        rows.append(horzcat(*row, *(step.slope for step in steps), share))
-    return Function("six_hinges", {"x": x}, {"postures": vertcat(*rows)})
+    numbers, pose, own_numbers = symbol("chain", GEOMETRY), symbol("pose", 4, 4), symbol("own", GEOMETRY)
+    signs = symbol("signs", 3)
+    chain, own = _chain(numbers, pose), _chain(own_numbers, pose)
+    if form.reversed:
+        chain, own = chain.backward(), own.backward()
+    sign = [signs[i] for i in range(3)]
+    turns, steps = pair_and_wrist(chain, form.inner, sign) if form.family is Family.PAIR else parallel_axes(chain, sign)
+    angles = [turn.angle for turn in turns]
+    if polish:
+        added = _corrections(form.family, own, turns)
+        angles = [angle + more for angle, more in zip(angles, added, strict=True)]
+    share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
+    row = angles[::-1] if form.reversed else angles
+    posture = vertcat(*row, *(step.slope for step in steps), share)
+    inputs = {"chain": numbers, "pose": pose, "own": own_numbers, "signs": signs}
+    return Function("six_hinges", inputs, {"posture": posture})

@@ -25,7 +25,7 @@ from .toolchain import enabled, extension, later, library, tell
 LARGEST = 50_000
 """Operations up to which native code is made: beyond, a compiler takes half a minute, and the virtual machine runs."""
 
-LARGEST_VECTOR = 12_000
+LARGEST_VECTOR = 8_000
 """The same for vectors of numbers, in one piece, which take a compiler far longer: ten seconds for 5,300, ninety for
 12,800; but five for 8,100 in the pieces of a loop."""
 
@@ -55,16 +55,17 @@ class VelocityRules(ctypes.Structure):
 class BatchKernel:
     """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile."""
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, driver: str = "batch.c") -> None:
         sizes_in, sizes_out = ([int(np.prod(s)) for s in shapes] for shapes in (inputs, outputs))
         head = (
             f"#define HK_INPUTS {len(sizes_in)}\n#define HK_OUTPUTS {len(sizes_out)}\n"
             f"#define HK_NX {max(1, sum(sizes_in))}\n#define HK_NY {max(1, sum(sizes_out))}\n"
+            f"#define HK_SIGNS {sizes_in[-1]}\n"
             f"static const int hk_in[] = {{{', '.join(map(str, sizes_in))}}};\n"
             f"static const int hk_out[] = {{{', '.join(map(str, sizes_out))}}};\n"
         )
         self._library = library(
-            source(LANES, head, body(made, inputs, outputs, "hk_body"), "batch.c"),
+            source(LANES, head, body(made, inputs, outputs, "hk_body"), driver),
             fast=True,
             long=made.instructions > LONG,
             needs=("hk_batch",),
@@ -91,6 +92,19 @@ class BatchKernel:
             return
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(part, range(workers)))
+
+
+class SignsKernel(BatchKernel):
+    """All results (2^k, size) for the signs, 1 or -1, of a function's last argument (k,).
+
+    `call` takes the other arguments, of one sample; the object itself takes those of many, as a `BatchKernel`.
+    """
+
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, other: Callable[..., Any]) -> None:
+        super().__init__(made, inputs, outputs, "signs.c")
+        shape, module = (2 ** inputs[-1][0], *outputs[0]), _module()
+        function = self._library.hk_sample
+        self.call = other if module is None else _bound(module, function, inputs[:-1], [shape], other, self._library, 0)
 
 
 def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "") -> str:
