@@ -13,6 +13,7 @@ from casadi import (
     dot,
     exp,
     fabs,
+    floor,
     fmax,
     fmin,
     horzcat,
@@ -28,6 +29,7 @@ from casadi import (
     sumsqr,
     vec,
     vertcat,
+    vertsplit,
 )
 
 from .calculus import (
@@ -75,6 +77,7 @@ __all__ = [
     "exp",
     "fabs",
     "factorise",
+    "floor",
     "fmax",
     "fmin",
     "gradient",
@@ -107,6 +110,7 @@ __all__ = [
     "transport",
     "vec",
     "vertcat",
+    "vertsplit",
     "wrapped",
     "written",
 ]

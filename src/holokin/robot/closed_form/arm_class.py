@@ -1,7 +1,7 @@
 """Which joints of an arm, held, leave six hinges whose inverse is closed: told from the axes, in exact arithmetic.
 
-Axes of files meet to 1e-5 (an xArm's URDF writes 1.5708 for a right angle). So the file's numbers are rounded to an exact
-model, of rational numbers, in which the axes meet or do not. How far it is from the file is said.
+Axes of files meet to 1e-5 (an xArm's URDF writes 1.5708 for a right angle). So the file's numbers are rounded to an
+exact model, of rational numbers, in which the axes meet or do not. How far it is from the file is said.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations, product
-from math import atan2, hypot
 
 import numpy as np
 
@@ -151,7 +150,7 @@ def miss_of_plane(a: Screw, b: Screw):
 
 
 def miss_of_point(three: Sequence[Screw]):
-    """How far three axes are from meeting in one point, as vectors that vanish then, and the point; None if parallel."""
+    """How far three axes are from meeting in a point, as vectors that vanish then, and the point; None if parallel."""
     pairs = [(i, j) for i, j in combinations(range(3), 2)]
     sizes = [float(np.dot(n, n)) for n in (np.cross(three[i][0], three[j][0]) for i, j in pairs)]
     i, j = pairs[int(np.argmax(sizes))]

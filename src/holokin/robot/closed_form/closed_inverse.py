@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from itertools import product
 
 import numpy as np
 
-from ...base.types import Array, Flags, Matrix, Value, Vector
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, ArrayLike, Matrix, Value, Vector, frozen
+from ...symbolic.native import SignsKernel, signs_kernel
 from .arm_class import ArmClass, Link, Screw, links_of, screws
-from .six_hinges import Family, solver
-
-EXACT = 1e-13
-"""Distance [rad, m] up to which a model's numbers are those of the exact one: then answers need no polish."""
+from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
 
 DOUBLE = -1e-12
 """Share of a root, (a^2 + b^2 - d^2) / (a^2 + b^2), from which it is real: two roots meet where it is 0."""
@@ -74,9 +73,19 @@ def _square(h: Matrix) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class ClosedInverse(Value):
-    """(tool poses, values of the held joints) -> all postures."""
+    """All postures of an arm at a tool pose, at values of the joints that are held.
+
+    limits: whether the joints' values are taken at the turn nearest to the middle of their range; else nearest to 0.
+    """
 
     arm: ArmClass
+    limits: bool = True
+
+    @property
+    def others(self) -> list[int]:
+        """The coordinates of the six joints, in their order along the arm."""
+        chain, held = self._given, self.arm.held
+        return [link.coordinate for link in chain if link.coordinate >= 0 and link.coordinate not in held]
 
     @cached_property
     def _given(self) -> list[Link]:
@@ -84,41 +93,91 @@ class ClosedInverse(Value):
 
     @cached_property
     def _exact(self) -> list[Link]:
-        def numbers(link: Link) -> Link:
-            from dataclasses import replace
-
-            return replace(
-                link,
-                rotation=link.rotation.astype(float),
-                position=link.position.astype(float),
-                axis=link.axis.astype(float),
-            )
-
-        return [numbers(link) for link in self.arm.links]
+        names = ("rotation", "position", "axis")
+        return [replace(link, **{name: getattr(link, name).astype(float) for name in names}) for link in self.arm.links]
 
     @cached_property
-    def polished(self) -> bool:
-        """Whether answers take a step of Newton's method on the given numbers."""
-        return max(self.arm.angle, self.arm.distance) > EXACT
+    def _joints(self) -> Matrix:
+        """The rows (5, 6) of `solver`."""
+        robot, columns = self.arm.robot, self.others
+        free = {link.coordinate: link for link in self._given}
+        low, high = (robot.lower[columns], robot.upper[columns]) if self.limits else np.array([[-np.inf], [np.inf]])
+        with np.errstate(invalid="ignore"):
+            middle = np.where(np.isfinite(low + high), (low + high) / 2, 0.0)
+        rows = [
+            [free[c].multiplier for c in columns],
+            [free[c].offset for c in columns],
+            middle,
+            np.broadcast_to(low - TOLERANCES.limit, (6,)),
+            np.broadcast_to(high + TOLERANCES.limit, (6,)),
+        ]
+        return frozen(np.array([np.broadcast_to(row, (6,)) for row in rows]))
 
     @cached_property
-    def _columns(self) -> tuple[list[int], Vector, Vector]:
-        """(coordinates, signs, offsets) of the six joints."""
-        free = [link for link in self._given if link.coordinate >= 0 and link.coordinate not in self.arm.held]
-        signs = np.array([link.multiplier for link in free])
-        return [link.coordinate for link in free], signs, np.array([link.offset for link in free])
+    def kernel(self) -> SignsKernel | None:
+        """Native code, the same for all arms of the form; None without a compiler."""
+        return _kernel(self.arm.form)
 
-    def postures(self, poses: Array, levels: Matrix, polish: bool = True) -> tuple[Array, Array, Array]:
-        """(postures (k, 8, n), slopes (k, 8, 3), shares (k, 8): below `DOUBLE` there is none) of poses (k, 4, 4)."""
-        k = len(poses)
-        levels = np.broadcast_to(levels, (k, len(self.arm.held)))
-        chain, own = (_geometry(self.arm, links, levels) for links in (self._exact, self._given))
-        function = solver(self.arm.form, polish)
-        out = function.batch(*(np.repeat(x, 8, axis=0) for x in (chain, poses, own)), np.tile(SIGNS, (k, 1)))
-        out = out.reshape(k, 8, 10)
-        coordinates, signs, offsets = self._columns
-        q = np.zeros((k, 8, self.arm.robot.n))
-        angles = (out[:, :, :6] - offsets) * signs
-        q[:, :, coordinates] = np.arctan2(np.sin(angles), np.cos(angles))
-        q[:, :, list(self.arm.held)] = levels[:, None, :]
-        return q, out[:, :, 6:9], out[:, :, 9]
+    def at(self, held: ArrayLike) -> Held:
+        """The inverse at one value (r,) of the held joints."""
+        values = np.asarray(held, dtype=float).reshape(1, len(self.arm.held))
+        chain, own = (_geometry(self.arm, links, values)[0] for links in (self._exact, self._given))
+        return Held(self, frozen(values[0]), frozen(chain), frozen(own))
+
+    def answers(self, poses: Array, held: Matrix, threads: int | None = None) -> Array:
+        """The answers (k, 8, 12) of `solver` at poses (k, 4, 4) and values (k, r) of the held joints."""
+        values = np.broadcast_to(held, (len(poses), len(self.arm.held)))
+        chain, own = (_geometry(self.arm, links, values) for links in (self._exact, self._given))
+        return _answers(self, chain, poses, own, threads)
+
+
+@cache
+def _kernel(form: Form) -> SignsKernel | None:
+    function = solver(form, True)
+    shapes = list(function.input_shapes.values()), list(function.output_shapes.values())
+    return signs_kernel(function.program, *shapes)
+
+
+def _answers(inverse: ClosedInverse, chain: Array, poses: Array, own: Array, threads: int | None) -> Array:
+    """Those of many poses (k, 4, 4); chain, own: (58,) for all, or (k, 58)."""
+    k, joints = len(poses), inverse._joints
+    poses = np.ascontiguousarray(poses, dtype=float)
+    if inverse.kernel is not None:
+        out = np.empty((k, len(SIGNS), COLUMNS))
+        every = [np.ascontiguousarray(chain), poses, np.ascontiguousarray(own), joints]
+        shapes = [(k, GEOMETRY), (k, 4, 4), (k, GEOMETRY), (k, 5, 6)]
+        inverse.kernel([np.broadcast_to(x, shape) for x, shape in zip(every, shapes, strict=True)], [out], threads)
+        return out
+    chains = [np.repeat(x, len(SIGNS), axis=0) if x.ndim == 2 else x for x in (chain, own)]
+    rows = solver(inverse.arm.form, True).batch(
+        chains[0], np.repeat(poses, len(SIGNS), axis=0), chains[1], joints, np.tile(SIGNS, (k, 1))
+    )
+    return rows.reshape(k, len(SIGNS), COLUMNS)
+
+
+@dataclass(frozen=True, eq=False)
+class Held(Value):
+    """A `ClosedInverse` at one value (r,) of its held joints, with the numbers of the chain there."""
+
+    inverse: ClosedInverse
+    values: Vector
+    chain: Vector
+    own: Vector
+
+    def answers(self, poses: Array, threads: int | None = None) -> Array:
+        """The answers (k, 8, 12) of `solver` at poses (k, 4, 4)."""
+        return _answers(self.inverse, self.chain, poses, self.own, threads)
+
+    def one(self, pose: Array) -> Matrix:
+        """The same at one pose, an array (4, 4) of floats: (8, 12)."""
+        kernel = self.inverse.kernel
+        if kernel is None:
+            return self.answers(pose[None])[0]
+        return kernel.call(self.chain, pose, self.own, self.inverse._joints)
+
+    def postures(self, answers: Array) -> Array:
+        """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""
+        q = np.zeros((*answers.shape[:-1], self.inverse.arm.robot.n))
+        q[..., self.inverse.others] = answers[..., :6]
+        q[..., list(self.inverse.arm.held)] = self.values
+        return q

@@ -1,18 +1,38 @@
 """All postures of six hinges at a tool pose, in steps of degree two, with the signs that tell the postures apart.
 
-The chain is T = E_1(q_1) ... E_6(q_6) M with E_i the turn about axis i, which has direction h_i and holds point p_i, both
-at q = 0, and M the tool's pose there. Each step gives the roots of a cos q + b sin q = d. Its slope s = -a sin q + b cos q
-has s^2 = a^2 + b^2 - d^2, so the sign of s tells the two roots apart; and det J = +- s_1 s_2 s_3, see `slopes`.
+The chain is T = E_1(q_1) ... E_6(q_6) M with E_i the turn about axis i, which has direction h_i and holds point p_i at
+q = 0, and M the tool's pose there. Each step gives a root of a cos q + b sin q = d. Its slope s = -a sin q + b cos q has
+s^2 = a^2 + b^2 - d^2, so the sign of s tells the two roots apart; and det J = +- s_1 s_2 s_3: the pose is told by what the
+steps solve for and by angles, as a point is by its cylinder coordinates, of which r dr dphi dz = d(|x|^2 / 2) dphi dz.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, reduce
 from typing import NamedTuple
 
-from ...symbolic import SX, Function, atan2, cross, dot, fmax, fmin, horzcat, horzsplit, sqrt, symbol, vertcat
+import numpy as np
+
+from ...symbolic import (
+    SX,
+    Function,
+    atan2,
+    cross,
+    dot,
+    fabs,
+    floor,
+    fmax,
+    fmin,
+    horzcat,
+    horzsplit,
+    sqrt,
+    symbol,
+    vec,
+    vertcat,
+    vertsplit,
+)
 
 
 class Family(Enum):
@@ -90,8 +110,8 @@ Posture = tuple[list[Turn], list[Root]]
 class Plane(NamedTuple):
     """Two axes of one plane: its normal n, a point a on the second axis, the part of the first one's point.
 
-    h_1 x h_2 = sine n. The foot of a on the first axis is a + along h_2 + across (h_2 x n); moment = along sine - across
-    cos: it is zero where the axes meet in a.
+    h_1 x h_2 = sine n. The foot of a on the first axis is a + along h_2 + across (h_2 x n); moment = along sine -
+    across cosine is zero where the axes meet in a.
     """
 
     normal: SX
@@ -274,15 +294,23 @@ def _combined(a: SX, b: SX, c: SX, v: SX) -> list[SX]:
     return [dot(v, cross(b, c)) / volume, dot(v, cross(c, a)) / volume, dot(v, cross(a, b)) / volume]
 
 
+COLUMNS = 12
+"""Numbers of an answer: six joints, three slopes, how real it is, how far within the limits, the pose's fault."""
+
+
 @cache
 def solver(form: Form, polish: bool) -> Function:
-    """(chain (58,), pose (4, 4), own chain (58,), signs (3,)) -> posture (10,).
+    """(chain (58,), pose (4, 4), own chain (58,), joints (5, 6), signs (3,)) -> answer (12,).
 
-    It holds six angles, the three slopes, and how real the posture is: the least share of its roots. Where answers are
-    to be polished they take a step of Newton's method on the chain's own numbers, from those of the exact model.
+    An answer holds the six joints; the three slopes; how real it is, the least share of its roots, below 0 where there
+    is none; the least distance to a joint limit; and by how much the pose is none. Where answers are to be polished
+    they take a step of Newton's method on the chain's own numbers, from those of the exact model.
+
+    joints: rows of what makes joint values of angles, sign (angle - offset) at the turn nearest to a middle, and of the
+    lower and upper limits.
     """
     numbers, pose, own_numbers = symbol("chain", GEOMETRY), symbol("pose", 4, 4), symbol("own", GEOMETRY)
-    signs = symbol("signs", 3)
+    joints, signs = symbol("joints", 5, 6), symbol("signs", 3)
     chain, own = _chain(numbers, pose), _chain(own_numbers, pose)
     if form.reversed:
         chain, own = chain.backward(), own.backward()
@@ -293,7 +321,16 @@ def solver(form: Form, polish: bool) -> Function:
         added = _corrections(form.family, own, turns)
         angles = [angle + more for angle, more in zip(angles, added, strict=True)]
     share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
-    row = angles[::-1] if form.reversed else angles
-    posture = vertcat(*row, *(step.slope for step in steps), share)
-    inputs = {"chain": numbers, "pose": pose, "own": own_numbers, "signs": signs}
-    return Function("six_hinges", inputs, {"posture": posture})
+    q = joints[0, :].T * (vertcat(*(angles[::-1] if form.reversed else angles)) - joints[1, :].T)
+    q = q + 2 * np.pi * floor((joints[2, :].T - q) / (2 * np.pi) + 0.5)
+    within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
+    answer = vertcat(q, *(step.slope for step in steps), share, within, _fault(pose))
+    inputs = {"chain": numbers, "pose": pose, "own": own_numbers, "joints": joints, "signs": signs}
+    return Function("six_hinges", inputs, {"answer": answer})
+
+
+def _fault(pose: SX) -> SX:
+    """By how much a pose (4, 4) is none: of R^T R from 1, of det R from 1, of the last row from (0, 0, 0, 1)."""
+    R = pose[:3, :3]
+    gaps = [*vertsplit(vec(R.T @ R - SX.eye(3))), dot(R[:, 0], cross(R[:, 1], R[:, 2])) - 1]
+    return reduce(fmax, [fabs(gap) for gap in (*gaps, *vertsplit(vec(pose[3, :] - SX([[0, 0, 0, 1]]))))])

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import NativeError
-from ...base.types import ROTATION, Array, Indices, Matrix, Vector, whole
+from ...base.types import ROTATION, Array, ArrayLike, Indices, Matrix, Vector, whole
 from .emit import LANES, SCALAR, Port, Program, Shapes, body, prelude, source, step_source
 from .toolchain import enabled, extension, later, library, tell
 
@@ -100,11 +100,37 @@ class SignsKernel(BatchKernel):
     `call` takes the other arguments, of one sample; the object itself takes those of many, as a `BatchKernel`.
     """
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, other: Callable[..., Any]) -> None:
+    call: Callable[..., Any]
+
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
         super().__init__(made, inputs, outputs, "signs.c")
-        shape, module = (2 ** inputs[-1][0], *outputs[0]), _module()
-        function = self._library.hk_sample
-        self.call = other if module is None else _bound(module, function, inputs[:-1], [shape], other, self._library, 0)
+        shapes, module = (2 ** inputs[-1][0], *outputs[0]), _module()
+        self._shapes = inputs[:-1], shapes
+        self.call = (
+            self._converted
+            if module is None
+            else _bound(module, self._library.hk_sample, inputs[:-1], [shapes], weak(self._converted), self._library, 0)
+        )
+
+    def _converted(self, *arguments: ArrayLike) -> Array:
+        """The same of arguments that are no arrays of floats in rows."""
+        shapes, shape = self._shapes
+        one = zip(arguments, shapes, strict=True)
+        arrays = [np.ascontiguousarray(given, dtype=float).reshape(1, *wanted) for given, wanted in one]
+        out = np.empty((1, *shape))
+        self(arrays, [out], 1)
+        return out[0]
+
+
+def signs_kernel(made: Program, inputs: Shapes, outputs: Shapes) -> SignsKernel | None:
+    """A `SignsKernel`, built or loaded if it is not yet there; None where there can be none."""
+    if not enabled():
+        return None
+    try:
+        return SignsKernel(made, inputs, outputs)
+    except NativeError as problem:
+        tell(problem)
+        return None
 
 
 def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "") -> str:
