@@ -529,7 +529,25 @@ class InverseKinematics(Value):
         cold, warm = weak(self._cold), weak(self._warm)
         kernel = None if may_jump(self.strategy) or self.region is not None else self._paths.kernel
         bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
-        return (cold, warm) if bound is None else bound
+        cold, warm = (cold, warm) if bound is None else bound
+        return self._closed_call(weak(self._cold), cold), warm
+
+    def _closed_call(
+        self, other: Callable[[PoseLike], Any], path: Callable[[PoseLike], Any]
+    ) -> Callable[[PoseLike], Any]:
+        """What answers by the closed form, and asks `other` where that is not enough; `path` where there is none."""
+        branch = self._paths.closed
+        if branch is None or not branch.single or self.region is not None:
+            return path
+
+        def call(pose: PoseLike) -> Any:
+            if type(pose) is np.ndarray and pose.shape == (4, 4):
+                q = branch.one(pose)
+                if q is not None:
+                    return q
+            return other(pose)
+
+        return call
 
     def _silent(self, pose: PoseLike) -> Vector | None:
         """`ik(pose)`, or None where there is none."""
@@ -548,7 +566,8 @@ class InverseKinematics(Value):
         cold, warm = weak(self._silent), weak(self._silent_near)
         kernel = None if may_jump(self.strategy) else self._paths.kernel
         bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
-        return (cold, warm) if bound is None else bound
+        cold, warm = (cold, warm) if bound is None else bound
+        return self._closed_call(weak(self._silent), cold), warm
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:

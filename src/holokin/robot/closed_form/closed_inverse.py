@@ -81,7 +81,7 @@ class ClosedInverse(Value):
     arm: ArmClass
     limits: bool = True
 
-    @property
+    @cached_property
     def others(self) -> list[int]:
         """The coordinates of the six joints, in their order along the arm."""
         chain, held = self._given, self.arm.held
@@ -170,14 +170,23 @@ class Held(Value):
 
     def one(self, pose: Array) -> Matrix:
         """The same at one pose, an array (4, 4) of floats: (8, 12)."""
-        kernel = self.inverse.kernel
-        if kernel is None:
-            return self.answers(pose[None])[0]
-        return kernel.call(self.chain, pose, self.own, self.inverse._joints)
+        kernel, joints = self._call
+        return self.answers(pose[None])[0] if kernel is None else kernel.call(self.chain, pose, self.own, joints)
+
+    @cached_property
+    def _call(self) -> tuple[SignsKernel | None, Matrix]:
+        return self.inverse.kernel, self.inverse._joints
 
     def postures(self, answers: Array) -> Array:
         """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""
-        q = np.zeros((*answers.shape[:-1], self.inverse.arm.robot.n))
+        q = np.empty((*answers.shape[:-1], len(self._others)))
+        q[...] = self._others
         q[..., self.inverse.others] = answers[..., :6]
-        q[..., list(self.inverse.arm.held)] = self.values
         return q
+
+    @cached_property
+    def _others(self) -> Vector:
+        """A posture (n,) with the held joints at their values, and zeros."""
+        q = np.zeros(self.inverse.arm.robot.n)
+        q[list(self.inverse.arm.held)] = self.values
+        return frozen(q)

@@ -1,9 +1,9 @@
 """All postures of six hinges at a tool pose, in steps of degree two, with the signs that tell the postures apart.
 
 The chain is T = E_1(q_1) ... E_6(q_6) M with E_i the turn about axis i, which has direction h_i and holds point p_i at
-q = 0, and M the tool's pose there. Each step gives a root of a cos q + b sin q = d. Its slope s = -a sin q + b cos q has
-s^2 = a^2 + b^2 - d^2, so the sign of s tells the two roots apart; and det J = +- s_1 s_2 s_3: the pose is told by what the
-steps solve for and by angles, as a point is by its cylinder coordinates, of which r dr dphi dz = d(|x|^2 / 2) dphi dz.
+q = 0, and M the tool's pose there. Each step gives a root of a cos q + b sin q = d. Its slope s = -a sin q + b cos q
+has s^2 = a^2 + b^2 - d^2, so the sign of s tells the two roots apart. And det J = +- s_1 s_2 s_3: steps and angles are
+coordinates of the pose, as of a point |x|^2 / 2, height and azimuth are, whose volume is d(|x|^2 / 2) dz dphi.
 """
 
 from __future__ import annotations
