@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...base.errors import BranchError, HolokinError, OutOfReachError
 from ...base.poses import pose_from
@@ -24,15 +23,6 @@ SAME = 1e-6
 
 DOUBT = 1e-10
 """How real an answer is, see `solver`: nearer to 0 two postures meet, and the path to them decides."""
-
-PIECES = (16, 128)
-"""Pieces of the straight way to a pose over which whole turns are counted; the many where the few move a joint far."""
-
-AT_ONCE = 1024
-"""Poses whose turns are counted together, which takes some 100 MB."""
-
-FAR = 0.8
-"""Motion [rad] of a joint over a piece above which its turns are not told."""
 
 
 @kept
@@ -114,45 +104,18 @@ class ClosedBranch(Value):
     def reach(self, p: Matrix, R: Array, threads: int | None = None) -> tuple[Matrix, Indices, Flags]:
         """(postures (k, n), statuses (k,), where both are known (k,)) of poses, positions (k, 3), rotations (k, 3, 3).
 
-        A pose without a posture has the status LEAF_ENDS, and NaN. Of several turns within the limits that one is taken
-        to which the straight way from the start leads; where it leads to none, nothing is known.
+        A pose without a posture has the status LEAF_ENDS, and NaN. Where a joint has several turns within its limits, the
+        straight way from the start has to tell which.
         """
         answers = self.leaf.answers(pose_from(p, R), threads)[:, self.row]
         real = answers[:, 9] > DOUBT
-        known = real | (answers[:, 9] < -DOUBT)
+        known = (real & self.single) | (answers[:, 9] < -DOUBT)
         q = self.leaf.postures(answers)
         q[~real] = np.nan
-        if not self.single:
-            for some in np.array_split(np.flatnonzero(real), max(1, int(real.sum()) // AT_ONCE)):
-                q[some], known[some] = self._wound(p[some], R[some], q[some], threads)
         robot = self.leaf.inverse.arm.robot
         within = (robot.beyond(q) <= TOLERANCES.limit).all(axis=1) | (not self.leaf.inverse.limits)
         status = np.where(real, np.where(within, InverseStatus.REACHED, InverseStatus.LIMIT), InverseStatus.LEAF_ENDS)
         return q, status.astype(np.intp), known
-
-    def _wound(self, p: Matrix, R: Array, q: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
-        """Postures (k, n) with the whole turns to which the straight ways from the start lead; which are known (k,)."""
-        robot, tip, others = self.leaf.inverse.arm.robot, self.leaf.inverse.arm.tip, self.leaf.inverse.others
-        start, q, known = robot.pose(self.q0, tip), q.copy(), np.zeros(len(q), dtype=bool)
-        turns = Rotation.from_matrix(R @ start[:3, :3].T).as_rotvec()
-        for pieces in PIECES:
-            left = np.flatnonzero(~known)
-            if not len(left):
-                break
-            shares = np.linspace(0.0, 1.0, pieces + 1)[1:, None]
-            ways = (shares * turns[left, None]).reshape(-1, 3)
-            positions = (start[:3, 3] + shares * (p[left, None] - start[:3, 3])).reshape(-1, 3)
-            poses = pose_from(positions, Rotation.from_rotvec(ways).as_matrix() @ start[:3, :3])
-            answers = self.leaf.answers(poses, threads)[:, self.row].reshape(len(left), pieces, -1)
-            steps = np.diff(
-                self.leaf.postures(answers), axis=1, prepend=np.broadcast_to(self.q0, (len(left), 1, robot.n))
-            )
-            steps -= 2 * np.pi * np.round(steps / (2 * np.pi)) * robot.hinges
-            told = (answers[:, :, 9] > DOUBT).all(axis=1) & (np.abs(steps[:, :, others]).max(axis=(1, 2)) < FAR)
-            ends = self.q0 + steps[told].sum(axis=1)
-            q[left[told]] += 2 * np.pi * np.round((ends - q[left[told]]) / (2 * np.pi)) * robot.hinges
-            known[left[told]] = True
-        return q, known
 
     def problem(self, p: Vector, R: Matrix) -> HolokinError:
         """Why a pose has no posture of the branch."""
