@@ -104,8 +104,8 @@ class ClosedBranch(Value):
     def reach(self, p: Matrix, R: Array, threads: int | None = None) -> tuple[Matrix, Indices, Flags]:
         """(postures (k, n), statuses (k,), where both are known (k,)) of poses, positions (k, 3), rotations (k, 3, 3).
 
-        A pose without a posture has the status LEAF_ENDS, and NaN. Where a joint has several turns within its limits, the
-        straight way from the start has to tell which.
+        A pose without a posture has the status LEAF_ENDS, and NaN. Where a joint has several turns within its limits,
+        the straight way from the start has to tell which.
         """
         answers = self.leaf.answers(pose_from(p, R), threads)[:, self.row]
         real = answers[:, 9] > DOUBT

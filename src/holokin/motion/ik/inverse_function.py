@@ -33,6 +33,7 @@ from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function, inverse_code, stretch_code
 from .leaf import TRIES, leaf_step, leaf_value, level_towards, with_leaves
 from .pose_paths import PosePaths
+from .posture_search import Postures, all_postures
 from .solutions import GivenPoses, InverseStatus, PoseSet, Solutions
 
 # --- The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves its reach.
@@ -320,6 +321,19 @@ class InverseKinematics(Value):
         if level is None:
             return self._calls[0](pose)
         return self._cold_at(*self._given_poses.one(pose), self._at_level(level))
+
+    def all(self, pose: PoseLike, level: ArrayLike | None = None, *, near: ArrayLike | None = None) -> Postures:
+        """All postures of a tool pose (4, 4) on the leaf, whatever their branch; see `all_postures`.
+
+        Args:
+            level: c (r,), or one number for all rows; by default that of the start.
+            near: of whole turns those nearest to this posture (n,) are given; by default to the start.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: as `all_postures`.
+        """
+        c = leaf_value(self.strategy, self.q0) if level is None else level
+        return all_postures(self.strategy, pose, c, limits=self.limits, near=self.q0 if near is None else near)
 
     def agrees(self, q: ArrayLike, level: ArrayLike | None = None) -> bool:
         """Whether a posture q (n,) is the one that `ik(pose, level)` gives for its tool pose, to 1e-6 [joint units].
