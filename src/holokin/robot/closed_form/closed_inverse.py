@@ -119,10 +119,17 @@ class ClosedInverse(Value):
         return _kernel(self.arm.form)
 
     def at(self, held: ArrayLike) -> Held:
-        """The inverse at one value (r,) of the held joints."""
+        """The inverse at one value (r,) of the held joints; the last one is kept."""
         values = np.asarray(held, dtype=float).reshape(1, len(self.arm.held))
+        if self._last and np.array_equal(self._last[0].values, values[0]):
+            return self._last[0]
         chain, own = (_geometry(self.arm, links, values)[0] for links in (self._exact, self._given))
-        return Held(self, frozen(values[0]), frozen(chain), frozen(own))
+        self._last[:] = [Held(self, frozen(values[0]), frozen(chain), frozen(own))]
+        return self._last[0]
+
+    @cached_property
+    def _last(self) -> list[Held]:
+        return []
 
     def answers(self, poses: Array, held: Matrix, threads: int | None = None) -> Array:
         """The answers (k, 8, 12) of `solver` at poses (k, 4, 4) and values (k, r) of the held joints."""

@@ -66,6 +66,11 @@ class Turn(NamedTuple):
         """In (-pi, pi]."""
         return atan2(self.sin, self.cos)
 
+    @property
+    def back(self) -> Turn:
+        """The turn the other way."""
+        return Turn(self.cos, -self.sin)
+
     def about(self, h: SX, v: SX, back: bool = False) -> SX:
         """R_h(q) v, or R_h(-q) v, by Rodrigues' formula."""
         s = -self.sin if back else self.sin
@@ -228,15 +233,14 @@ def parallel_axes(chain: Chain, signs: list[SX]) -> Posture:
     wanted = (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2
     third = projected(elbow, along, lever, wanted, signs[2])
     second = between(along, elbow + third.turn.about(along, lever), away)
-    turns = [first.turn, second, third.turn, less(together, second, third.turn), fifth.turn, sixth]
+    fourth = plus(together, plus(second, third.turn).back)
+    turns = [first.turn, second, third.turn, fourth, fifth.turn, sixth]
     return turns, [first, fifth, third]
 
 
-def less(turn: Turn, *others: Turn) -> Turn:
-    """A turn less others about the same axis."""
-    for c, s in others:
-        turn = Turn(turn.cos * c + turn.sin * s, turn.sin * c - turn.cos * s)
-    return turn
+def plus(turn: Turn, other: Turn) -> Turn:
+    """A turn and another one about the same axis."""
+    return Turn(turn.cos * other.cos - turn.sin * other.sin, turn.sin * other.cos + turn.cos * other.sin)
 
 
 GEOMETRY = 58
@@ -304,7 +308,7 @@ def solver(form: Form, polish: bool) -> Function:
 
     An answer holds the six joints; the three slopes; how real it is, the least share of its roots, below 0 where there
     is none; the least distance to a joint limit; and by how much the pose is none. Where answers are to be polished
-    they take a step of Newton's method on the chain's own numbers, from those of the exact model.
+    they take two steps of Newton's method on the chain's own numbers, from those of the exact model.
 
     joints: rows of what makes joint values of angles, sign (angle - offset) at the turn nearest to a middle, and of the
     lower and upper limits.
@@ -316,10 +320,12 @@ def solver(form: Form, polish: bool) -> Function:
         chain, own = chain.backward(), own.backward()
     sign = [signs[i] for i in range(3)]
     turns, steps = pair_and_wrist(chain, form.inner, sign) if form.family is Family.PAIR else parallel_axes(chain, sign)
+    if polish:
+        first = _corrections(form.family, own, turns)
+        turns = [plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
     angles = [turn.angle for turn in turns]
     if polish:
-        added = _corrections(form.family, own, turns)
-        angles = [angle + more for angle, more in zip(angles, added, strict=True)]
+        angles = [a + more for a, more in zip(angles, _corrections(form.family, own, turns), strict=True)]
     share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
     q = joints[0, :].T * (vertcat(*(angles[::-1] if form.reversed else angles)) - joints[1, :].T)
     q = q + 2 * np.pi * floor((joints[2, :].T - q) / (2 * np.pi) + 0.5)
