@@ -167,21 +167,23 @@ def miss_of_parallel(three: Sequence[Screw]):
     return [np.cross(three[0][0], h) for h, _ in three[1:]]
 
 
-def _candidates(axes: Sequence[Screw]) -> list[tuple[Form, list]]:
-    """The forms six axes may have, each with the numbers that vanish if they have it."""
-    found = []
-    for backward in (False, True):
-        a = axes[::-1] if backward else axes
+FORMS = (
+    *(Form(Family.PAIR, backward, inner) for backward in (False, True) for inner in (False, True)),
+    *(Form(Family.PARALLEL, backward) for backward in (False, True)),
+)
+
+
+def _zeros(form: Form, axes: Sequence[Screw]) -> list | None:
+    """The numbers that vanish where six axes have a form; None where they cannot have it."""
+    a = axes[::-1] if form.reversed else axes
+    if form.family is Family.PAIR:
         meeting = miss_of_point(a[3:])
-        for inner in (False, True):
-            if meeting is not None:
-                pair = a[1:3] if inner else a[:2]
-                zeros = [*np.concatenate(meeting[0]), miss_of_plane(*pair)]
-                found.append((Form(Family.PAIR, backward, inner), zeros))
-        zeros = [*np.concatenate(miss_of_parallel(a[1:4])), miss_of_plane(a[4], a[5])]
-        if float(np.abs(np.cross(a[4][0], a[5][0]).astype(float)).max()) > SNAP:
-            found.append((Form(Family.PARALLEL, backward), zeros))
-    return found
+        pair = a[1:3] if form.inner else a[:2]
+        return None if meeting is None else [*np.concatenate(meeting[0]), miss_of_plane(*pair)]
+    across = np.cross(a[4][0], a[5][0])
+    if not np.dot(across, across) > SNAP * SNAP:
+        return None
+    return [*np.concatenate(miss_of_parallel(a[1:4])), miss_of_plane(a[4], a[5])]
 
 
 def _samples(slide: bool, count: int) -> list[tuple]:
@@ -237,12 +239,15 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
     # Candidates by numbers at one place of the held joints, then in exact arithmetic at as many as a polynomial needs.
     place = {i: (0.3,) if links[i].slides else (0.8, 0.6) for i in fixed}
     near, best = [], np.inf
-    for form, zeros in _candidates(screws(links, place)[0]):
+    axes = screws(links, place)[0]
+    for form in FORMS:
+        if (zeros := _zeros(form, axes)) is None:
+            continue
         miss = float(np.abs(np.asarray(zeros, dtype=float)).max())
         best = min(best, miss)
         if miss < SNAP:
             near.append(form)
-    for digits in DIGITS:
+    for digits in DIGITS if near else ():
         exact = exact_links(links, digits)
         choices = [_samples(links[i].slides, DEGREE if len(fixed) == 1 else 7) for i in fixed]
         left = list(near)
@@ -260,7 +265,8 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
 
 
 def _holds(form: Form, axes: Sequence[Screw]) -> bool:
-    return any(form == other and all(z == 0 for z in zeros) for other, zeros in _candidates(axes))
+    zeros = _zeros(form, axes)
+    return zeros is not None and all(z == 0 for z in zeros)
 
 
 def _always_singular(links: Sequence[Link], place: dict[int, tuple]) -> bool:
