@@ -120,8 +120,7 @@ def screws(links: Sequence[Link], held: dict[int, tuple]) -> tuple[list[Screw], 
     """(free axes, axes of held joints, (rotation, position) of the tip) with the free joints at 0.
 
     Args:
-        held: place in the chain -> (cosine, sine) of a hinge's angle, or (travel,) of a slide; of floats also many at
-            once, (k, 1, 1) each.
+        held: place in the chain -> (cosine, sine) of a hinge's angle, or (travel,) of a slide.
     """
     kind = links[0].position.dtype
     R, p = np.eye(3, dtype=kind), np.zeros(3, dtype=kind)
@@ -136,7 +135,7 @@ def screws(links: Sequence[Link], held: dict[int, tuple]) -> tuple[list[Screw], 
             others.append((axis, p))
             value = held[i]
             if link.slides:
-                p = p + axis * (value[0][..., 0] if isinstance(value[0], np.ndarray) else value[0])
+                p = p + axis * value[0]
             else:
                 R = R @ turn_about(link.axis, *value)
         else:

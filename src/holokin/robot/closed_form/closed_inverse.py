@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Matrix, Value, Vector, frozen
+from ...symbolic import SX, Function, cross, densify, dot, horzcat, norm_2, substitute, symbol, vec, vertcat, vertsplit
 from ...symbolic.native import SignsKernel, signs_kernel
-from .arm_class import ArmClass, Link, Screw, links_of, screws
+from ...symbolic.rotations import rotation_about
+from .arm_class import ArmClass, Link, links_of
 from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
 
 DOUBLE = -1e-12
@@ -23,52 +25,61 @@ SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
 """The signs (8, 3) of the three slopes."""
 
 
-def _geometry(arm: ArmClass, links: Sequence[Link], levels: Matrix) -> Matrix:
-    """The numbers of `solver` (k, 58) at values (k, len(held)) of the held joints."""
-    values, k = {}, len(levels)
-    for i, link in enumerate(links):
-        if link.coordinate in arm.held:
-            level = levels[:, arm.held.index(link.coordinate)]
-            value = (link.multiplier * level + link.offset)[:, None, None]
-            values[i] = (value,) if link.slides else (np.cos(value), np.sin(value))
-    axes, held, (R, p) = screws(links, values)
-    axes = [(np.broadcast_to(h, (k, 3)), np.broadcast_to(at, (k, 3))) for h, at in axes]
-    held = [np.broadcast_to(h, (k, 3)) for h, _ in held]
+Axis = tuple[SX, SX]
+"""Direction and point (3,) of an axis."""
+
+
+def _geometry(arm: ArmClass, links: Sequence[Link], held: SX) -> SX:
+    """The numbers of `solver` (58,) as expressions of the values (r,) of the held joints."""
+    # The axes with the six joints at 0.
+    R, p = SX.eye(3), SX.zeros(3, 1)
+    axes: list[Axis] = []
+    others: list[Axis] = []
+    for link in links:
+        p, R = p + R @ SX(link.position), R @ SX(link.rotation)
+        axis = R @ SX(link.axis)
+        if link.coordinate not in arm.held:
+            axes += [(axis, p)] if link.coordinate >= 0 else []
+            continue
+        others.append((axis, p))
+        value = link.multiplier * held[arm.held.index(link.coordinate)] + link.offset
+        p, R = (p + axis * value, R) if link.slides else (p, R @ rotation_about(link.axis, value))
+    # The point in which some meet, and a normal.
     ordered = axes[::-1] if arm.form.reversed else axes
     if arm.form.family is Family.PAIR:
-        center = _nearest_point(ordered[3:])
-        normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), held)
+        center = _meeting_point(ordered[3:], held)
+        normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), others, held)
     else:
-        center = _nearest_point(ordered[4:])
-        normal = _square(ordered[1][0])
-    home = np.broadcast_to(np.eye(4), (k, 4, 4)).copy()
-    home[:, :3, :3], home[:, :3, 3] = R, p
-    return np.hstack([*(h for h, _ in axes), *(at for _, at in axes), center, normal, home.reshape(k, 16)])
+        center = _meeting_point(ordered[4:], held)
+        (along, first), (_, second) = ordered[1:3]
+        normal = second - first - along * dot(along, second - first)
+    home = vertcat(horzcat(R, p), SX([[0, 0, 0, 1]]))
+    every = [*(h for h, _ in axes), *(at for _, at in axes), center, normal / norm_2(normal), vec(home.T)]
+    return densify(vertcat(*every))
 
 
-def _nearest_point(axes: Sequence[Screw]) -> Matrix:
-    """The points (k, 3) nearest to some axes, in which they meet."""
-    across = [np.eye(3) - h[:, :, None] * h[:, None, :] for h, _ in axes]
-    rows = [(P @ p[:, :, None]) for P, (_, p) in zip(across, axes, strict=True)]
-    return np.linalg.solve(sum(across), sum(rows))[:, :, 0]
+def _vanishes(expression: SX, held: SX) -> bool:
+    """Whether an expression of the held joints is 0, at two places."""
+    places = (SX(start + np.arange(held.numel())) for start in (0.7, -1.3))
+    return max(abs(float(x)) for place in places for x in vertsplit(substitute(expression, held, place))) < 1e-9
 
 
-def _normal(first: Screw, second: Screw, held: Sequence[Matrix]) -> Matrix:
-    """The normal (k, 3) of the plane of two axes; along a held axis that is square to both, so that its sign stays."""
-    for axis in held:
-        if max(np.abs(np.sum(axis * h, axis=1)).max() for h in (first[0], second[0])) < 1e-9:
+def _meeting_point(axes: Sequence[Axis], held: SX) -> SX:
+    """The point (3,) in which axes meet: of the first two that are not parallel."""
+    for (h, p), (k, o) in combinations(axes, 2):
+        normal = cross(h, k)
+        if not _vanishes(normal, held):
+            return p + h * (dot(cross(o - p, k), normal) / dot(normal, normal))
+    raise ValueError
+
+
+def _normal(first: Axis, second: Axis, others: Sequence[Axis], held: SX) -> SX:
+    """A normal (3,) of the plane of two axes; along a held axis that is square to both, so that its sign stays."""
+    for axis, _ in others:
+        if _vanishes(vertcat(dot(axis, first[0]), dot(axis, second[0])), held):
             return axis
-    normal = np.cross(first[0], second[0])
-    if (np.linalg.norm(normal, axis=1) < 1e-6).all():
-        normal = np.cross(second[0], first[1] - second[1])
-    return normal / np.linalg.norm(normal, axis=1)[:, None]
-
-
-def _square(h: Matrix) -> Matrix:
-    """Unit vectors (k, 3) square to others."""
-    other = np.eye(3)[np.argmin(np.abs(h), axis=1)]
-    out = np.cross(h, other)
-    return out / np.linalg.norm(out, axis=1)[:, None]
+    normal = cross(first[0], second[0])
+    return cross(second[0], first[1] - second[1]) if _vanishes(normal, held) else normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +134,7 @@ class ClosedInverse(Value):
         values = np.asarray(held, dtype=float).reshape(1, len(self.arm.held))
         if self._last and np.array_equal(self._last[0].values, values[0]):
             return self._last[0]
-        chain, own = (_geometry(self.arm, links, values)[0] for links in (self._exact, self._given))
+        chain, own = self._chains(values[0])
         self._last[:] = [Held(self, frozen(values[0]), frozen(chain), frozen(own))]
         return self._last[0]
 
@@ -134,8 +145,14 @@ class ClosedInverse(Value):
     def answers(self, poses: Array, held: Matrix, threads: int | None = None) -> Array:
         """The answers (k, 8, 12) of `solver` at poses (k, 4, 4) and values (k, r) of the held joints."""
         values = np.broadcast_to(held, (len(poses), len(self.arm.held)))
-        chain, own = (_geometry(self.arm, links, values) for links in (self._exact, self._given))
-        return _answers(self, chain, poses, own, threads)
+        return _answers(self, *self._chains.batch(values), poses, threads)
+
+    @cached_property
+    def _chains(self) -> Function:
+        """Values (r,) of the held joints -> numbers of the exact chain and of the given one (58,)."""
+        held = symbol("held", len(self.arm.held))
+        chain, own = (_geometry(self.arm, links, held) for links in (self._exact, self._given))
+        return Function("chains", {"held": held}, {"chain": chain, "own": own})
 
 
 @cache
@@ -145,7 +162,7 @@ def _kernel(form: Form) -> SignsKernel | None:
     return signs_kernel(function.program, *shapes)
 
 
-def _answers(inverse: ClosedInverse, chain: Array, poses: Array, own: Array, threads: int | None) -> Array:
+def _answers(inverse: ClosedInverse, chain: Array, own: Array, poses: Array, threads: int | None) -> Array:
     """Those of many poses (k, 4, 4); chain, own: (58,) for all, or (k, 58)."""
     k, joints = len(poses), inverse._joints
     poses = np.ascontiguousarray(poses, dtype=float)
@@ -173,7 +190,7 @@ class Held(Value):
 
     def answers(self, poses: Array, threads: int | None = None) -> Array:
         """The answers (k, 8, 12) of `solver` at poses (k, 4, 4)."""
-        return _answers(self.inverse, self.chain, poses, self.own, threads)
+        return _answers(self.inverse, self.chain, self.own, poses, threads)
 
     def one(self, pose: Array) -> Matrix:
         """The same at one pose, an array (4, 4) of floats: (8, 12)."""
