@@ -13,6 +13,7 @@ from casadi import (
     dot,
     exp,
     fabs,
+    floor,
     fmax,
     fmin,
     horzcat,
@@ -23,10 +24,12 @@ from casadi import (
     norm_2,
     sin,
     sparsify,
+    sqrt,
     substitute,
     sumsqr,
     vec,
     vertcat,
+    vertsplit,
 )
 
 from .calculus import (
@@ -74,6 +77,7 @@ __all__ = [
     "exp",
     "fabs",
     "factorise",
+    "floor",
     "fmax",
     "fmin",
     "gradient",
@@ -97,6 +101,7 @@ __all__ = [
     "solution",
     "solve",
     "sparsify",
+    "sqrt",
     "substitute",
     "sumsqr",
     "switches",
@@ -105,6 +110,7 @@ __all__ = [
     "transport",
     "vec",
     "vertcat",
+    "vertsplit",
     "wrapped",
     "written",
 ]

@@ -33,6 +33,7 @@ from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function, inverse_code, stretch_code
 from .leaf import TRIES, leaf_step, leaf_value, level_towards, with_leaves
 from .pose_paths import PosePaths
+from .posture_search import Postures, all_postures
 from .solutions import GivenPoses, InverseStatus, PoseSet, Solutions
 
 # --- The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves its reach.
@@ -328,6 +329,19 @@ class InverseKinematics(Value):
             return self._calls[0](pose)
         return self._cold_at(*self._given_poses.one(pose), self._at_level(level))
 
+    def all(self, pose: PoseLike, level: ArrayLike | None = None, *, near: ArrayLike | None = None) -> Postures:
+        """All postures of a tool pose (4, 4) on the leaf, whatever their branch; see `all_postures`.
+
+        Args:
+            level: c (r,), or one number for all rows; by default that of the start.
+            near: of whole turns those nearest to this posture (n,) are given; by default to the start.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: as `all_postures`.
+        """
+        c = leaf_value(self.strategy, self.q0) if level is None else level
+        return all_postures(self.strategy, pose, c, limits=self.limits, near=self.q0 if near is None else near)
+
     def agrees(self, q: ArrayLike, level: ArrayLike | None = None) -> bool:
         """Whether a posture q (n,) is the one that `ik(pose, level)` gives for its tool pose, to 1e-6 [joint units].
 
@@ -539,6 +553,23 @@ class InverseKinematics(Value):
         """What serves `ik(pose)` and `ik.near(pose, q)`."""
         return self._natively(self._cold, self._warm, self.region is None)
 
+    def _closed_call(
+        self, other: Callable[[PoseLike], Any], path: Callable[[PoseLike], Any]
+    ) -> Callable[[PoseLike], Any]:
+        """What answers by the closed form, and asks `other` where that is not enough; `path` where there is none."""
+        branch = self._paths.closed
+        if branch is None or not branch.single or self.region is not None:
+            return path
+
+        def call(pose: PoseLike) -> Any:
+            if type(pose) is np.ndarray and pose.shape == (4, 4):
+                q = branch.one(pose)
+                if q is not None:
+                    return q
+            return other(pose)
+
+        return call
+
     def _silent(self, pose: PoseLike, q: Vector | None = None) -> Vector | None:
         """`ik.near(pose, q)`, or without q `ik(pose)`; None where there is none."""
         (p, R), begin = self._given_poses.one(pose), self.q0 if q is None else q
@@ -553,10 +584,12 @@ class InverseKinematics(Value):
 
     def _natively(self, cold: Callable[..., Any], warm: Callable[..., Any], native: bool = True) -> tuple[Any, Any]:
         """Two calls by native code, where there is any: `cold` and `warm` serve what it does not answer."""
-        cold, warm = weak(cold), weak(warm)
+        other = cold = weak(cold)
+        warm = weak(warm)
         kernel = None if may_jump(self.strategy) or not native else self._paths.kernel
         bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
-        return (cold, warm) if bound is None else bound
+        cold, warm = (cold, warm) if bound is None else bound
+        return self._closed_call(other, cold), warm
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:

@@ -20,6 +20,7 @@ from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic.native import InverseKernel
 from .branch import on_ray
+from .closed_leaf import ClosedBranch, closed_leaf
 from .edge import inverse_code, stretch_code
 from .leaf import (
     REGULAR,
@@ -246,7 +247,7 @@ class PosePaths(Value):
         context = self.context.copy()
         context[first : first + n] = level
         other = replace(self, level=frozen(level))
-        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side)
+        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side, closed=None)
         return other
 
     def reach(self, p: Vector, R: Matrix, begin: Vector, search: bool = False) -> Vector:
@@ -256,6 +257,8 @@ class PosePaths(Value):
         reached.
         """
         strategy, (q, status) = self.strategy, self.go(p, R, begin)
+        if status is InverseStatus.LEAF_ENDS and self._cold(begin) and self.closed is not None and q is begin:
+            raise self.closed.problem(p, R)
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
         if search and status in FAILED:
@@ -274,7 +277,12 @@ class PosePaths(Value):
         return q
 
     def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
-        """(posture to which the path from a posture was gone, what became of it)."""
+        """(posture to which the path from a posture was gone, what became of it); a closed form goes none."""
+        if self._cold(begin) and self.closed is not None:
+            postures, statuses, known = self.closed.reach(p[None], R[None], 1)
+            if known[0]:
+                status = InverseStatus(int(statuses[0]))
+                return (begin if status is InverseStatus.LEAF_ENDS else postures[0]), status
         if self.kernel is None:
             return self._walk(p, R, begin)
         q = begin[None].copy()
@@ -283,6 +291,14 @@ class PosePaths(Value):
 
     def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
         """The same from the start to many poses (k, 3F), (k, 3F, 3), none of which is bad."""
+        if self._on_leaf and self.closed is not None:
+            q, status, known = self.closed.reach(p, R, threads)
+            if not known.all():
+                q[~known], status[~known] = self._go_paths(p[~known], R[~known], threads)
+            return q, status
+        return self._go_paths(p, R, threads)
+
+    def _go_paths(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
         if self.kernel is None:
             return self._walk_each(p, R, [self.q0] * len(p))
         q = np.tile(self.q0, (len(p), 1))
@@ -306,6 +322,11 @@ class PosePaths(Value):
         """A jump of g on the path that was gone to q."""
         s = self.strategy
         return _jump_on(s, begin, self._path(p, R, begin)[0], q, status in FAILED) if may_jump(s) else None
+
+    @cached_property
+    def closed(self) -> ClosedBranch | None:
+        """The closed form of the leaf's postures, of the start's branch; None where there is none."""
+        return ClosedBranch.of(closed_leaf(self.strategy, self.level, self.limits), self.q0)
 
     @cached_property
     def kernel(self) -> InverseKernel | None:

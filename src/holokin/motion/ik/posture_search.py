@@ -1,4 +1,4 @@
-"""All postures at a tool pose on a leaf, as far as a search from many starts finds them."""
+"""All postures at a tool pose on a leaf: by a closed form, else as far as a search from many starts finds them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.radial_strategy import joint_gap, least_motion
 from ...strategies.tasks.task import Task, of_one_tool
+from .closed_leaf import DOUBT, closed_leaf
 from .leaf import check_levels, leaf_step, with_leaves
 
 Correct = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
@@ -172,7 +173,7 @@ class Postures(Result, Value):
     Each is at the pose and on the leaf, if there is one; of those that differ by whole turns of hinges it is one, see
     `near` of `all_postures`. found (k,): from how many of the `starts` each was found; rcond (k,): how regular [J; J_g]
     is there. `singular` starts ended where it is singular; postures that lie there are not counted. `outside` postures
-    lie outside the joint limits and were left out.
+    lie outside the joint limits and were left out. With a closed form there are no starts, and these are all.
     """
 
     q: Matrix
@@ -191,7 +192,12 @@ class Postures(Result, Value):
     def unseen(self) -> float:
         """About how likely one more start is to find a posture that is not yet here: the share of starts whose posture
         no other start found [Goo53]."""
-        return float(np.sum(self.found == 1)) / self.starts
+        return float(np.sum(self.found == 1)) / self.starts if self.starts else 0.0
+
+    @property
+    def closed(self) -> bool:
+        """Whether a closed form gave them: then there are no others."""
+        return not self.starts
 
     @property
     def sentence(self) -> str:
@@ -201,6 +207,9 @@ class Postures(Result, Value):
         left = f"; {self.outside} more outside the joint limits" if self.outside else ""
         more = f"; one more start would find another with a chance of {self.unseen:.1g}" if self.unseen else ""
         leaf = " on this leaf" if len(self.level) else ""
+        if self.closed:
+            meet = "; two postures meet here, at a singular one, and are not counted" if self.singular else ""
+            return f"{many} at this tool pose{leaf} by a closed form, and no others{left}{meet}"
         return (
             f"{many} at this tool pose{leaf} found by Newton's method from {self.starts} starts spread over the "
             f"joint ranges{least}{left}{more}; a search, no proof that there are no others"
@@ -220,7 +229,10 @@ def all_postures(
     starts: int = 1024,
     near: ArrayLike | None = None,
 ) -> Postures:
-    """All postures with f(q) = x and g(q) = c that Newton's method finds from many starts: the branches of a leaf.
+    """All postures with f(q) = x and g(q) = c, the branches of a leaf: by a closed form, or from many starts.
+
+    Where joints are held on an arm whose other six have a closed inverse these are all, in microseconds. Else they are
+    those that Newton's method finds.
 
     A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
     ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `ik` keeps to the one that
@@ -231,7 +243,7 @@ def all_postures(
         pose: of the tool (4, 4).
         level: c (r,), or one number for all rows.
         limits: False keeps postures beyond the joint limits, too.
-        starts: how many; more find rarer postures.
+        starts: how many, where they are searched for; more find rarer postures.
         near: a posture (n,): of answers that differ by whole turns of hinges, which keep the pose and the level, the
             one nearest to it is given; the search begins there, too. Without it, the one nearest to the middle of the
             ranges with limits, else to 0.
@@ -251,11 +263,20 @@ def all_postures(
         raise ShapeError("the leaf", (r,), given.shape)
     c = np.broadcast_to(given, (r,))
     check_levels(strategy, c)
-    # Newton's method from starts over the joint ranges; singular postures are counted apart.
     robot, bounded = task.robot, limits & np.isfinite(task.robot.lower) & np.isfinite(task.robot.upper)
     with np.errstate(invalid="ignore"):
         aim = np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)
     aim = aim if near is None else robot.checked(near, "near")
+    if (leaf := closed_leaf(strategy, c, limits)) is not None:
+        answers = leaf.one(wanted)
+        real, doubtful = answers[:, 9] > DOUBT, np.abs(answers[:, 9]) <= DOUBT
+        free = ~np.isin(np.arange(task.n), leaf.inverse.arm.held)
+        low, high = (robot.lower, robot.upper) if limits else (np.full(task.n, -np.inf), np.full(task.n, np.inf))
+        q = leaf.postures(answers[real])
+        q = np.where(free, _turns(q, aim, low - TOLERANCES.limit, high + TOLERANCES.limit), q)
+        inside = (robot.beyond(q) <= TOLERANCES.limit).all(axis=1) | (not limits)
+        return _postures(strategy, wanted, c, q[inside], np.ones(len(q))[inside], 0, int(doubtful.any()), inside)
+    # Newton's method from starts over the joint ranges; singular postures are counted apart.
     free = free_hinges(strategy, spread(task.robot, SAMPLED))
     begun = spread(task.robot, count, ~free & task.robot.hinges)
     begun = begun if near is None else np.vstack([aim, begun[1:]])
@@ -268,9 +289,23 @@ def all_postures(
     inside = np.array([posture is not None for posture in nearest], dtype=bool)
     postures = np.array([posture for posture in nearest if posture is not None]).reshape(-1, task.n)
     counts = np.array([len(members) for members in classes], dtype=float)[inside]
-    order = np.lexsort(np.round(postures, 6).T[::-1])
-    rconds = strategy.gain.batch(postures[order])[1].ravel() if len(postures) else np.zeros(0)
-    return Postures(postures[order], wanted, c.copy(), counts[order], rconds, count, singular, int(np.sum(~inside)))
+    return _postures(strategy, wanted, c, postures, counts, count, singular, inside)
+
+
+def _postures(
+    strategy: HolonomicStrategy,
+    pose: Matrix,
+    level: Vector,
+    q: Matrix,
+    counts: Vector,
+    starts: int,
+    singular: int,
+    inside: Flags,
+) -> Postures:
+    """Postures q (k, n) in the order of their joints, with their rcond."""
+    order = np.lexsort(np.round(q, 6).T[::-1])
+    rcond = strategy.gain.batch(q[order])[1].ravel() if len(q) else np.zeros(0)
+    return Postures(q[order], pose, level.copy(), counts[order], rcond, starts, singular, int(np.sum(~inside)))
 
 
 def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:

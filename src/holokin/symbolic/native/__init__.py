@@ -17,9 +17,11 @@ from .kernel import (
     FollowKernel,
     InverseKernel,
     LeafRules,
+    SignsKernel,
     StepKernel,
     StepMemory,
     VelocityRules,
+    signs_kernel,
     weak,
 )
 from .toolchain import compiler, enabled, engine, tell
@@ -31,6 +33,7 @@ __all__ = [
     "InverseKernel",
     "LeafRules",
     "Port",
+    "SignsKernel",
     "StepKernel",
     "StepMemory",
     "VelocityRules",
@@ -38,6 +41,7 @@ __all__ = [
     "compiler",
     "enabled",
     "engine",
+    "signs_kernel",
     "tell",
     "weak",
 ]

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...base.errors import NativeError
-from ...base.types import ROTATION, Array, Indices, Matrix, Vector, whole
+from ...base.types import ROTATION, Array, ArrayLike, Indices, Matrix, Vector, whole
 from .emit import LANES, SCALAR, Port, Program, Shapes, body, prelude, source, step_source
 from .toolchain import enabled, extension, later, library, tell
 
@@ -29,7 +29,7 @@ LARGEST_VECTOR = 8_000
 """The same for vectors of numbers, in one piece, which take a compiler far longer: ten seconds for 5,300, ninety for
 12,800; but five for 8,100 in the pieces of a loop."""
 
-LONG = 3_000
+LONG = 3_200
 """Operations from which a compiler is told to take it easy: one second instead of seven for 5,700 of them."""
 
 
@@ -55,16 +55,17 @@ class VelocityRules(ctypes.Structure):
 class BatchKernel:
     """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile."""
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, driver: str = "batch.c") -> None:
         sizes_in, sizes_out = ([int(np.prod(s)) for s in shapes] for shapes in (inputs, outputs))
         head = (
             f"#define HK_INPUTS {len(sizes_in)}\n#define HK_OUTPUTS {len(sizes_out)}\n"
             f"#define HK_NX {max(1, sum(sizes_in))}\n#define HK_NY {max(1, sum(sizes_out))}\n"
+            f"#define HK_SIGNS {sizes_in[-1]}\n"
             f"static const int hk_in[] = {{{', '.join(map(str, sizes_in))}}};\n"
             f"static const int hk_out[] = {{{', '.join(map(str, sizes_out))}}};\n"
         )
         self._library = library(
-            source(LANES, head, body(made, inputs, outputs, "hk_body"), "batch.c"),
+            source(LANES, head, body(made, inputs, outputs, "hk_body"), driver),
             fast=True,
             long=made.instructions > LONG,
             needs=("hk_batch",),
@@ -97,6 +98,45 @@ def _do_all(part: Callable[[int], None], count: int, workers: int) -> None:
         return
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(part, range(count)))
+
+
+class SignsKernel(BatchKernel):
+    """All results (2^k, size) for the signs, 1 or -1, of a function's last argument (k,).
+
+    `call` takes the other arguments, of one sample; the object itself takes those of many, as a `BatchKernel`.
+    """
+
+    call: Callable[..., Any]
+
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
+        super().__init__(made, inputs, outputs, "signs.c")
+        shapes, module = (2 ** inputs[-1][0], *outputs[0]), _module()
+        self._shapes = inputs[:-1], shapes
+        self.call = (
+            self._converted
+            if module is None
+            else _bound(module, self._library.hk_sample, inputs[:-1], [shapes], weak(self._converted), self._library, 0)
+        )
+
+    def _converted(self, *arguments: ArrayLike) -> Array:
+        """The same of arguments that are no arrays of floats in rows."""
+        shapes, shape = self._shapes
+        one = zip(arguments, shapes, strict=True)
+        arrays = [np.ascontiguousarray(given, dtype=float).reshape(1, *wanted) for given, wanted in one]
+        out = np.empty((1, *shape))
+        self(arrays, [out], 1)
+        return out[0]
+
+
+def signs_kernel(made: Program, inputs: Shapes, outputs: Shapes) -> SignsKernel | None:
+    """A `SignsKernel`, built or loaded if it is not yet there; None where there can be none."""
+    if not enabled():
+        return None
+    try:
+        return SignsKernel(made, inputs, outputs)
+    except NativeError as problem:
+        tell(problem)
+        return None
 
 
 Method = Literal["leaf", "velocity"]

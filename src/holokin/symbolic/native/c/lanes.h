@@ -84,7 +84,7 @@ HK_EACH(hk_floor, floor)
 HK_EACH(hk_ceil, ceil)
 HK_EACH(hk_far_sin, sin)
 HK_EACH(hk_far_cos, cos)
-HK_EACH2(hk_atan2, atan2)
+HK_EACH2(hk_far_atan2, atan2)
 HK_EACH2(hk_pow, pow)
 HK_EACH2(hk_fmod, fmod)
 HK_EACH2(hk_hypot, hypot)
@@ -121,6 +121,35 @@ static inline hk_t hk_sin_part(hk_t x, long long quarter) {
 
 static inline hk_t hk_sin(hk_t x) { return hk_near(x) ? hk_sin_part(x, 0) : hk_far_sin(x); }
 static inline hk_t hk_cos(hk_t x) { return hk_near(x) ? hk_sin_part(x, 1) : hk_far_cos(x); }
+
+/* atan2(y, x) of all lanes at once: r = lesser / greater of |x|, |y|, or (r - 1) / (r + 1) of one above tan(pi/8), by the
+   minimax polynomial of FDLIBM's s_atan.c (Sun Microsystems, 1993); of what is not finite, or huge, the library's own. */
+#define HK_HUGE 1.0e150
+
+static inline hk_t hk_atan2(hk_t y, hk_t x) {
+  int near = 1;
+  for (int l = 0; l < HK_LANES; l++) near &= (x[l] < HK_HUGE) & (x[l] > -HK_HUGE) & (y[l] < HK_HUGE) & (y[l] > -HK_HUGE);
+  if (!near) return hk_far_atan2(y, x);
+  const hk_t across = HK_FABS(y), along = HK_FABS(x);
+  const hk_bits steep = across > along;
+  const hk_t low = hk_choose(steep, along, across), high = hk_choose(steep, across, along);
+  const hk_bits wide = low > hk_all(4.14213562373095034349e-01) * high;
+  const hk_t bottom = hk_choose(wide, low + high, high);
+  const hk_t r = hk_choose(wide, low - high, low) / hk_choose(bottom == 0.0, hk_all(1.0), bottom);
+  const hk_t z = r * r, w = z * z;
+  const hk_t odd = z * (hk_all(3.33333333333329318027e-01) + w * (hk_all(1.42857142725034663711e-01) +
+                   w * (hk_all(9.09088713343650656196e-02) + w * (hk_all(6.66107313738753120669e-02) +
+                   w * (hk_all(4.97687799461593236017e-02) + w * hk_all(1.62858201153657823623e-02))))));
+  const hk_t even = w * (hk_all(-1.99999999998764832476e-01) + w * (hk_all(-1.11111104054623557880e-01) +
+                    w * (hk_all(-7.69187620504482999495e-02) + w * (hk_all(-5.83357013379057348645e-02) +
+                    w * hk_all(-3.65315727442169155270e-02)))));
+  const hk_t part = r * (odd + even);
+  const hk_t small = hk_choose(wide, hk_all(7.85398163397448278999e-01) - ((part - hk_all(3.06161699786838301793e-17)) - r), r - part);
+  const hk_t first = hk_choose(steep, hk_all(1.57079632679489655800e+00) - (small - hk_all(6.12323399573676603587e-17)), small);
+  const hk_bits back = (hk_bits)x < 0;
+  const hk_t angle = hk_choose(back, hk_all(3.14159265358979311600e+00) - (first - hk_all(1.22464679914735317723e-16)), first);
+  return HK_COPYSIGN(angle, y);
+}
 
 #define HK_SQRT hk_sqrt
 #define HK_SIN hk_sin

@@ -1,0 +1,297 @@
+"""Which joints of an arm, held, leave six hinges whose inverse is closed: told from the axes, in exact arithmetic.
+
+Axes of files meet to 1e-5 (an xArm's URDF writes 1.5708 for a right angle). So the file's numbers are rounded to an
+exact model, of rational numbers, in which the axes meet or do not. How far it is from the file is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import combinations, product
+
+import numpy as np
+
+from ...base.types import Array, Matrix, Value, Vector
+from ..joints import joints_above
+from ..model import Robot
+from .six_hinges import Family, Form
+
+DIGITS = (9, 8, 7, 6, 5, 4)
+"""Decimals to which lengths are rounded, one after another, until axes meet: an exact model is at most 0.05 mm away."""
+
+SNAP = 1e-4
+"""Angle [rad] below which a rotation is that of right angles, and lengths [m] up to which axes may miss."""
+
+Screw = tuple[Array, Array]
+"""Direction and point of an axis, at the zero posture of the free joints; numbers or fractions."""
+
+
+def exact_point(v: Vector, digits: int) -> Array:
+    """A vector as fractions, of so many decimals."""
+    return np.array([Fraction(str(round(float(x), digits))) for x in v], dtype=object)
+
+
+def exact_rotation(R: Matrix) -> Array:
+    """The rotation of right angles within `SNAP`; else one of a quaternion of fractions, within 1e-11."""
+    right = np.round(R)
+    if abs(np.abs(right).sum() - 3) < 0.5 and np.abs(R - right).max() < SNAP:
+        return np.array([[Fraction(int(x)) for x in row] for row in right], dtype=object)
+    from scipy.spatial.transform import Rotation
+
+    quaternion = Rotation.from_matrix(R).as_quat()
+    x, y, z, w = (Fraction(float(v)).limit_denominator(10**6 * 10**6) for v in quaternion)
+    square = x * x + y * y + z * z + w * w
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return np.array(rows, dtype=object) / square
+
+
+def exact_direction(v: Vector) -> Array:
+    """A unit vector of fractions: along an axis of the frame within `SNAP`, else by stereographic projection."""
+    right = np.round(v)
+    if np.abs(v - right).max() < SNAP:
+        return np.array([Fraction(int(x)) for x in right], dtype=object)
+    largest = int(np.argmax(np.abs(v)))
+    first, second = (i for i in range(3) if i != largest)
+    sign = 1 if v[largest] > 0 else -1
+    s, t = (Fraction(float(v[i] / (1 + abs(v[largest])))).limit_denominator(10**12) for i in (first, second))
+    square = s * s + t * t
+    out = np.empty(3, dtype=object)
+    out[first], out[second], out[largest] = (
+        2 * s / (1 + square),
+        2 * t / (1 + square),
+        sign * (1 - square) / (1 + square),
+    )
+    return out
+
+
+@dataclass(frozen=True)
+class Link:
+    """A joint of the chain: where its frame stands in the one before, its axis, what moves it. Numbers or fractions."""
+
+    rotation: Array
+    position: Array
+    axis: Array
+    slides: bool
+    coordinate: int
+    multiplier: float
+    offset: float
+
+
+def links_of(robot: Robot, tip: str | None) -> list[Link]:
+    """The joints of the chain to a tip, and the tip itself as the last link, of no coordinate (-1)."""
+    chosen = robot._find_tip(tip)
+    joints = [robot.joints[i] for i in reversed(joints_above(robot.joints, chosen.joint))]
+    links = [
+        Link(
+            j.placement[:3, :3], j.placement[:3, 3], j.axis, j.kind == "prismatic", j.coordinate, j.multiplier, j.offset
+        )
+        for j in joints
+    ]
+    return [*links, Link(chosen.placement[:3, :3], chosen.placement[:3, 3], np.zeros(3), False, -1, 1.0, 0.0)]
+
+
+def exact_links(links: Sequence[Link], digits: int) -> list[Link]:
+    """The links as fractions."""
+    return [
+        replace(
+            link,
+            rotation=exact_rotation(link.rotation),
+            position=exact_point(link.position, digits),
+            axis=exact_direction(link.axis) if link.coordinate >= 0 else link.axis,
+        )
+        for link in links
+    ]
+
+
+def turn_about(axis: Array, c, s) -> Array:
+    """The rotation about a unit axis by an angle of cosine c and sine s."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=axis.dtype)
+    return np.eye(3, dtype=axis.dtype) + s * K + (1 - c) * (K @ K)
+
+
+def screws(links: Sequence[Link], held: dict[int, tuple]) -> tuple[list[Screw], list[Screw], Screw]:
+    """(free axes, axes of held joints, (rotation, position) of the tip) with the free joints at 0.
+
+    Args:
+        held: place in the chain -> (cosine, sine) of a hinge's angle, or (travel,) of a slide.
+    """
+    kind = links[0].position.dtype
+    R, p = np.eye(3, dtype=kind), np.zeros(3, dtype=kind)
+    free: list[Screw] = []
+    others: list[Screw] = []
+    for i, link in enumerate(links):
+        p, R = p + R @ link.position, R @ link.rotation
+        axis = R @ link.axis
+        if link.coordinate < 0:
+            continue
+        if i in held:
+            others.append((axis, p))
+            value = held[i]
+            if link.slides:
+                p = p + axis * value[0]
+            else:
+                R = R @ turn_about(link.axis, *value)
+        else:
+            free.append((axis, p))
+    return free, others, (R, p)
+
+
+def miss_of_plane(a: Screw, b: Screw):
+    """How far two axes are from lying in one plane: the volume (p_b - p_a) . (h_a x h_b) [m]."""
+    return np.dot(b[1] - a[1], np.cross(a[0], b[0]))
+
+
+def miss_of_point(three: Sequence[Screw]):
+    """How far three axes are from meeting in a point, as vectors that vanish then, and the point; None if parallel."""
+    pairs = [(i, j) for i, j in combinations(range(3), 2)]
+    sizes = [float(np.dot(n, n)) for n in (np.cross(three[i][0], three[j][0]) for i, j in pairs)]
+    i, j = pairs[int(np.argmax(sizes))]
+    if max(sizes) < 1e-8:
+        return None
+    n = np.cross(three[i][0], three[j][0])
+    along = np.dot(np.cross(three[j][1] - three[i][1], three[j][0]), n) / np.dot(n, n)
+    point = three[i][1] + along * three[i][0]
+    return [np.cross(point - p, h) for h, p in three], point
+
+
+def miss_of_parallel(three: Sequence[Screw]):
+    """How far three axes are from being parallel, as vectors that vanish then."""
+    return [np.cross(three[0][0], h) for h, _ in three[1:]]
+
+
+FORMS = (
+    *(Form(Family.PAIR, backward, inner) for backward in (False, True) for inner in (False, True)),
+    *(Form(Family.PARALLEL, backward) for backward in (False, True)),
+)
+
+
+def _zeros(form: Form, axes: Sequence[Screw]) -> list | None:
+    """The numbers that vanish where six axes have a form; None where they cannot have it."""
+    a = axes[::-1] if form.reversed else axes
+    if form.family is Family.PAIR:
+        meeting = miss_of_point(a[3:])
+        pair = a[1:3] if form.inner else a[:2]
+        return None if meeting is None else [*np.concatenate(meeting[0]), miss_of_plane(*pair)]
+    across = np.cross(a[4][0], a[5][0])
+    if not np.dot(across, across) > SNAP * SNAP:
+        return None
+    return [*np.concatenate(miss_of_parallel(a[1:4])), miss_of_plane(a[4], a[5])]
+
+
+def _samples(slide: bool, count: int) -> list[tuple]:
+    """Values of a held joint: points of the circle as fractions, or lengths."""
+    shares = [Fraction(k, count) for k in range(1, count + 1)]
+    if slide:
+        return [(t,) for t in shares]
+    signed = [sign * t for t in shares for sign in (1, -1)][:count]
+    return [((1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)) for t in signed]
+
+
+DEGREE = 13
+"""Values of a held joint at which a polynomial of its cosine and sine is 0 that is 0 always: of degree up to six."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmClass(Value):
+    """Joints of an arm which, held, leave six hinges whose inverse is closed.
+
+    held: their coordinates. links: the exact model. angle [rad], distance [m]: how far it is from the given numbers, of
+    the joint or tip that is farthest.
+    """
+
+    robot: Robot
+    tip: str
+    held: tuple[int, ...]
+    form: Form
+    links: tuple[Link, ...]
+    angle: float
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class NoClass(Value):
+    """Why joints of an arm, held, leave no closed inverse; `miss` is how far the nearest class is, in m or rad."""
+
+    held: tuple[int, ...]
+    reason: str
+    miss: float = np.inf
+
+
+def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmClass | NoClass:
+    """The class of what is left when the coordinates `held` are."""
+    links, held = links_of(robot, tip), tuple(held)
+    moving = [link for link in links if link.coordinate >= 0 and link.coordinate not in held]
+    if len(moving) != 6:
+        return NoClass(held, f"{len(moving)} joints are left, and six are needed")
+    if any(link.slides for link in moving):
+        return NoClass(held, "a slide is left among the six")
+    if len({link.coordinate for link in moving}) < 6 or any(abs(link.multiplier) != 1 for link in moving):
+        return NoClass(held, "one of the six follows another through a gear")
+    fixed = [i for i, link in enumerate(links) if link.coordinate in held]
+    # Candidates by numbers at one place of the held joints, then in exact arithmetic at as many as a polynomial needs.
+    place = {i: (0.3,) if links[i].slides else (0.8, 0.6) for i in fixed}
+    near, best = [], np.inf
+    axes = screws(links, place)[0]
+    for form in FORMS:
+        if (zeros := _zeros(form, axes)) is None:
+            continue
+        miss = float(np.abs(np.asarray(zeros, dtype=float)).max())
+        best = min(best, miss)
+        if miss < SNAP:
+            near.append(form)
+    for digits in DIGITS if near else ():
+        exact = exact_links(links, digits)
+        choices = [_samples(links[i].slides, DEGREE if len(fixed) == 1 else 7) for i in fixed]
+        left = list(near)
+        for values in product(*choices):
+            axes = screws(exact, dict(zip(fixed, values, strict=True)))[0]
+            left = [form for form in left if _holds(form, axes)]
+            if not left:
+                break
+        if left:
+            if _always_singular(links, place):
+                return NoClass(held, "every posture of what is left is singular", best)
+            angle, distance = _distance(links, exact)
+            return ArmClass(robot, robot._find_tip(tip).name, held, left[0], tuple(exact), angle, distance)
+    return NoClass(held, "no three of its axes meet or are parallel beside a pair in one plane", best)
+
+
+def _holds(form: Form, axes: Sequence[Screw]) -> bool:
+    zeros = _zeros(form, axes)
+    return zeros is not None and all(z == 0 for z in zeros)
+
+
+def _always_singular(links: Sequence[Link], place: dict[int, tuple]) -> bool:
+    """Whether the Jacobian of the free joints has no inverse at any of some postures."""
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        spot = {i: (float(np.cos(a)), float(np.sin(a))) for i, a in enumerate(rng.uniform(-3, 3, len(links)))}
+        everything = {i: place.get(i, spot[i]) for i, link in enumerate(links) if link.coordinate >= 0}
+        _, axes, (_, end) = screws(links, everything)
+        rows = [
+            np.concatenate([np.cross(h, end - p), h])
+            for i, (h, p) in zip(everything, axes, strict=True)
+            if i not in place
+        ]
+        if np.linalg.cond(np.array(rows)) < 1e8:
+            return False
+    return True
+
+
+def _distance(links: Sequence[Link], exact: Sequence[Link]) -> tuple[float, float]:
+    """Largest angle [rad] and distance [m] between the frames of two models, each in the one before."""
+    angle = distance = 0.0
+    for given, rounded in zip(links, exact, strict=True):
+        R = rounded.rotation.astype(float)
+        turn = np.linalg.norm(given.rotation - R) / np.sqrt(2)
+        tilt = np.linalg.norm(np.cross(given.axis, rounded.axis.astype(float))) if given.coordinate >= 0 else 0.0
+        angle = max(angle, float(turn), float(tilt))
+        distance = max(distance, float(np.linalg.norm(given.position - rounded.position.astype(float))))
+    return angle, distance

@@ -1,0 +1,216 @@
+"""`ClosedInverse`: all postures of an arm at a tool pose, for given values of the joints that are held."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from itertools import combinations, product
+
+import numpy as np
+
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, ArrayLike, Matrix, Value, Vector, frozen
+from ...symbolic import SX, Function, cross, densify, dot, horzcat, norm_2, substitute, symbol, vec, vertcat, vertsplit
+from ...symbolic.native import SignsKernel, signs_kernel
+from ...symbolic.rotations import rotation_about
+from .arm_class import ArmClass, Link, links_of
+from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
+
+DOUBLE = -1e-12
+"""Share of a root, (a^2 + b^2 - d^2) / (a^2 + b^2), from which it is real: two roots meet where it is 0."""
+
+
+SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
+"""The signs (8, 3) of the three slopes."""
+
+
+Axis = tuple[SX, SX]
+"""Direction and point (3,) of an axis."""
+
+
+def _geometry(arm: ArmClass, links: Sequence[Link], held: SX) -> SX:
+    """The numbers of `solver` (58,) as expressions of the values (r,) of the held joints."""
+    # The axes with the six joints at 0.
+    R, p = SX.eye(3), SX.zeros(3, 1)
+    axes: list[Axis] = []
+    others: list[Axis] = []
+    for link in links:
+        p, R = p + R @ SX(link.position), R @ SX(link.rotation)
+        axis = R @ SX(link.axis)
+        if link.coordinate not in arm.held:
+            axes += [(axis, p)] if link.coordinate >= 0 else []
+            continue
+        others.append((axis, p))
+        value = link.multiplier * held[arm.held.index(link.coordinate)] + link.offset
+        p, R = (p + axis * value, R) if link.slides else (p, R @ rotation_about(link.axis, value))
+    # The point in which some meet, and a normal.
+    ordered = axes[::-1] if arm.form.reversed else axes
+    if arm.form.family is Family.PAIR:
+        center = _meeting_point(ordered[3:], held)
+        normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), others, held)
+    else:
+        center = _meeting_point(ordered[4:], held)
+        (along, first), (_, second) = ordered[1:3]
+        normal = second - first - along * dot(along, second - first)
+    home = vertcat(horzcat(R, p), SX([[0, 0, 0, 1]]))
+    every = [*(h for h, _ in axes), *(at for _, at in axes), center, normal / norm_2(normal), vec(home.T)]
+    return densify(vertcat(*every))
+
+
+def _vanishes(expression: SX, held: SX) -> bool:
+    """Whether an expression of the held joints is 0, at two places."""
+    places = (SX(start + np.arange(held.numel())) for start in (0.7, -1.3))
+    return max(abs(float(x)) for place in places for x in vertsplit(substitute(expression, held, place))) < 1e-9
+
+
+def _meeting_point(axes: Sequence[Axis], held: SX) -> SX:
+    """The point (3,) in which axes meet: of the first two that are not parallel."""
+    for (h, p), (k, o) in combinations(axes, 2):
+        normal = cross(h, k)
+        if not _vanishes(normal, held):
+            return p + h * (dot(cross(o - p, k), normal) / dot(normal, normal))
+    raise ValueError
+
+
+def _normal(first: Axis, second: Axis, others: Sequence[Axis], held: SX) -> SX:
+    """A normal (3,) of the plane of two axes; along a held axis that is square to both, so that its sign stays."""
+    for axis, _ in others:
+        if _vanishes(vertcat(dot(axis, first[0]), dot(axis, second[0])), held):
+            return axis
+    normal = cross(first[0], second[0])
+    return cross(second[0], first[1] - second[1]) if _vanishes(normal, held) else normal
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedInverse(Value):
+    """All postures of an arm at a tool pose, at values of the joints that are held.
+
+    limits: whether the joints' values are taken at the turn nearest to the middle of their range; else nearest to 0.
+    """
+
+    arm: ArmClass
+    limits: bool = True
+
+    @cached_property
+    def others(self) -> list[int]:
+        """The coordinates of the six joints, in their order along the arm."""
+        chain, held = self._given, self.arm.held
+        return [link.coordinate for link in chain if link.coordinate >= 0 and link.coordinate not in held]
+
+    @cached_property
+    def _given(self) -> list[Link]:
+        return links_of(self.arm.robot, self.arm.tip)
+
+    @cached_property
+    def _exact(self) -> list[Link]:
+        names = ("rotation", "position", "axis")
+        return [replace(link, **{name: getattr(link, name).astype(float) for name in names}) for link in self.arm.links]
+
+    @cached_property
+    def _joints(self) -> Matrix:
+        """The rows (5, 6) of `solver`."""
+        robot, columns = self.arm.robot, self.others
+        free = {link.coordinate: link for link in self._given}
+        low, high = (robot.lower[columns], robot.upper[columns]) if self.limits else np.array([[-np.inf], [np.inf]])
+        with np.errstate(invalid="ignore"):
+            middle = np.where(np.isfinite(low + high), (low + high) / 2, 0.0)
+        rows = [
+            [free[c].multiplier for c in columns],
+            [free[c].offset for c in columns],
+            middle,
+            np.broadcast_to(low - TOLERANCES.limit, (6,)),
+            np.broadcast_to(high + TOLERANCES.limit, (6,)),
+        ]
+        return frozen(np.array([np.broadcast_to(row, (6,)) for row in rows]))
+
+    @cached_property
+    def kernel(self) -> SignsKernel | None:
+        """Native code, the same for all arms of the form; None without a compiler."""
+        return _kernel(self.arm.form)
+
+    def at(self, held: ArrayLike) -> Held:
+        """The inverse at one value (r,) of the held joints; the last one is kept."""
+        values = np.asarray(held, dtype=float).reshape(1, len(self.arm.held))
+        if self._last and np.array_equal(self._last[0].values, values[0]):
+            return self._last[0]
+        chain, own = self._chains(values[0])
+        self._last[:] = [Held(self, frozen(values[0]), frozen(chain), frozen(own))]
+        return self._last[0]
+
+    @cached_property
+    def _last(self) -> list[Held]:
+        return []
+
+    def answers(self, poses: Array, held: Matrix, threads: int | None = None) -> Array:
+        """The answers (k, 8, 12) of `solver` at poses (k, 4, 4) and values (k, r) of the held joints."""
+        values = np.broadcast_to(held, (len(poses), len(self.arm.held)))
+        return _answers(self, *self._chains.batch(values), poses, threads)
+
+    @cached_property
+    def _chains(self) -> Function:
+        """Values (r,) of the held joints -> numbers of the exact chain and of the given one (58,)."""
+        held = symbol("held", len(self.arm.held))
+        chain, own = (_geometry(self.arm, links, held) for links in (self._exact, self._given))
+        return Function("chains", {"held": held}, {"chain": chain, "own": own})
+
+
+@cache
+def _kernel(form: Form) -> SignsKernel | None:
+    function = solver(form, True)
+    shapes = list(function.input_shapes.values()), list(function.output_shapes.values())
+    return signs_kernel(function.program, *shapes)
+
+
+def _answers(inverse: ClosedInverse, chain: Array, own: Array, poses: Array, threads: int | None) -> Array:
+    """Those of many poses (k, 4, 4); chain, own: (58,) for all, or (k, 58)."""
+    k, joints = len(poses), inverse._joints
+    poses = np.ascontiguousarray(poses, dtype=float)
+    if inverse.kernel is not None:
+        out = np.empty((k, len(SIGNS), COLUMNS))
+        every = [np.ascontiguousarray(chain), poses, np.ascontiguousarray(own), joints]
+        shapes = [(k, GEOMETRY), (k, 4, 4), (k, GEOMETRY), (k, 5, 6)]
+        inverse.kernel([np.broadcast_to(x, shape) for x, shape in zip(every, shapes, strict=True)], [out], threads)
+        return out
+    chains = [np.repeat(x, len(SIGNS), axis=0) if x.ndim == 2 else x for x in (chain, own)]
+    rows = solver(inverse.arm.form, True).batch(
+        chains[0], np.repeat(poses, len(SIGNS), axis=0), chains[1], joints, np.tile(SIGNS, (k, 1))
+    )
+    return rows.reshape(k, len(SIGNS), COLUMNS)
+
+
+@dataclass(frozen=True, eq=False)
+class Held(Value):
+    """A `ClosedInverse` at one value (r,) of its held joints, with the numbers of the chain there."""
+
+    inverse: ClosedInverse
+    values: Vector
+    chain: Vector
+    own: Vector
+
+    def answers(self, poses: Array, threads: int | None = None) -> Array:
+        """The answers (k, 8, 12) of `solver` at poses (k, 4, 4)."""
+        return _answers(self.inverse, self.chain, self.own, poses, threads)
+
+    def one(self, pose: Array) -> Matrix:
+        """The same at one pose, an array (4, 4) of floats: (8, 12)."""
+        kernel, joints = self._call
+        return self.answers(pose[None])[0] if kernel is None else kernel.call(self.chain, pose, self.own, joints)
+
+    @cached_property
+    def _call(self) -> tuple[SignsKernel | None, Matrix]:
+        return self.inverse.kernel, self.inverse._joints
+
+    def postures(self, answers: Array) -> Array:
+        """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""
+        q = np.empty((*answers.shape[:-1], len(self._others)))
+        q[...] = self._others
+        q[..., self.inverse.others] = answers[..., :6]
+        return q
+
+    @cached_property
+    def _others(self) -> Vector:
+        """A posture (n,) with the held joints at their values, and zeros."""
+        q = np.zeros(self.inverse.arm.robot.n)
+        q[list(self.inverse.arm.held)] = self.values
+        return frozen(q)

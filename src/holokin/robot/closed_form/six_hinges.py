@@ -1,0 +1,342 @@
+"""All postures of six hinges at a tool pose, in steps of degree two, with the signs that tell the postures apart.
+
+The chain is T = E_1(q_1) ... E_6(q_6) M with E_i the turn about axis i, which has direction h_i and holds point p_i at
+q = 0, and M the tool's pose there. Each step gives a root of a cos q + b sin q = d. Its slope s = -a sin q + b cos q
+has s^2 = a^2 + b^2 - d^2, so the sign of s tells the two roots apart. And det J = +- s_1 s_2 s_3: steps and angles are
+coordinates of the pose, as of a point |x|^2 / 2, height and azimuth are, whose volume is d(|x|^2 / 2) dz dphi.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache, reduce
+from typing import NamedTuple
+
+import numpy as np
+
+from ...symbolic import (
+    SX,
+    Function,
+    atan2,
+    cross,
+    dot,
+    fabs,
+    floor,
+    fmax,
+    fmin,
+    horzcat,
+    horzsplit,
+    sqrt,
+    symbol,
+    vec,
+    vertcat,
+    vertsplit,
+)
+
+
+class Family(Enum):
+    """Six hinges whose inverse is closed, by what is special in them; the text is for messages."""
+
+    PAIR = "three axes that meet in a point, and two others, next to each other, in one plane"
+    PARALLEL = "three parallel axes, and the two at their end meet"
+
+
+@dataclass(frozen=True)
+class Form:
+    """The order of the steps.
+
+    reversed: the point where three axes meet is at the base's end (or the parallel axes are 3, 4, 5): the chain is
+    solved from the tool. inner: the pair are axes 2 and 3 of such a chain, not 1 and 2.
+    """
+
+    family: Family
+    reversed: bool
+    inner: bool = False
+
+
+class Turn(NamedTuple):
+    """An angle by its cosine and sine."""
+
+    cos: SX
+    sin: SX
+
+    @property
+    def angle(self) -> SX:
+        """In (-pi, pi]."""
+        return atan2(self.sin, self.cos)
+
+    @property
+    def back(self) -> Turn:
+        """The turn the other way."""
+        return Turn(self.cos, -self.sin)
+
+    def about(self, h: SX, v: SX, back: bool = False) -> SX:
+        """R_h(q) v, or R_h(-q) v, by Rodrigues' formula."""
+        s = -self.sin if back else self.sin
+        return self.cos * v + s * cross(h, v) + (1 - self.cos) * dot(h, v) * h
+
+
+class Root(NamedTuple):
+    """A root, the slope s there, and how real it is, (a^2 + b^2 - d^2) / (a^2 + b^2)."""
+
+    turn: Turn
+    slope: SX
+    share: SX
+
+
+def root(a: SX, b: SX, d: SX, sign: SX) -> Root:
+    """The root of a cos q + b sin q = d whose slope has a sign, 1 or -1; where there is none, the q nearest to one."""
+    square = a * a + b * b
+    share = 1 - d * d / square
+    size = sqrt(square * fmax(share, 0))
+    d = fmin(fmax(d, -sqrt(square)), sqrt(square))
+    s = sign * size
+    return Root(Turn((a * d + b * s) / square, (b * d - a * s) / square), s, share)
+
+
+def projected(u: SX, h: SX, v: SX, d: SX, sign: SX) -> Root:
+    """The root of u . R_h(q) v = d."""
+    along = dot(u, h) * dot(h, v)
+    return root(dot(u, v) - along, dot(u, cross(h, v)), d - along, sign)
+
+
+def between(h: SX, v: SX, w: SX) -> Turn:
+    """The turn about h that brings v to w, or as near to it as a turn does."""
+    x, y = dot(v, w) - dot(h, v) * dot(h, w), dot(h, cross(v, w))
+    size = sqrt(x * x + y * y)
+    return Turn(x / size, y / size)
+
+
+Posture = tuple[list[Turn], list[Root]]
+"""The turns of joints, and the roots that were chosen on the way."""
+
+
+class Plane(NamedTuple):
+    """Two axes of one plane: its normal n, a point a on the second axis, the part of the first one's point.
+
+    h_1 x h_2 = sine n. The foot of a on the first axis is a + along h_2 + across (h_2 x n); moment = along sine -
+    across cosine is zero where the axes meet in a.
+    """
+
+    normal: SX
+    point: SX
+    foot: SX
+    sine: SX
+    cosine: SX
+    along: SX
+    across: SX
+    moment: SX
+
+
+def plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
+    """That of two axes, given its normal."""
+    foot = p1 + dot(p2 - p1, h1) * h1
+    sine, cosine = dot(cross(h1, h2), normal), dot(h1, h2)
+    along, across = dot(foot - p2, h2), dot(foot - p2, cross(h2, normal))
+    return Plane(normal, p2, foot, sine, cosine, along, across, along * sine - across * cosine)
+
+
+def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs: list[SX]) -> Posture:
+    """The turns of joints 1, 2, 3 with E_1 E_2 E_3 start = goal, and the roots of joints 3 and 2.
+
+    Axes 1 and 2 lie in a plane. Step 1, joint 3: turns about both keep sine |x - a|^2 / 2 - moment h_2 . (x - a) of a
+    point x: where the axes meet in A, it is sine |x - A|^2 / 2 + const; where they are parallel, -moment h_2 . x.
+    Step 2, joint 2: x - a is turned about h_2 until its part in the plane across h_2 suits the goal, which is told by
+    its height along h_1 and by its distance from axis 1. Step 3: joint 1 brings it to the goal.
+    """
+    n, a = plane.normal, plane.point
+    across, lever = cross(h[1], n), start - p[2]
+    # Step 1: joint 3.
+    fixed = plane.sine * (dot(p[2] - a, p[2] - a) + dot(lever, lever)) / 2 - plane.moment * dot(h[1], p[2] - a)
+    wanted = plane.sine * dot(goal - a, goal - a) / 2 - plane.moment * dot(h[1], goal - a)
+    third = projected(plane.sine * (p[2] - a) - plane.moment * h[1], h[2], lever, wanted - fixed, signs[0])
+    x = p[2] + third.turn.about(h[2], lever) - a
+    # Step 2: joint 2. The part of x across h_2 in the plane is x_n sin q_2 + x_t cos q_2.
+    height = dot(h[0], goal - a) - plane.cosine * dot(h[1], x)
+    to_foot, from_foot = plane.foot - a, goal - plane.foot
+    distance = (dot(x, x) + dot(to_foot, to_foot) - dot(from_foot, from_foot)) / 2 - plane.along * dot(h[1], x)
+    wanted = (plane.sine * height + plane.across * distance) / (plane.sine**2 + plane.across**2)
+    second = root(dot(across, x), dot(n, x), wanted, signs[1])
+    # Step 3: joint 1.
+    first = between(h[0], a + second.turn.about(h[1], x) - plane.foot, goal - plane.foot)
+    return [first, second.turn, third.turn], [third, second]
+
+
+def wrist(h: list[SX], to_last: SX, from_first: SX, sign: SX) -> Posture:
+    """The turns with R_4 R_5 R_6 = W, given W h_6 and W^T h_4, and the root of joint 5."""
+    fifth = projected(h[3], h[4], h[5], dot(h[3], to_last), sign)
+    fourth = between(h[3], fifth.turn.about(h[4], h[5]), to_last)
+    sixth = between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True))
+    return [fourth, fifth.turn, sixth], [fifth]
+
+
+class Chain(NamedTuple):
+    """Six axes h_i through p_i, the point (3,) where the wrist's axes meet and the plane's normal, and T M^-1."""
+
+    h: list[SX]
+    p: list[SX]
+    center: SX
+    normal: SX
+    rotation: SX
+    shift: SX
+
+    def backward(self) -> Chain:
+        """The same chain seen from the tool: E_6^-1 ... E_1^-1 = (T M^-1)^-1, with the axes the other way."""
+        inverse = self.rotation.T
+        h, p = [-axis for axis in self.h[::-1]], self.p[::-1]
+        return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift))
+
+
+def pair_and_wrist(chain: Chain, inner: bool, signs: list[SX]) -> Posture:
+    """Axes 4, 5, 6 meet in the center: joints 1, 2, 3 bring that to its place, the others turn the tool."""
+    h, p = chain.h, chain.p
+    goal = chain.rotation @ chain.center + chain.shift
+    arm, points, start = (h[:3], p[:3], chain.center)
+    if inner:  # E_3^-1 E_2^-1 E_1^-1 goal = center
+        arm, points, start, goal = [-axis for axis in arm[::-1]], points[::-1], goal, start
+    plane = plane_of(arm[0], points[0], arm[1], points[1], chain.normal)
+    turns, steps = to_point(arm, points, plane, start, goal, signs)
+    first = turns[::-1] if inner else turns
+    to_last, from_first = chain.rotation @ h[5], h[3]
+    for turn, axis in zip(first, h, strict=False):
+        to_last = turn.about(axis, to_last, back=True)
+    for turn, axis in zip(first[::-1], h[2::-1], strict=True):
+        from_first = turn.about(axis, from_first)
+    last, fifth = wrist(h, to_last, chain.rotation.T @ from_first, signs[2])
+    return first + last, steps + fifth
+
+
+def parallel_axes(chain: Chain, signs: list[SX]) -> Posture:
+    """Axes 2, 3, 4 are parallel, 5 and 6 meet in the center: its height along them tells joint 1, axis 6 joint 5."""
+    h, p, along = chain.h, chain.p, chain.h[1]
+    # Joints 1 and 5.
+    goal = chain.rotation @ chain.center + chain.shift
+    first = projected(along, -h[0], goal - p[0], dot(along, chain.center - p[0]), signs[0])
+
+    def behind_first(v: SX) -> SX:
+        return first.turn.about(h[0], v, back=True)
+
+    fifth = projected(along, h[4], h[5], dot(along, behind_first(chain.rotation @ h[5])), signs[1])
+    # Joint 6 brings W^T h_2 to R_5^T h_2; then the turn of joints 2, 3, 4 together is known.
+    from_first = chain.rotation.T @ first.turn.about(h[0], along)
+    sixth = between(h[5], from_first, fifth.turn.about(h[4], along, back=True))
+
+    def before_fifth(v: SX) -> SX:
+        return sixth.about(h[5], fifth.turn.about(h[4], v, back=True), back=True)
+
+    together = between(along, chain.normal, behind_first(chain.rotation @ before_fifth(chain.normal)))
+    # Joints 2 and 3 bring a point of axis 4 to its place, in the plane square to the axes.
+    on_axis = chain.center + before_fifth(p[3] - chain.center)
+    away = p[0] + behind_first(chain.rotation @ on_axis + chain.shift - p[0]) - p[1]
+    elbow, lever, away = (v - dot(along, v) * along for v in (p[2] - p[1], p[3] - p[2], away))
+    wanted = (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2
+    third = projected(elbow, along, lever, wanted, signs[2])
+    second = between(along, elbow + third.turn.about(along, lever), away)
+    fourth = plus(together, plus(second, third.turn).back)
+    turns = [first.turn, second, third.turn, fourth, fifth.turn, sixth]
+    return turns, [first, fifth, third]
+
+
+def plus(turn: Turn, other: Turn) -> Turn:
+    """A turn and another one about the same axis."""
+    return Turn(turn.cos * other.cos - turn.sin * other.sin, turn.sin * other.cos + turn.cos * other.sin)
+
+
+GEOMETRY = 58
+"""Numbers of a chain: 18 of the axes, 18 of their points, 3 of the center, 3 of the normal, 16 of M."""
+
+
+def _chain(x: SX, pose: SX) -> Chain:
+    h = [x[3 * i : 3 * i + 3] for i in range(6)]
+    p = [x[18 + 3 * i : 21 + 3 * i] for i in range(6)]
+    home, home_at = _frame(x[42:58].reshape((4, 4)).T)
+    R, t = _frame(pose)
+    rotation = R @ home.T
+    return Chain(h, p, x[36:39], x[39:42], rotation, t - rotation @ home_at)
+
+
+def _frame(T: SX) -> tuple[SX, SX]:
+    """Rotation and position of a pose (4, 4)."""
+    return T[:3, :3], T[:3, 3]
+
+
+def _corrections(family: Family, chain: Chain, turns: list[Turn]) -> list[SX]:
+    """What a step of Newton's method adds to six angles, with the exact model's zeros in the Jacobian.
+
+    Of axes that meet in the center nothing moves it: so the other three joints alone are corrected by its place, and
+    those of the wrist by what is then left of the rotation.
+    """
+    R, t = SX.eye(3), SX.zeros(3, 1)
+    axes, points = [], []
+    for h, p, turn in zip(chain.h, chain.p, turns, strict=True):
+        axes.append(R @ h)
+        points.append(t + R @ p)
+        R = horzcat(*(R @ turn.about(h, e) for e in horzsplit(SX.eye(3))))
+        t = points[-1] - R @ p
+    E = chain.rotation @ R.T
+    turn = vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
+    place = R @ chain.center + t
+    shift = chain.rotation @ chain.center + chain.shift - place
+    moves = [cross(axis, place - point) for axis, point in zip(axes, points, strict=True)]
+    if family is Family.PAIR:
+        first = _combined(*moves[:3], shift)
+        last = _combined(
+            *axes[3:], turn - sum((d * axis for d, axis in zip(first, axes, strict=False)), SX.zeros(3, 1))
+        )
+        return first + last
+    along = axes[1]
+    d1 = dot(along, shift) / dot(along, moves[0])
+    together, d5, d6 = _combined(along, *axes[4:], turn - d1 * axes[0])
+    d2, d3, _ = _combined(moves[1] - moves[3], moves[2] - moves[3], along, shift - d1 * moves[0] - together * moves[3])
+    return [d1, d2, d3, together - d2 - d3, d5, d6]
+
+
+def _combined(a: SX, b: SX, c: SX, v: SX) -> list[SX]:
+    """The numbers x, y, z with a x + b y + c z = v, by Cramer's rule."""
+    volume = dot(a, cross(b, c))
+    return [dot(v, cross(b, c)) / volume, dot(v, cross(c, a)) / volume, dot(v, cross(a, b)) / volume]
+
+
+COLUMNS = 12
+"""Numbers of an answer: six joints, three slopes, how real it is, how far within the limits, the pose's fault."""
+
+
+@cache
+def solver(form: Form, polish: bool) -> Function:
+    """(chain (58,), pose (4, 4), own chain (58,), joints (5, 6), signs (3,)) -> answer (12,).
+
+    An answer holds the six joints; the three slopes; how real it is, the least share of its roots, below 0 where there
+    is none; the least distance to a joint limit; and by how much the pose is none. Where answers are to be polished
+    they take two steps of Newton's method on the chain's own numbers, from those of the exact model.
+
+    joints: rows of what makes joint values of angles, sign (angle - offset) at the turn nearest to a middle, and of the
+    lower and upper limits.
+    """
+    numbers, pose, own_numbers = symbol("chain", GEOMETRY), symbol("pose", 4, 4), symbol("own", GEOMETRY)
+    joints, signs = symbol("joints", 5, 6), symbol("signs", 3)
+    chain, own = _chain(numbers, pose), _chain(own_numbers, pose)
+    if form.reversed:
+        chain, own = chain.backward(), own.backward()
+    sign = [signs[i] for i in range(3)]
+    turns, steps = pair_and_wrist(chain, form.inner, sign) if form.family is Family.PAIR else parallel_axes(chain, sign)
+    if polish:
+        first = _corrections(form.family, own, turns)
+        turns = [plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
+    angles = [turn.angle for turn in turns]
+    if polish:
+        angles = [a + more for a, more in zip(angles, _corrections(form.family, own, turns), strict=True)]
+    share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
+    q = joints[0, :].T * (vertcat(*(angles[::-1] if form.reversed else angles)) - joints[1, :].T)
+    q = q + 2 * np.pi * floor((joints[2, :].T - q) / (2 * np.pi) + 0.5)
+    within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
+    answer = vertcat(q, *(step.slope for step in steps), share, within, _fault(pose))
+    inputs = {"chain": numbers, "pose": pose, "own": own_numbers, "joints": joints, "signs": signs}
+    return Function("six_hinges", inputs, {"answer": answer})
+
+
+def _fault(pose: SX) -> SX:
+    """By how much a pose (4, 4) is none: of R^T R from 1, of det R from 1, of the last row from (0, 0, 0, 1)."""
+    R = pose[:3, :3]
+    gaps = [*vertsplit(vec(R.T @ R - SX.eye(3))), dot(R[:, 0], cross(R[:, 1], R[:, 2])) - 1]
+    return reduce(fmax, [fabs(gap) for gap in (*gaps, *vertsplit(vec(pose[3, :] - SX([[0, 0, 0, 1]]))))])
