@@ -17,6 +17,7 @@ import pytest
 
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
+from conftest import campaign
 from holokin.app.job import open_job, run_job
 from holokin.app.report.plots import NONHOLONOMIC, rgb
 from sessions import served

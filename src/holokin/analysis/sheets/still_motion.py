@@ -18,7 +18,9 @@ from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
 from ...strategies.radial_strategy import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
 from ...strategies.tasks.task import Task
-from ..curvature.obstructions import CORRECTIONS, STEP
+
+STEP = 0.1  # arc length [joint units] between the postures of a self-motion that is traced
+CORRECTIONS = 4  # Newton corrections of a posture that is 1e-3 off: at round-off after three
 
 # Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long.
 LENGTH = 8 * np.pi
