@@ -150,7 +150,7 @@ class Section:
                 table.add_column(style="dim", no_wrap=True)
                 table.add_column()
             for row in self.rows:
-                table.add_row(*(Text(_shown(cell), style=_color(cell) or "") for cell in row))
+                table.add_row(*(Text(brief(_plain(cell)), style=_color(cell) or "") for cell in row))
             console.print(table)
         elif self.title:
             console.print(f"{indent}{self.title}", markup=False, highlight=False)
@@ -175,43 +175,32 @@ class Section:
         return "\n".join(lines)
 
 
-def _note(words: Words) -> Note:
-    return Note(words) if isinstance(words, str) else words
-
-
 def _plain(words: Words) -> str:
     """Without tone and detail."""
-    return _note(words).text + _note(words).then
-
-
-def _shown(cell: Words) -> str:
-    """A cell of the terminal: short, on one line."""
-    return brief(_plain(cell))
+    return words if isinstance(words, str) else words.text + words.then
 
 
 def _color(words: Words) -> str | None:
-    return _COLORS.get(_note(words).tone)
+    return None if isinstance(words, str) else _COLORS.get(words.tone)
 
 
 def _inline(words: Words) -> str:
     """Words inside a line of HTML."""
-    note = _note(words)
-    text, tag, kind = escape(note.text), _TAGS.get(note.tone), _CLASSES.get(note.tone)
+    if isinstance(words, str):
+        return escape(words)
+    text, tag, kind = escape(words.text), _TAGS.get(words.tone), _CLASSES.get(words.tone)
     text = f"<{tag}>{text}</{tag}>" if tag else f"<span class='{kind}'>{text}</span>" if kind else text
-    return text + escape(note.then)
+    return text + escape(words.then) if words.then else text
 
 
 def _block(tag: str, words: Words) -> str:
     """Words as a paragraph or an entry of a list; with a detail they unfold it, text of several lines as it is."""
-    note = _note(words)
+    note = Note(words) if isinstance(words, str) else words
     if note.detail:
         detail = escape(note.detail)
         detail = f"<pre>{detail}</pre>" if "\n" in detail else f"<p class='small'>{detail}</p>"
         folded = f"<details><summary>{_inline(words)}</summary>{detail}</details>"
         return f"<li class='fold'>{folded}</li>" if tag == "li" else folded
-    kind = _CLASSES.get(note.tone)
-    return (
-        f"<{tag} class='{kind}'>{escape(note.text)}</{tag}>"
-        if kind and not note.then
-        else f"<{tag}>{_inline(note)}</{tag}>"
-    )
+    if (kind := _CLASSES.get(note.tone)) and not note.then:
+        return f"<{tag} class='{kind}'>{escape(note.text)}</{tag}>"
+    return f"<{tag}>{_inline(note)}</{tag}>"
