@@ -383,18 +383,18 @@ def frozen(array: Any) -> Any:
 
 
 Noun = TypeVar("Noun")
-Result = TypeVar("Result")
+Made = TypeVar("Made")
 More = ParamSpec("More")
 
 
-def kept(build: Callable[Concatenate[Noun, More], Result]) -> Callable[Concatenate[Noun, More], Result]:
+def kept(build: Callable[Concatenate[Noun, More], Made]) -> Callable[Concatenate[Noun, More], Made]:
     """`cached_property` for a function: what it builds of an object and of plain arguments is kept in the object.
 
     It lives as long as the object, and is neither pickled nor copied with a `Value`.
     """
 
     @wraps(build)
-    def called(noun: Noun, *more: More.args, **named: More.kwargs) -> Result:
+    def called(noun: Noun, *more: More.args, **named: More.kwargs) -> Made:
         results = vars(noun).setdefault("_kept", {})
         key = (build, *more, *named.items())
         if key not in results:
