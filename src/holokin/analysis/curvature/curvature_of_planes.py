@@ -134,8 +134,9 @@ def measured_curvature(strategy: NumericStrategy, q: ArrayLike) -> MeasuredCurva
         except OUTSIDE:
             return np.full(G.shape, np.nan)
 
-    noise = max(noise_of(value, q, column) for column in (G / lengths).T)
-    slopes = [slope(value, q, column, noise) for column in (G / lengths).T]
+    directions = np.ascontiguousarray((G / lengths).T)
+    noise = max(noise_of(value, q, direction) for direction in directions)
+    slopes = [slope(value, q, direction, noise) for direction in directions]
     vertical = np.eye(len(G)) - G @ strategy.task.jacobian(q)
     along = np.stack([d.value * length for d, length in zip(slopes, lengths, strict=True)])  # (i, n, j): DG_j[G_i]
     errors = np.stack([d.error * length for d, length in zip(slopes, lengths, strict=True)])

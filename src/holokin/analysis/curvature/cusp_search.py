@@ -201,8 +201,9 @@ def symmetric_joints(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> F
 
     # Move a few cusps by each joint alone, by two motions of no special size, then by all these joints together
     n, some, shifts = q.shape[1], q[:8], np.array([0.7, -1.9])
-    symmetric = are_cusps(some + shifts[:, None, None, None] * np.eye(n)[:, None, :]).all(axis=(0, 2))
-    together = are_cusps(some + symmetric * np.linspace(*shifts, n))
+    alone = are_cusps(some + shifts[:, None, None, None] * np.eye(n)[:, None, :])
+    symmetric = np.asarray(alone.all(axis=(0, 2)))
+    together = are_cusps(some + symmetric * np.linspace(shifts[0], shifts[1], n))
     return symmetric if together.all() else np.zeros(n, dtype=bool)
 
 

@@ -621,11 +621,11 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
             limits = search.limits.narrowed(checked.over, checked.short, checked.nearer)
             search = replace(search, near=best, limits=limits)
         # Keep what this search finds, if it reaches more samples or keeps the limits at more poses
-        *section, lower = search.best(coefficients, degree)
-        again = problem.checked(*section)
+        new_coefficients, section, lower = search.best(coefficients, degree)
+        again = problem.checked(new_coefficients, section)
         if not further and again.fits.sum() <= checked.fits.sum():
             break
-        (coefficients, best), checked = section, again
+        coefficients, best, checked = new_coefficients, section, again
         costs = (*costs[: degree + 2 - len(lower)], *lower)
     return Design(
         strategy=checked.strategy,

@@ -178,7 +178,8 @@ def as_objective(given: Objective | OwnCost | str) -> Objective:
     name = given.replace(" ", "_").replace("-", "_")
     if name not in Objective.NAMES:
         raise UnknownNameError("objective", given, Objective.NAMES)
-    return Objective(**{name: 1.0})
+    weights: dict[str, Any] = {name: 1.0}
+    return Objective(**weights)
 
 
 @dataclass(frozen=True)
