@@ -22,7 +22,7 @@ from typing import Any
 
 import holokin as hk
 from holokin.app.survey import Store, run_survey, survey_of
-from holokin.base.errors import SurveyError
+from holokin.base.errors import FileError
 
 LONGEST = 0.25
 """Seconds of a coordinator's life, at most."""
@@ -56,7 +56,7 @@ def same(found: list[dict[str, Any]], expected: list[dict[str, Any]]) -> bool:
 
 def count_of(file: Path) -> int:
     """Rows that were kept; none in a file that was not begun, or killed before its first write."""
-    with suppress(SurveyError), Store.opened(file, None) as store:
+    with suppress(FileError), Store.opened(file, None) as store:
         return len(store)
     return 0
 

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from .base.errors import HolokinError, MissingExtraError, NoAttributeError
+from .base.errors import HolokinError, MissingExtraError, NoAttributeError, error_form
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ if not TYPE_CHECKING:  # so that a misspelt name is an error of types
             return _loaded(name)
         form = f"hk.load({name.lower()!r})" if name.lower() in _loaded("robot").catalogue() else ""
         form = next((f"hk.{room}.{name}" for room in _ROOMS if name in _loaded(room).__all__), form)
-        raise NoAttributeError("holokin", name, __all__, form)
+        raise NoAttributeError("holokin", name, __all__, form or error_form(name))
 
 
 def _loaded(home: str) -> ModuleType:

@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import PANDA_START, SOUND, Command, assert_refused, assert_untouched, sampled, write_job
 from holokin.analysis.curvature import MOST_JOINTS
 from holokin.app.job import open_job, read_job
-from holokin.base.errors import ArgumentError, BranchError, ExpressionError, JobError, RecordingError, RobotFileError
+from holokin.base.errors import ArgumentError, BranchError, ExpressionError, FileError, JobError, RobotFileError
 from holokin.motion.ik.plan import make_plan
 from holokin.motion.ik.pose_paths import out_of_reach
 from holokin.symbolic import parse, symbol
@@ -309,9 +309,7 @@ def test_a_table_with_both_decimal_marks_is_refused_with_both_lines(seed: int, t
     lines = text.split("\n")
     lines[places[i] - 1] = lines[places[i] - 1].replace(",", ".")
     (tmp_path / "mixed.csv").write_text("\n".join(lines))
-    with pytest.raises(
-        RecordingError, match=f"line {places[0]} has a decimal comma, line {places[i]} a decimal point; "
-    ):
+    with pytest.raises(FileError, match=f"line {places[0]} has a decimal comma, line {places[i]} a decimal point; "):
         hk.path.read_waypoints(tmp_path / "mixed.csv")
 
 
@@ -324,7 +322,7 @@ def test_a_bad_cell_below_comments_is_named_by_its_line(seed: int, tmp_path: Pat
     lines = text.split("\n")
     lines[places[i] - 1] = mark.join(["1", "two", "3"])
     (tmp_path / "bad.csv").write_text("\n".join(lines))
-    with pytest.raises(RecordingError, match=f"line {places[i]}, column 'y_mm' holds 'two'"):
+    with pytest.raises(FileError, match=f"line {places[i]}, column 'y_mm' holds 'two'"):
         hk.path.read_waypoints(tmp_path / "bad.csv")
 
 
@@ -337,7 +335,7 @@ def test_a_row_whose_name_begins_with_a_number_sign_is_a_row(tmp_path: Path) -> 
 
 def test_comments_over_numbers_alone_are_no_header(tmp_path: Path) -> None:
     (tmp_path / "bare.csv").write_text("# exported by CAM\n\n1;2;3\n4;5;6\n")
-    with pytest.raises(RecordingError, match="line 3 holds numbers, no header; name the columns"):
+    with pytest.raises(FileError, match="line 3 holds numbers, no header; name the columns"):
         hk.path.read_waypoints(tmp_path / "bare.csv")
 
 

@@ -23,11 +23,11 @@ from holokin.app.job.strategy_tables import Fitted
 from holokin.base.errors import (
     ArgumentError,
     BranchError,
+    FileError,
     HolokinError,
     JointLimitError,
     NotFiniteError,
     OutOfReachError,
-    RecordingError,
     ShapeError,
     StartError,
 )
@@ -337,7 +337,7 @@ def test_degrees_are_only_of_angles(tmp_path: Path) -> None:
         (",".join(f"T{i}{j}" for i in range(3) for j in range(4)), "1,0,0,0,0,1,0,0,0,0,1,0"),
     ):
         file.write_text(f"{header}\n{row}\n")
-        with pytest.raises(RecordingError, match="has no angles; leave out angles="):
+        with pytest.raises(FileError, match="has no angles; leave out angles="):
             hk.path.read_workspace(file, angles="deg")
         assert len(hk.path.read_workspace(file).given) == 1
 
@@ -345,7 +345,7 @@ def test_degrees_are_only_of_angles(tmp_path: Path) -> None:
 def test_an_angle_beyond_a_turn_is_believed_where_somebody_says_radians(tmp_path: Path) -> None:
     file = tmp_path / "poses.csv"
     file.write_text("x,y,z,roll,pitch,yaw\n0.5,0,0.3,0,0,7\n")
-    with pytest.raises(RecordingError, match="it looks like degrees"):
+    with pytest.raises(FileError, match="it looks like degrees"):
         hk.path.read_workspace(file)
     assert hk.path.read_workspace(file, angles="rad").given[0, 0, 0] == pytest.approx(np.cos(7))
 

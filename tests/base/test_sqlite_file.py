@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from holokin.base.errors import RecordingError, WriteError
+from holokin.base.errors import FileError, WriteError
 from holokin.base.sqlite_file import table_file
 
 
@@ -19,7 +19,7 @@ def make(db: sqlite3.Connection) -> None:
 
 
 def opened(file: Path, **more: Any) -> AbstractContextManager[sqlite3.Connection]:
-    return table_file(file, "head", {"form": 2}, lambda fact: RecordingError(file, fact, "give another"), **more)
+    return table_file(file, "head", {"form": 2}, lambda fact: FileError(file, fact, "give another"), **more)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_a_file_of_something_else_is_refused_and_left_alone(
         with closing(sqlite3.connect(file)) as db:
             db.executescript(script)
     before = file.read_bytes()
-    with pytest.raises(RecordingError, match=fact), opened(file, make=make if writing else None):
+    with pytest.raises(FileError, match=fact), opened(file, make=make if writing else None):
         pass
     assert file.read_bytes() == before and list(tmp_path.iterdir()) == [file]
 
@@ -65,6 +65,6 @@ def test_one_file_made_by_many_at_once_is_made_once_and_keeps_all_rows(tmp_path:
 def test_reading_makes_no_file_and_a_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(WriteError), opened(tmp_path / "none.sqlite"):
         pass
-    with pytest.raises(RecordingError, match="folder"), opened(tmp_path):
+    with pytest.raises(FileError, match="folder"), opened(tmp_path):
         pass
     assert not list(tmp_path.iterdir())

@@ -28,8 +28,7 @@ from conftest import PANDA_START, campaign, sampled
 from holokin import export, motion
 from holokin import robot as robots
 from holokin.base.arguments import MAKERS
-from holokin.base.errors import ArgumentError, CallError, NoAttributeError
-from holokin.base.errors.holokin_error import FORMS
+from holokin.base.errors import FORMS, ArgumentError, CallError, NoAttributeError
 from holokin.base.types import Shown
 from public_nouns import public_classes, rooms
 
@@ -74,7 +73,7 @@ def test_a_call_of_the_wrong_form_is_refused_with_the_right_one(name: str) -> No
         if isinstance(told.value, CallError):  # or a kind was wrong, which is said first
             assert isinstance(told.value, TypeError)
             assert f"; call it as {function.__qualname__}(" in str(told.value)
-            assert all(word in told.value.form for word in inspect.signature(function).parameters)
+            assert all(word in told.value.cure for word in inspect.signature(function).parameters)
         else:
             assert arguments, told.value
 

@@ -16,7 +16,7 @@ import holokin as hk
 from conftest import Command, assert_refused, sampled
 from holokin.analysis.audit.logs import joint_feature, pose_feature, read_dataset
 from holokin.analysis.audit.logs.datasets import rows
-from holokin.base.errors import ArgumentError, RecordingError
+from holokin.base.errors import ArgumentError, FileError
 from holokin.learning import Retargeted, retarget
 from printed import assert_alike
 from small_datasets import stats, write_dataset
@@ -244,10 +244,10 @@ def test_what_cannot_be_written_or_read_is_refused_before_anything_is_made(tmp_p
     with pytest.raises(ArgumentError, match='"refuse", "skip" or "nearest"'):
         on_leaf(folder, tmp_path / "new", PLANAR, ARM, bad="ignore")
     (folder / "meta/episodes_stats.jsonl").unlink()
-    with pytest.raises(RecordingError, match=r"no such file, and a dataset of v2.1 has one"):
+    with pytest.raises(FileError, match=r"no such file, and a dataset of v2.1 has one"):
         on_leaf(folder, tmp_path / "new", PLANAR, ARM)
     (folder / "meta/episodes_stats.jsonl").write_text('{"episode_index": 0}\n')
-    with pytest.raises(RecordingError, match="has not a line with the statistics of each episode"):
+    with pytest.raises(FileError, match="has not a line with the statistics of each episode"):
         on_leaf(folder, tmp_path / "new", PLANAR, ARM)
     assert [p.name for p in tmp_path.iterdir()] == ["old"]
 
@@ -259,7 +259,7 @@ def test_a_link_to_a_strangers_file_is_not_copied(tmp_path: Path) -> None:
         folder = planar(tmp_path / place.split("/")[0], video=True)
         (folder / place).unlink(missing_ok=True)
         (folder / place).symlink_to(secret)
-        with pytest.raises(RecordingError, match="is a link out of the dataset"):
+        with pytest.raises(FileError, match="is a link out of the dataset"):
             on_leaf(folder, tmp_path / "new", PLANAR, ARM)
         assert not (tmp_path / "new").exists()
 

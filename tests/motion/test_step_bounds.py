@@ -8,7 +8,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from holokin.base.errors import ArgumentError, LostToolError, ShapeError, SingularityError, UnknownNameError
+from holokin.base.errors import ArgumentError, ShapeError, SingularityError, TrackingError, UnknownNameError
 from holokin.motion import Controller, StepStatus
 from holokin.motion.control_step import LEAST_RCOND, MOST_ERROR, UNLIMITED
 
@@ -82,7 +82,7 @@ def test_a_pose_far_away_or_in_millimetres_moves_nothing(panda: hk.Robot) -> Non
         far[:3, 3] = place
         assert not c.step(PANDA_START, far, still).any()
         assert c.status is StepStatus.LOST
-        with pytest.raises(LostToolError, match="metres"):
+        with pytest.raises(TrackingError, match="metres"):
             c.begin(PANDA_START)(PANDA_START, far, still, DT)
     turned = pose.copy()
     turned[:3, :3] = pose[:3, :3] @ np.diag([1.0, -1.0, -1.0])

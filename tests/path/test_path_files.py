@@ -11,7 +11,7 @@ from scipy.special import ellipe
 
 import holokin as hk
 from conftest import sampled
-from holokin.base.errors import ArgumentError, RecordingError
+from holokin.base.errors import ArgumentError, FileError
 
 ROWS = np.array([[400, 0, 300], [450, 20, 300], [500, 0, 310]])
 TURNS = Rotation.from_euler("xyz", [[180, 0, 0], [170, 5, 10], [160, 0, 20]], degrees=True)
@@ -75,7 +75,7 @@ def test_a_column_that_is_not_understood_is_refused_by_name(tmp_path: Path, name
     many = header.count(",") - 2
     file = table(tmp_path / "w.csv", header, ROWS, np.arange(1.0, 1 + 3 * many).reshape(3, -1))
     for read in (hk.path.read_waypoints, hk.path.read_workspace):
-        with pytest.raises(RecordingError, match=words):
+        with pytest.raises(FileError, match=words):
             read(file)
     named = header.split(",")[3:]
     assert hk.path.read_waypoints(file, ignore=named).rotations is None
@@ -88,7 +88,7 @@ def test_remarks_are_passed_over_and_what_is_left_out_must_be_there(tmp_path: Pa
     assert hk.path.read_waypoints(file, ignore=["tool_*"]).points[1] == pytest.approx([0.004, 0.005, 0.006])
     with pytest.raises(ArgumentError, match=r"ignore .*there is no such column"):
         hk.path.read_waypoints(file, ignore=["tool_*", "sped"])
-    with pytest.raises(RecordingError, match="no column x"):
+    with pytest.raises(FileError, match="no column x"):
         hk.path.read_waypoints(file, ignore=["x_mm", "tool_*"])
 
 
@@ -156,9 +156,7 @@ def test_half_a_turn_between_two_waypoints_is_refused_for_its_direction_is_by_ch
     file = table(
         tmp_path / "w.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw", points, Rotation.from_matrix(half[:, :3, :3]).as_quat()
     )
-    with pytest.raises(
-        RecordingError, match=f"from line {i + 2} to line {i + 3} the tool turns by 180 degrees; .* between"
-    ):
+    with pytest.raises(FileError, match=f"from line {i + 2} to line {i + 3} the tool turns by 180 degrees; .* between"):
         hk.path.read_waypoints(file)
     turned = hk.polyline(poses(np.pi - 2e-3)).segments[i].turning[1]
     assert turned == pytest.approx((np.pi - 2e-3) * axis, abs=1e-9)
@@ -190,7 +188,7 @@ def test_a_file_with_a_fault_is_refused_with_line_and_cure(tmp_path: Path, fault
     text, words = BAD[fault]
     file = tmp_path / "w.csv"
     file.write_text(text)
-    with pytest.raises(RecordingError) as caught:
+    with pytest.raises(FileError) as caught:
         hk.path.read_waypoints(file)
     assert words in str(caught.value)
     assert str(caught.value).startswith(f"{file}: ") and "; " in str(caught.value)
@@ -198,7 +196,7 @@ def test_a_file_with_a_fault_is_refused_with_line_and_cure(tmp_path: Path, fault
 
 def test_what_you_say_and_what_the_header_says_must_agree(tmp_path: Path) -> None:
     file = table(tmp_path / "w.csv", "x_mm,y_mm,z_mm", ROWS)
-    with pytest.raises(RecordingError, match="header says mm for 'x', and you m"):
+    with pytest.raises(FileError, match="header says mm for 'x', and you m"):
         hk.path.read_waypoints(file, units="m")
     small = table(tmp_path / "s.csv", "x,y,z", ROWS / 1e3)
     assert "are they metres?" in hk.path.read_waypoints(small, units="mm").notes[0]
@@ -267,7 +265,7 @@ def test_curves_stay_within_their_tolerance_of_the_drawing(tmp_path: Path) -> No
     ],
 )
 def test_a_drawing_without_size_or_outlines_is_refused(tmp_path: Path, body: str, size: str, words: str) -> None:
-    with pytest.raises(RecordingError, match=words):
+    with pytest.raises(FileError, match=words):
         drawn(tmp_path, body, size)
 
 
@@ -283,7 +281,7 @@ def test_a_drawing_without_size_or_outlines_is_refused(tmp_path: Path, body: str
 def test_a_drawing_that_the_library_cannot_draw_is_refused(tmp_path: Path, text: str, words: str) -> None:
     pytest.importorskip("svgelements")
     (tmp_path / "d.svg").write_text(text.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"'))
-    with pytest.raises(RecordingError, match=words):
+    with pytest.raises(FileError, match=words):
         hk.path.read_svg(tmp_path / "d.svg")
 
 

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 import holokin as hk
-from holokin.base.errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
+from holokin.base.errors import ArgumentError, FileError, NotFiniteError, ShapeError
 from holokin.path.workspaces import PoseCloud, pose_cloud
 
 POINTS = np.array([[0.4, 0, 0.3], [0.5, 0.1, 0.32], [0.45, 0.2, 0.3], [0.35, 0.15, 0.25], [0.3, 0.0, 0.3]])
@@ -433,7 +433,7 @@ def test_poses_read_from_a_csv_file_are_those_that_were_written(tmp_path: Path, 
         assert np.allclose(cloud.poses(1000), some_poses, atol=1e-14), name
     degrees = table(tmp_path / "d.csv", "yaw,pitch,roll,x,y,z", np.hstack([turned.as_euler("xyz", True)[:, ::-1], p]))
     assert np.allclose(hk.path.read_workspace(degrees, angles="deg").poses(20), some_poses, atol=1e-14)
-    with pytest.raises(RecordingError, match="say angles='deg'"):
+    with pytest.raises(FileError, match="say angles='deg'"):
         hk.path.read_workspace(degrees)
 
 
@@ -462,9 +462,9 @@ def test_roll_pitch_and_yaw_turn_about_the_axes_of_the_base_in_this_order(tmp_pa
 def test_a_table_that_holds_no_poses_is_refused_with_the_line(tmp_path: Path, text: str, fact: str) -> None:
     file = tmp_path / "poses.csv"
     file.write_text(text, "utf-8")
-    with pytest.raises(RecordingError, match=fact):
+    with pytest.raises(FileError, match=fact):
         hk.path.read_workspace(file)
-    with pytest.raises(RecordingError, match="no such file"):
+    with pytest.raises(FileError, match="no such file"):
         hk.path.read_workspace(tmp_path / "none.csv")
 
 

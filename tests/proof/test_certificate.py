@@ -22,7 +22,7 @@ import holokin as hk
 from conftest import campaign
 from forged import VERIFIED, Data, assert_true, changed, outcome, parabola, sealed, shifted
 from holokin.app.cli.main import app
-from holokin.base.errors import ArgumentError, CertificateError, ExpressionError, StartError
+from holokin.base.errors import ArgumentError, ExpressionError, FileError, StartError
 from holokin.proof import Certificate
 from holokin.proof.binding import unlike
 from holokin.proof.recheck import recheck
@@ -137,7 +137,7 @@ def test_the_command_line_proves_a_job_and_checks_what_it_wrote(tmp_path: Path) 
     file.write_text(file.read_text("utf-8").replace('"whole": true', '"whole": false'), "utf-8")
     again = call(app, ["check-certificate", str(file)])
     assert again.exit_code == 1 and "REJECTED" in again.output
-    assert isinstance(call(app, ["check-certificate", str(job)]).exception, CertificateError)  # main ends with 2
+    assert isinstance(call(app, ["check-certificate", str(job)]).exception, FileError)  # main ends with 2
     assert call(app, ["certify", str(job), "--budget", "1", "--out", out]).exit_code == 1
     (tmp_path / "other" / "small-proof").mkdir(parents=True)
     (tmp_path / "other" / "small-proof" / "mine.txt").write_text("mine", "utf-8")
@@ -248,7 +248,7 @@ def answer(text: str, file: Path, robot: hk.Robot | None = None) -> str:
     file.write_text(text, "utf-8")
     try:
         rejected, said = recheck(file, seconds=20.0, robot=robot)
-    except CertificateError as problem:
+    except FileError as problem:
         assert "within 20 s" not in str(problem)
         return "none"
     assert said.isascii() or said.encode("utf-8")
@@ -319,10 +319,10 @@ def test_the_time_of_a_large_file_is_bounded(tmp_path: Path) -> None:
     still["pieces"] = [{"numbers": [], "u": [0.0], "q": [1.0], "cells": cell}] * 20_000
     (tmp_path / "file.json").write_text(sealed(still), "utf-8")
     began = time.process_time()
-    with pytest.raises(CertificateError, match="not verified within 0 s"):
+    with pytest.raises(FileError, match="not verified within 0 s"):
         recheck(tmp_path / "file.json", seconds=0.4)
     assert time.process_time() - began < 4.0
     brackets = '{"a": [' + "[], " * 400_000 + "[]]}"
     (tmp_path / "file.json").write_text(brackets, "utf-8")
-    with pytest.raises(CertificateError, match="more lists than numbers"):
+    with pytest.raises(FileError, match="more lists than numbers"):
         recheck(tmp_path / "file.json")

@@ -312,7 +312,7 @@ def test_the_time_is_limited(loop: Data, file: Path) -> None:
     file.write_text(sealed(loop), "utf-8")
     with pytest.raises(TimeoutError):
         checker.check(str(file), seconds=0.0)
-    with pytest.raises(hk.base.errors.CertificateError, match="--seconds"):
+    with pytest.raises(hk.base.errors.FileError, match="--seconds"):
         recheck(file, seconds=0.0)
 
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import campaign, sampled, urdf
 from holokin.app.report.plots import region_figure
-from holokin.base.errors import ArgumentError, BranchError, HolokinError, NoProofError, OutsideRegionError
+from holokin.base.errors import ArgumentError, BranchError, HolokinError, NoProofError, OutOfReachError
 from holokin.base.units import percentages
 from holokin.motion.ik import InverseStatus
 from holokin.motion.trajectory import Status
@@ -112,9 +112,9 @@ def test_a_pose_outside_is_refused_and_another_orientation_is_outside() -> None:
     assert region.contains(poses).tolist() == [True, False, False]
     assert ik.batch(poses).status.tolist() == [InverseStatus.REACHED, InverseStatus.OUTSIDE, InverseStatus.OUTSIDE]
     for pose in poses[1:]:
-        with pytest.raises(OutsideRegionError, match="larger region"):
+        with pytest.raises(OutOfReachError, match="larger region"):
             ik(pose)
-        with pytest.raises(OutsideRegionError):
+        with pytest.raises(OutOfReachError):
             ik.near(pose, PANDA)
 
 

@@ -8,7 +8,7 @@ from casadi import atan2, ceil, fabs, floor, fmin, fmod, if_else, sign
 
 import holokin as hk
 from conftest import PANDA_START, R3_START, campaign, sampled
-from holokin.base.errors import JumpError
+from holokin.base.errors import BranchError
 from holokin.motion.ik import InverseStatus
 from holokin.strategies import may_jump, pfaffian
 
@@ -62,12 +62,12 @@ def test_a_jump_of_g_is_told_by_the_verdict_and_ends_follow_and_inverse(name: st
             ik = hk.ik(G, q0)
             try:
                 walk = hk.follow(G, line, q0, samples=20, limits=False)
-            except JumpError as problem:
+            except BranchError as problem:
                 met += 1
                 walk = problem.trajectory
                 assert walk.status is hk.motion.Status.JUMP
                 assert problem.level > 0.05 and problem.what and "its g jumps" in str(problem)
-                with pytest.raises(JumpError):
+                with pytest.raises(BranchError):
                     ik(goal)
                 assert ik.batch(goal[None]).status[0] == InverseStatus.JUMP
             else:

@@ -14,8 +14,10 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from .errors import SYNONYMS, ArgumentError, CallError, PickleError, UnknownNameError, brief
+from .errors import SYNONYMS, ArgumentError, CallError, ExportError, UnknownNameError, brief
 from .types import Array, Flags, Shown, Value, Vector, frozen, number
+
+AGAIN = "pickle what you made it from, and make it again"
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -65,7 +67,9 @@ def typed(function: F) -> F:
             if isinstance(problem, CallError) or _bound(function, arguments, named):
                 raise
             missing = {name: kind for name, kind in list(wanted.items())[len(arguments) :] if name not in named}
-            raise CallError(str(problem), _form(function, wanted, named) + _made_as(function, missing)) from None
+            raise CallError(
+                str(problem), f"call it as {_form(function, wanted, named) + _made_as(function, missing)}"
+            ) from None
 
     return called  # type: ignore[return-value]
 
@@ -303,13 +307,17 @@ class Made:
         recipe = self.__dict__.get("_recipe")
         what = f"{type(self).__name__} {getattr(self, 'name', '')!r}"
         if recipe is None:
-            raise PickleError(what, "it was not made by a function of holokin alone")
+            raise ExportError(
+                f"{what} cannot be pickled: " + brief("it was not made by a function of holokin alone"), AGAIN
+            )
         try:
             pickle.dumps(recipe)
-        except PickleError:
+        except ExportError:
             raise
         except (pickle.PicklingError, AttributeError, TypeError) as problem:
-            raise PickleError(what, f"it was made with what cannot be pickled ({problem})") from problem
+            raise ExportError(
+                f"{what} cannot be pickled: " + brief(f"it was made with what cannot be pickled ({problem})"), AGAIN
+            ) from problem
         return _remade, recipe
 
 

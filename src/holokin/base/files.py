@@ -23,22 +23,22 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from .errors import RecordingError, WriteError
+from .errors import FileError, WriteError
 
 # --- Files that users give: whether one can be read, and its words in a message.
 
 
 def is_folder(file: Path) -> bool:
-    """True for a folder, False for a regular file. Raises: RecordingError for a pipe or device, and for no file."""
+    """True for a folder, False for a regular file. Raises: FileError for a pipe or device, and for no file."""
     try:
         mode = file.stat().st_mode
     except (FileNotFoundError, NotADirectoryError, ValueError):
-        raise RecordingError(file, "there is no such file", "check the path") from None
+        raise FileError(file, "there is no such file", "check the path") from None
     except OSError as problem:
-        raise RecordingError(file, f"cannot be looked at ({problem.strerror})", "check the path") from None
+        raise FileError(file, f"cannot be looked at ({problem.strerror})", "check the path") from None
     if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
         kind = "a pipe" if stat.S_ISFIFO(mode) else "a device or socket"
-        raise RecordingError(file, f"it is {kind}, which may never end", "save it as a file first")
+        raise FileError(file, f"it is {kind}, which may never end", "save it as a file first")
     return stat.S_ISDIR(mode)
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from .errors import ArgumentError, RecordingError
+from .errors import ArgumentError, FileError
 from .files import is_folder, listed, shown
 from .poses import ORDERS, UNIT
 from .types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
@@ -41,7 +41,7 @@ def read_table(
     names: str,
     *,
     headless: Callable[[Sequence[str]], list[str]] | None = None,
-    bad: list[RecordingError] | None = None,
+    bad: list[FileError] | None = None,
     labels: Sequence[int] = (),
 ) -> Iterator[Rows]:
     """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
@@ -54,7 +54,7 @@ def read_table(
         bad: gets the error of each row that cannot be read, and the row is left out; None raises it.
 
     Raises:
-        RecordingError: it cannot be read, has no header, or a cell that is no finite number.
+        FileError: it cannot be read, has no header, or a cell that is no finite number.
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
@@ -67,11 +67,11 @@ def read_table(
             cells = next(csv.reader([plain], delimiter=delimiter), [])
             header = [cell.strip().strip("#").strip() for cell in cells]
             if not any(header):
-                raise RecordingError(file, f"line {done} is empty, no header" if first else "is empty", cure)
+                raise FileError(file, f"line {done} is empty, no header" if first else "is empty", cure)
             if number_in(header[0]) is not None:
                 if headless is None:
                     fact = f"line {done} holds numbers, no header"
-                    raise RecordingError(file, fact, f"name the columns: {names}")
+                    raise FileError(file, fact, f"name the columns: {names}")
                 header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), done - 1
             if delimiter != ",":
                 lines = _with_points(file, lines, done)
@@ -79,11 +79,11 @@ def read_table(
             for name in (header[c] for c in columns):
                 if header.count(name) > 1:
                     fact = f"its header has {header.count(name)} columns {shown(name)!r}"
-                    raise RecordingError(file, fact, "rename or delete all but one")
+                    raise FileError(file, fact, "rename or delete all but one")
             yield from _pieces(file, header, columns, lines, delimiter, done, bad, labels)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
-        raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+        raise FileError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
 
 
 def _from_header(lines: Iterator[str]) -> tuple[str, Iterator[str], int]:
@@ -113,7 +113,7 @@ def _delimiter(line: str) -> str:
 
 
 def _with_points(file: Path, lines: Iterator[str], done: int) -> Iterator[str]:
-    """Lines whose cells no comma ends, with points for decimal commas. Raises: RecordingError: the lines have both."""
+    """Lines whose cells no comma ends, with points for decimal commas. Raises: FileError: the lines have both."""
     comma = point = 0
     for number, line in enumerate(lines, done + 1):
         if not point and "." in line and not line.startswith("#") and _POINT.search(line):
@@ -123,7 +123,7 @@ def _with_points(file: Path, lines: Iterator[str], done: int) -> Iterator[str]:
             comma = comma or number * bool(count)
         if comma and point:
             fact = f"line {comma} has a decimal comma, line {point} a decimal point"
-            raise RecordingError(file, fact, "write all decimals with points, and no commas between thousands")
+            raise FileError(file, fact, "write all decimals with points, and no commas between thousands")
         yield line
 
 
@@ -152,7 +152,7 @@ def _lines(file: Path, stream: TextIO) -> Iterator[str]:
     while line := stream.readline(LONGEST_LINE):
         if len(line) == LONGEST_LINE and not line.endswith(("\n", "\r")):
             fact = f"a line has over {LONGEST_LINE} characters"
-            raise RecordingError(file, fact, "give a CSV file with a line a sample")
+            raise FileError(file, fact, "give a CSV file with a line a sample")
         yield line
 
 
@@ -163,7 +163,7 @@ def _pieces(
     lines: Iterator[str],
     delimiter: str,
     done: int,
-    bad: list[RecordingError] | None,
+    bad: list[FileError] | None,
     labels: Sequence[int],
 ) -> Iterator[Rows]:
     """Rows, some at a time; the first of the wanted columns is the time."""
@@ -213,14 +213,14 @@ def _row_numbers(
     header: Sequence[str],
     wanted: Sequence[int],
     rows: Sequence[tuple[int, list[str]]],
-    bad: list[RecordingError] | None,
+    bad: list[FileError] | None,
 ) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:
-    """(the rows, their wanted columns), cell by cell. Raises: RecordingError: one cannot be read, and `bad` is None."""
+    """(the rows, their wanted columns), cell by cell. Raises: FileError: one cannot be read, and `bad` is None."""
     sound_rows, numbers = [], []
     for line, row in rows:
         try:
             numbers.append(_row(file, header, wanted, line, row))
-        except RecordingError as problem:
+        except FileError as problem:
             if bad is None:
                 raise
             bad.append(problem)
@@ -230,20 +230,20 @@ def _row_numbers(
 
 
 def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, row: Sequence[str]) -> list[float]:
-    """The wanted columns of a row. Raises: RecordingError: one is no finite number; the row is too long or short."""
+    """The wanted columns of a row. Raises: FileError: one is no finite number; the row is too long or short."""
     lengths = f"cells, the header {len(header)}"
     if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
         cure = "delete what is too much; write decimals with a point, not a comma"
-        raise RecordingError(file, f"line {line} has {len(row)} {lengths}", cure)
+        raise FileError(file, f"line {line} has {len(row)} {lengths}", cure)
     values = []
     for c in wanted:
         if c >= len(row):
-            raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
+            raise FileError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
         number = number_in(row[c])
         if number is None or not isfinite(number):
             fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
             comma = _COMMA.search(row[c])
-            raise RecordingError(file, fact, "write decimals with points" if comma else "correct or delete the line")
+            raise FileError(file, fact, "write decimals with points" if comma else "correct or delete the line")
         values.append(number)
     return values
 
@@ -325,7 +325,7 @@ def unit_of(file: Path, stamps: Vector, steady: bool) -> str:
     samples in `steady` succession, by their usual step; else seconds.
 
     Raises:
-        RecordingError: whole stamps whose step could have two units.
+        FileError: whole stamps whose step could have two units.
     """
     first = abs(float(stamps[0]))
     fits = [unit for unit, size in UNITS.items() if EPOCH[0] <= first * size <= EPOCH[1]]
@@ -337,14 +337,14 @@ def unit_of(file: Path, stamps: Vector, steady: bool) -> str:
     unit = next(unit for most, unit in BY_STEP if step <= most)
     if unit is None:
         fact = f"its whole-number stamps are {step:g} apart, which could be two units"
-        raise RecordingError(file, fact, "name the unit in the header, as in t_ms, t_us or t_ns")
+        raise FileError(file, fact, "name the unit in the header, as in t_ms, t_us or t_ns")
     return unit
 
 
-def no_time(file: Path, header: Sequence[str]) -> RecordingError:
+def no_time(file: Path, header: Sequence[str]) -> FileError:
     """The refusal of a header without a time."""
     cure = f"name the column of times one of {', '.join(TIMES)}, with a unit as in t_ms; the columns are"
-    return RecordingError(file, "there is no time column", f"{cure} {listed(header)}")
+    return FileError(file, "there is no time column", f"{cure} {listed(header)}")
 
 
 POSITION = ("x", "y", "z")
@@ -443,11 +443,11 @@ def pose_rows(file: Path, noun: str, units: Units) -> PoseRows:
     """The points or poses of a CSV file, a `noun` a line.
 
     Raises:
-        RecordingError: no such file, unreadable; missing columns, no unit; text or NaN in a cell, with line and column;
+        FileError: no such file, unreadable; missing columns, no unit; text or NaN in a cell, with line and column;
             values that look like another unit; quaternions that are not of unit length, matrices that do not rotate.
     """
     if is_folder(file):
-        raise RecordingError(file, "is a folder", f"give a CSV file of {noun}s")
+        raise FileError(file, "is a folder", f"give a CSV file of {noun}s")
     chosen: list[PoseColumns] = []
 
     def wanted(header: Sequence[str]) -> list[int]:
@@ -457,13 +457,13 @@ def pose_rows(file: Path, noun: str, units: Units) -> PoseRows:
     pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
     tables = [(piece.table, piece.lines) for piece in pieces]
     if not tables:
-        raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")
+        raise FileError(file, f"has a header but no {noun}s", f"give a {noun} a line")
     lines = np.concatenate([places for _, places in tables])
     return poses_of(file, chosen[0], np.vstack([rows for rows, _ in tables]), lines, units)
 
 
 def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, units: Units) -> PoseRows:
-    """The points or poses of values (k, c) of the columns `wanted`, in SI units. Raises: RecordingError."""
+    """The points or poses of values (k, c) of the columns `wanted`, in SI units. Raises: FileError."""
     table = values[:, : len(columns.scales)] * columns.scales
     notes: list[str] = []
     points, turned = table[:, :3], table[:, 3 : 3 + len(columns.orientation)]
@@ -471,7 +471,7 @@ def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, u
     if size.max() > FAR:
         i = int(np.argmax(size > FAR))
         fact = f"{units.place} {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
-        raise RecordingError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
+        raise FileError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
     if columns.scales[0] == SCALES["mm"] and size.max() < NEAR:
         notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
     rotations = _rotations(file, columns.kind, turned, lines, units, notes) if columns.kind else None
@@ -493,7 +493,7 @@ def _seconds(file: Path, columns: TimeColumns, values: Matrix, notes: list[str])
 
 
 def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseColumns:
-    """Which columns of a header hold points or poses. Raises: RecordingError."""
+    """Which columns of a header hold points or poses. Raises: FileError."""
     first, last = COVERAGE
     if tuple(header[: len(first)]) == first and tuple(header[-len(last) :]) == last:
         header = header[: len(POSITION) + 4]
@@ -505,7 +505,7 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
         if match is None or i in left:
             continue
         if match[1] in known and match[1] in _MEANT:
-            raise RecordingError(file, f"its header has 2 columns {match[1]!r}", "keep or name one of them")
+            raise FileError(file, f"its header has 2 columns {match[1]!r}", "keep or name one of them")
         known[match[1]] = (i, match[2])
     # Positions and orientations, and by what they are multiplied for SI units.
     matrix = all(name in known for name in MATRIX)
@@ -513,7 +513,7 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
     missing = [name for name in where if name not in known]
     if missing:
         cure = f"name the columns x_mm, y_mm, z_mm or x, y, z; they are {listed(header)}"
-        raise RecordingError(file, f"has no column {', '.join(missing)}", cure)
+        raise FileError(file, f"has no column {', '.join(missing)}", cure)
     otherwise = ("m", "rad") if units.assumed else (None, None)
     scales = _scales(file, known, where, "units", units.units, otherwise[0])
     kind, names = (
@@ -523,7 +523,7 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
         scales += _scales(file, known, names, "angles", units.angles, otherwise[1])
     else:
         if units.angles is not None:
-            raise RecordingError(file, "has no angles", "leave out angles=")
+            raise FileError(file, "has no angles", "leave out angles=")
         scales += [1.0] * len(names)
     # Times; a column of which nothing is known is refused.
     time = time_columns(["" if i in left else name for i, name in enumerate(header)], prefixes=False)
@@ -534,7 +534,7 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
         if i not in read | passed | left and name.lower() not in REMARKS:
             fact = f"its column {shown(name)!r} is neither a position, nor an orientation or a time that is read"
             cure = f"delete it, or leave it out on purpose with ignore={[shown(name)]}"
-            raise RecordingError(file, fact, cure)
+            raise FileError(file, fact, cure)
     time = None if units.assumed else time
     return PoseColumns([places[n] for n in where], [places[n] for n in names], kind, time, np.array(scales))
 
@@ -559,7 +559,7 @@ def _orientation(
         there = [("numbered", names) for names in NUMBERED if all(name in known for name in names)]
     if len(there) > 1:
         fact = f"its columns hold more than one orientation: {listed(there[0][1])} and {listed(there[1][1])}"
-        raise RecordingError(file, fact, "keep one of them")
+        raise FileError(file, fact, "keep one of them")
     if not there:
         some = [n for names in (*NAMED.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
         some = [n for n in some if n in known]
@@ -568,16 +568,16 @@ def _orientation(
             cure = (
                 f"name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz, or a, b, c; the columns are {listed(header)}"
             )
-            raise RecordingError(file, fact, cure)
+            raise FileError(file, fact, cure)
         if units.order is not None:
-            raise RecordingError(file, "has no quaternions", "leave out order=")
+            raise FileError(file, "has no quaternions", "leave out order=")
         return "", ()
     kind, names = there[0]
     if kind == "numbered" and units.order is None:
         fact = f"its columns {', '.join(names)} do not say which number is the scalar"
-        raise RecordingError(file, fact, "say order='xyzw' or order='wxyz', or name them qx, qy, qz, qw")
+        raise FileError(file, fact, "say order='xyzw' or order='wxyz', or name them qx, qy, qz, qw")
     if kind != "numbered" and units.order is not None:
-        raise RecordingError(file, f"names its columns {', '.join(names)}", "leave out order=")
+        raise FileError(file, f"names its columns {', '.join(names)}", "leave out order=")
     return kind, names
 
 
@@ -596,15 +596,15 @@ def _scales(
         unit = known[name][1]
         if unit and unit not in allowed:
             fact = f"its column {name!r} is in {unit}"
-            raise RecordingError(file, fact, f"give it in {' or '.join(allowed)}")
+            raise FileError(file, fact, f"give it in {' or '.join(allowed)}")
         if unit and given is not None and unit != given:
             cure = f"leave out {argument}=, or correct the header"
-            raise RecordingError(file, f"its header says {unit} for {name!r}, and you {given}", cure)
+            raise FileError(file, f"its header says {unit} for {name!r}, and you {given}", cure)
         assumed = unit or given or otherwise
         if assumed is None:
             small, plain = ("mm", "m") if argument == "units" else ("deg", "rad")
             cure = f"say {argument}='{small}' or {argument}='{plain}', or put the unit into the header: {name}_{small}"
-            raise RecordingError(file, f"does not say in which unit {name!r} is", cure)
+            raise FileError(file, f"does not say in which unit {name!r} is", cure)
         out.append(SCALES[assumed])
     return out
 
@@ -617,7 +617,7 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
         matrices = values.reshape(-1, 3, 3)
         for line, R in zip(lines, matrices, strict=True):
             if not rotation_gap(R) < ROTATION:
-                raise RecordingError(file, f"{units.place} {line} has no rotation", rotation_cure(R))
+                raise FileError(file, f"{units.place} {line} has no rotation", rotation_cure(R))
         return matrices
     # Quaternions have length 1; one that changes its sign is noted.
     if kind in ("quaternion", "numbered"):
@@ -628,7 +628,7 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
             fact = f"{units.place} {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
             fact += f", and {more} {units.place}s after it" if more else ""
             cure = "give unit quaternions, qw the scalar"
-            raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1", cure)
+            raise FileError(file, f"{fact}, {off[i]:.2g} away from 1", cure)
         flips = np.flatnonzero(np.sum(values[1:] * values[:-1], axis=1) < 0) + 1
         if flips.size:
             where = ", ".join(str(lines[i]) for i in flips[:5]) + (", ..." if flips.size > 5 else "")
@@ -641,7 +641,7 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
         i = int(np.argmax(far))
         fact = f"{units.place} {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: "
         fact += "it looks like degrees"
-        raise RecordingError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
+        raise FileError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
     if kind == "vector":
         return Rotation.from_rotvec(values).as_matrix()
     return Rotation.from_euler("ZYX" if kind == "KUKA" else "xyz", values).as_matrix()

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from .errors import (
     FORMS,
-    AmbiguousTruthError,
     ArgumentError,
+    CallError,
     NoAttributeError,
     NotFiniteError,
     OwnFunctionError,
@@ -428,7 +428,7 @@ class Result(Shown):
 
 
 class NoTruthValue(Result):
-    """The parent of results and statuses that may say no: `bool` of one raises `AmbiguousTruthError`.
+    """The parent of results and statuses that may say no: `bool` of one raises `CallError`.
 
     `ask` says what to ask instead.
     """
@@ -441,7 +441,10 @@ class NoTruthValue(Result):
             cls.ask = ask
 
     def __bool__(self) -> NoReturn:
-        raise AmbiguousTruthError(type(self).__name__, self.ask)
+        raise CallError(
+            f"{type(self).__name__} is neither True nor False, for that would say nothing of what was found",
+            f"ask {self.ask}",
+        )
 
 
 def _plain_fields(value: Any) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from typing import IO, Any
 import numpy as np
 
 from ..analysis.audit.logs import Dataset, Episode, JointFeature, PoseFeature, datasets
-from ..base.errors import RecordingError
+from ..base.errors import FileError
 from ..base.files import shown
 from ..base.types import Array, Matrix
 from ..strategies.tasks.task import Task
@@ -102,7 +102,7 @@ def _write_meta(
         learnt: statistics of the changed columns, by episode and column.
 
     Raises:
-        RecordingError: metadata that cannot be read.
+        FileError: metadata that cannot be read.
     """
     if len(episodes) < len(dataset.episodes):
         # The statistics of the columns that count episodes and rows.
@@ -133,18 +133,18 @@ def _write_meta(
 
 @contextmanager
 def _of_its_form(dataset: Dataset) -> Iterator[None]:
-    """What metadata with other types than LeRobot's raise, as a RecordingError."""
+    """What metadata with other types than LeRobot's raise, as a FileError."""
     import pyarrow
 
     try:
         yield
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, pyarrow.ArrowException) as problem:
         fact = f"holds statistics or numbers that are none ({shown(str(problem), 120)})"
-        raise RecordingError(dataset.folder / "meta", fact, "download the dataset anew") from problem
+        raise FileError(dataset.folder / "meta", fact, "download the dataset anew") from problem
 
 
 def check_meta(dataset: Dataset) -> None:
-    """Raises: RecordingError: metadata that cannot be written anew, which is so known before joints are computed."""
+    """Raises: FileError: metadata that cannot be written anew, which is so known before joints are computed."""
     with _of_its_form(dataset):
         if dataset.version == "v2.1":
             for row in _statistics(dataset):
@@ -156,19 +156,19 @@ def check_meta(dataset: Dataset) -> None:
                 for row in table.select([name for name in table.column_names if name.startswith("stats/")]).to_pylist():
                     _stats_of(row)
     if (dataset.folder / SUMMARY).exists() and not isinstance(datasets.read_json(dataset.folder / SUMMARY), dict):
-        raise RecordingError(dataset.folder / SUMMARY, "has no statistics by column", "download the dataset anew")
+        raise FileError(dataset.folder / SUMMARY, "has no statistics by column", "download the dataset anew")
 
 
 def _statistics(dataset: Dataset) -> list[dict[str, Any]]:
-    """The lines of episodes_stats.jsonl, of each episode one. Raises: RecordingError."""
+    """The lines of episodes_stats.jsonl, of each episode one. Raises: FileError."""
     file = dataset.folder / STATS
     if not file.exists():
         cure = "download the dataset anew, or let LeRobot's convert_dataset_v20_to_v21.py write the file"
-        raise RecordingError(file, "there is no such file, and a dataset of v2.1 has one", cure)
+        raise FileError(file, "there is no such file, and a dataset of v2.1 has one", cure)
     lines = datasets.read_lines(file)
     sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in lines)
     if not sound or [row.get("episode_index") for row in lines] != list(range(len(dataset.episodes))):
-        raise RecordingError(file, "has not a line with the statistics of each episode", "download the dataset anew")
+        raise FileError(file, "has not a line with the statistics of each episode", "download the dataset anew")
     return lines
 
 
@@ -289,7 +289,7 @@ def write_changed(
         about: what meta/holokin.json says of it.
 
     Raises:
-        RecordingError: a file that cannot be read. OSError: one that cannot be written.
+        FileError: a file that cannot be read. OSError: one that cannot be written.
     """
     _copy_texts(dataset, out)
     episodes = [e for e in dataset.episodes if e.index not in set(left_out)]
@@ -311,7 +311,7 @@ def write_changed(
 
 
 def _copy_texts(dataset: Dataset, out: Path) -> None:
-    """The metadata, of which some is written anew later, and the dataset's card. Raises: RecordingError."""
+    """The metadata, of which some is written anew later, and the dataset's card. Raises: FileError."""
     for file in [*(dataset.folder / "meta").rglob("*"), *map(dataset.folder.joinpath, ("README.md", "LICENSE"))]:
         if file.is_file():
             datasets.check_inside(dataset.folder, "meta", file)
@@ -488,7 +488,7 @@ def _video(dataset: Dataset, template: str, key: str, episode: Episode, number: 
         whole = [int(index) for index in numbers if isinstance(index, int | float) and float(index).is_integer()]
         if len(whole) < 2:
             fact = f"does not say which file has the video {key} of episode {episode.index}"
-            raise RecordingError(dataset.folder / "meta" / "episodes", fact, "download the dataset anew")
+            raise FileError(dataset.folder / "meta" / "episodes", fact, "download the dataset anew")
         chunk, file = whole
         return dataset.place("video_path", template, video_key=key, chunk_index=chunk, file_index=file)
     chunk = number // dataset.info["chunks_size"]

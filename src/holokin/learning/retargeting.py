@@ -14,7 +14,7 @@ from ..analysis.audit.logs import STATE, Dataset, JointFeature, PoseFeature
 from ..analysis.audit.logs.datasets import INFO, Rows, check_normalized, postures_of, rows, tool_poses_of
 from ..analysis.audit.logs.log_formats import less_turns
 from ..base.arguments import typed
-from ..base.errors import ArgumentError, RecordingError
+from ..base.errors import ArgumentError, FileError
 from ..base.files import aside, writing
 from ..base.poses import pose_from
 from ..base.types import Indices, Matrix, NoTruthValue, Shown, Value
@@ -26,7 +26,7 @@ FAR = 0.5  # median distance [rad or m] of an action from the state beyond which
 
 
 def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature]) -> None:
-    """Raises: RecordingError: a column of the first episode that is far from the measured joints."""
+    """Raises: FileError: a column of the first episode that is far from the measured joints."""
     state = next((column for column in columns if column.name == STATE), None)
     others = [column for column in columns if column.name != STATE]
     if state is None or not others:
@@ -41,7 +41,7 @@ def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature
         if np.median(gaps) > FAR:
             fact = f"{name} is {np.median(gaps):.2g} rad or m from {STATE} (median of episode 0): it seems no position"
             cure = f"leave it as it is by --column {STATE}, or name both columns if it is one"
-            raise RecordingError(dataset.folder / INFO, fact, cure)
+            raise FileError(dataset.folder / INFO, fact, cure)
 
 
 # --- The joints of a dataset on one leaf: a posture for each tool pose of its columns, and which poses have none.
@@ -133,7 +133,7 @@ class _NewJoints:
 
 
 def _find_joints(dataset: Dataset, columns: Sequence[_NewJoints]) -> None:
-    """Find the postures on the leaf of every row, and write them. Raises: RecordingError."""
+    """Find the postures on the leaf of every row, and write them. Raises: FileError."""
     streams = [column.file.open("wb") for column in columns]
     try:
         for part in rows(dataset, list(dict.fromkeys(column.source.name for column in columns))):
@@ -239,7 +239,7 @@ def retarget(
         double: write joints in double precision; by default in that of the dataset, which rounds them.
 
     Raises:
-        RecordingError: a dataset that cannot be read. ArgumentError: no columns; a folder that exists. WriteError.
+        FileError: a dataset that cannot be read. ArgumentError: no columns; a folder that exists. WriteError.
     """
     if bad not in ("refuse", "skip", "nearest"):
         raise ArgumentError("bad", bad, 'say "refuse", "skip" or "nearest"')

@@ -23,7 +23,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from ..base.arguments import made, typed
-from ..base.errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
+from ..base.errors import ArgumentError, NativeError, NotFiniteError, ShapeError, TrackingError
 from ..base.poses import PoseLike, pose_cure, with_matrices
 from ..base.tolerances import TOLERANCES
 from ..base.types import (
@@ -388,7 +388,12 @@ class _Compiled:
         most_error, least_rcond = map(float, parameters[-2:])
         check_solved(self.strategy, arguments[0], rcond, margin, least_rcond)
         if not off <= most_error:
-            raise LostToolError(float(off), most_error)
+            raise TrackingError(
+                f"the tool is {float(off):.3g} (m or rad) from where it is wanted, "
+                f"a control step corrects at most {most_error:.3g}",
+                "give poses in metres that begin at the tool (hk.motion.approach leads to them), "
+                "or a larger most_error",
+            )
 
 
 class _Levelled(threading.local):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.errors import (
+    KEPT,
     ArgumentError,
     BranchError,
     JointLimitError,
@@ -23,7 +24,6 @@ from ..base.errors import (
     SingularityKind,
     TrackingError,
 )
-from ..base.errors.motion_errors import KEPT
 from ..base.poses import pose_from
 from ..base.progress import progress
 from ..base.tolerances import TOLERANCES
@@ -266,7 +266,7 @@ def _walk(
 
 
 def _to_jump(strategy: Strategy, plan: Plan, cycles: int, walk: Callable[[], Trajectory]) -> Trajectory:
-    """A walk, which ends where g of a holonomic strategy jumps. Raises: JumpError, and what the walk raises."""
+    """A walk, which ends where g of a holonomic strategy jumps. Raises: BranchError, and what the walk raises."""
     if not (isinstance(strategy, HolonomicStrategy) and may_jump(strategy)):
         return walk()
     ended: PathError | None = None

@@ -12,13 +12,15 @@ from pathlib import Path as FilePath
 from random import randrange
 
 from ..base.arguments import typed
-from ..base.errors import ArgumentError, CertificateError, MissingExtraError, brief
+from ..base.errors import ArgumentError, FileError, MissingExtraError, brief
 from ..base.extra_module import extra_module
 from ..base.types import NoTruthValue, Value, not_negative
 from ..robot import Robot
 from ..version import build
 from .binding import described, unlike, unsaid
 from .certificate import Certificate, digest
+
+CURE = "give a certificate of `holokin certify`"
 
 
 def recheck(
@@ -36,7 +38,7 @@ def recheck(
     those that the checker may take.
 
     Raises:
-        ArgumentError: a sample that is no share. CertificateError: a file that is no certificate.
+        ArgumentError: a sample that is no share. FileError: a file that is no certificate.
         MissingExtraError: python-flint is not installed.
     """
     if sample is not None and not 0 < sample <= 1:
@@ -61,13 +63,13 @@ def recheck(
     except RejectedError as problem:
         return True, f"REJECTED: {problem}."
     except FileNotFoundError:
-        raise CertificateError(file, "there is no such file") from None
+        raise FileError(file, "there is no such file", CURE) from None
     except TimeoutError:
-        raise CertificateError(file, f"it is not verified within {seconds:.0f} s; allow more with --seconds") from None
+        raise FileError(file, f"it is not verified within {seconds:.0f} s", "allow more with --seconds") from None
     except OSError as problem:
-        raise CertificateError(file, f"it cannot be read ({problem.strerror or problem})") from None
+        raise FileError(file, f"it cannot be read ({problem.strerror or problem})", CURE) from None
     except ValueError as problem:
-        raise CertificateError(file, str(problem)) from None
+        raise FileError(file, str(problem), CURE) from None
     # The comparison with a robot.
     compared = "it is not compared with a robot: name one with --robot"
     if robot is not None:
@@ -137,7 +139,7 @@ def ask_checker(certificate: Certificate, seconds: float = 60.0, sample: float |
         outcome = Outcome.REJECTED if rejected else passed
     except MissingExtraError:
         return unasked(certificate, "it was not run: python-flint is missing")
-    except CertificateError as problem:
+    except FileError as problem:
         outcome, text = Outcome.NONE, f"it gave no answer: {problem.fact}"
     known = compared is not None and outcome in (Outcome.VERIFIED, Outcome.SAMPLED)
     return CheckerWord(outcome, text, time.perf_counter() - began, sha256, version, known)

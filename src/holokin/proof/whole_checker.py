@@ -72,27 +72,33 @@ class Ring:
 
 
 def dot(a: list, b: list) -> object:
+    """a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: list, b: list) -> list:
+    """a x b."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 def plus(a: list, b: list, factor: object = 1) -> list:
+    """a + factor b."""
     return [x + factor * y for x, y in zip(a, b, strict=True)]
 
 
 def times(A: list, b: list) -> list:
+    """A b of a matrix in rows."""
     return [dot(row, b) for row in A]
 
 
 def product(A: list, B: list) -> list:
+    """A B of matrices in rows."""
     columns = list(zip(*B, strict=True))
     return [[dot(row, column) for column in columns] for row in A]
 
 
 def transposed(A: list) -> list:
+    """A^T."""
     return [list(column) for column in zip(*A, strict=True)]
 
 

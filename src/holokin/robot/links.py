@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.errors import ArgumentError, MassError, ShapeError, UnknownNameError
+from ..base.errors import ArgumentError, RobotFileError, ShapeError, UnknownNameError
 from ..base.poses import pose_from
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, one_or_each, positive
 from ..symbolic import SX, Function, dot, horzcat, n_nodes, sparsify, symbol, vertcat
@@ -437,7 +437,7 @@ def knows_masses(robot: Robot) -> bool:
 def mass_matrix_expression(robot: Robot, q: SX) -> SX:
     """M(q) (n, n), symmetric: kinetic energy 1/2 dq^T M dq [kg m^2, kg m, kg].
 
-    M = sum_b m J_v^T J_v + J_w^T R I R^T J_w over the bodies b. Raises: MassError: the description has no masses.
+    M = sum_b m J_v^T J_v + J_w^T R I R^T J_w over the bodies b. Raises: RobotFileError: the description has no masses.
     """
     total = SX.zeros(robot.n, robot.n)
     for body in _bodies(robot):
@@ -448,7 +448,7 @@ def mass_matrix_expression(robot: Robot, q: SX) -> SX:
 
 
 def potential_expression(robot: Robot, q: SX, gravity: Vector) -> SX:
-    """U = - sum_b m g . c_b [J]. Raises: MassError."""
+    """U = - sum_b m g . c_b [J]. Raises: RobotFileError."""
     total = SX(0)
     for body in _bodies(robot):
         total = total - body.mass * dot(
@@ -460,10 +460,12 @@ def potential_expression(robot: Robot, q: SX, gravity: Vector) -> SX:
 def _bodies(robot: Robot) -> tuple[Body, ...]:
     moving = tuple(body for body in robot.bodies if body.joint >= 0)
     if not moving:
-        raise MassError(robot.name, "has no masses")
+        raise RobotFileError(robot.name, "has no masses", "load a URDF with sound <inertial> elements")
     for body in moving:
         if not (np.isfinite(body.mass) and body.mass > 0 and np.isfinite(body.inertia).all()):
-            raise MassError(robot.name, f"has a mass of {body.mass} kg")
+            raise RobotFileError(
+                robot.name, f"has a mass of {body.mass} kg", "load a URDF with sound <inertial> elements"
+            )
     return moving
 
 

@@ -13,12 +13,14 @@ import numpy as np
 from ..base.arguments import made, typed
 from ..base.errors import (
     ArgumentError,
-    FunctionError,
     HolokinError,
     NotFiniteError,
+    OwnFunctionError,
     ShapeError,
     SingularityError,
     UnknownNameError,
+    brief,
+    posture_text,
 )
 from ..base.types import Array, ArrayLike, Matrix, Vector, finite, frozen, number, numbers, whole
 from ..robot import Kinematics, mass_matrix_expression
@@ -118,7 +120,7 @@ def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Holonomi
     """The extended Jacobian of a constraint: G = [J; J_g]^-1 [1; 0], holonomic by construction. [Bai85]
 
     Raises:
-        ConstraintRowsError: g has not r = n - m rows.
+        RowsError: g has not r = n - m rows.
     """
     strategy = HolonomicStrategy(name or g.name, task, g)
     strategy.looped.expressions  # noqa: B018  built now, so that a constraint that does not fit is refused here
@@ -187,7 +189,7 @@ class NumericStrategy(Strategy):
         """G(q), (n,) -> (n, m), as the function returns it.
 
         Raises:
-            FunctionError: the function raised. ShapeError, NotFiniteError: what it returned, or q.
+            OwnFunctionError: the function raised. ShapeError, NotFiniteError: what it returned, or q.
             ArgumentError: J G is not 1 there.
         """
         posture = self.task.robot.checked(q)
@@ -205,14 +207,20 @@ class NumericStrategy(Strategy):
         """What the function returns at q (n,), in its shape (n, m), not checked for NaN.
 
         Raises:
-            FunctionError, ShapeError, ArgumentError.
+            OwnFunctionError, ShapeError, ArgumentError.
         """
         try:
             answer = self.function(q.copy())
         except HolokinError:
             raise
         except Exception as problem:
-            raise FunctionError(self.name, q, problem) from problem
+            raise OwnFunctionError(
+                repr(self.name),
+                f"raised {type(problem).__name__}: {brief(problem)} at q = {posture_text(q)}",
+                "correct it, or keep away from this posture",
+                q,
+                problem,
+            ) from problem
         G = np.array(numbers(f"G of {self.name!r}", answer))
         if G.shape != (self.task.n, self.task.m):
             raise ShapeError(f"G of {self.name!r}", (self.task.n, self.task.m), G.shape, "rows are joints")
@@ -293,7 +301,7 @@ def numeric(
         accuracy: how far J G may be from 1, as a share of |J| |G|. Of code in single precision it is 1e-4.
 
     Raises:
-        FunctionError: G raises at all of eight postures, as a strategy that is defined elsewhere: give q0. ShapeError,
+        OwnFunctionError: G raises at all of eight postures, as a strategy that is defined elsewhere: give q0. ShapeError,
             NotFiniteError: G returns something else. ArgumentError: J G is not 1, with the number and the posture; G
             answers otherwise when it is called again, with the number.
     """
@@ -312,7 +320,7 @@ def numeric(
     for i, q in enumerate(postures):
         try:
             first[i] = strategy(q)
-        except (FunctionError, NotFiniteError, SingularityError) as problem:
+        except (OwnFunctionError, NotFiniteError, SingularityError) as problem:
             refused = problem
     if refused is not None and not first:
         raise refused
@@ -340,7 +348,7 @@ def inertia_weighted(task: Task, *, name: str = "inertia-weighted") -> RowStrate
     M(q) is the mass matrix of the URDF's inertials. In general not holonomic.
 
     Raises:
-        MassError: the robot's description has no masses.
+        RobotFileError: the robot's description has no masses.
     """
     robot = task.robot
     mass_matrix_expression(robot, symbol("q", robot.n))  # so that missing masses are told here

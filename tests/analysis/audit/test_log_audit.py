@@ -20,7 +20,7 @@ from holokin.analysis.audit.logs import Recording
 from holokin.analysis.audit.questions import first_limit, to_pose
 from holokin.analysis.audit.trend import Trend
 from holokin.app.cli import main as cli
-from holokin.base.errors import ArgumentError, RecordingError
+from holokin.base.errors import ArgumentError, FileError
 
 PANDA = hk.load("panda")
 POSE = hk.pose(PANDA)
@@ -138,7 +138,7 @@ def test_a_raster_is_one_cycle_however_alike_its_rows(pitch: float) -> None:
     cycles = find_cycles(recorded(pieces), PANDA)
     assert len(cycles) == 2
     assert cycles.length == pytest.approx(raster.length, rel=5e-3)
-    with pytest.raises(RecordingError, match="repeats no path"):
+    with pytest.raises(FileError, match="repeats no path"):
         find_cycles(recorded(pieces[:1]), PANDA)
 
 
@@ -159,7 +159,7 @@ def test_one_cycle_a_resting_arm_and_an_open_way_are_refused() -> None:
         (walk(HOME, [hk.line(START, START - [0.2, 0, 0])])[0], "fewer than two cycles"),
         (walk(HOME, [hk.polyline(corners)])[0], "fewer than two cycles"),  # one edge of three is run again
     ):
-        with pytest.raises(RecordingError, match=words):
+        with pytest.raises(FileError, match=words):
             find_cycles(recorded([q], 1e-5), PANDA)
 
 
@@ -259,7 +259,7 @@ def test_a_posture_task_depends_on_the_speed_once_settled() -> None:
 def test_positions_repeat_where_poses_do_not() -> None:
     """A three-row task on seven joints leaves the orientation free: said, and cured by orientation=False."""
     log = recorded(walk(hk.moore_penrose(hk.position(PANDA)), [CIRCLE] * 3))
-    with pytest.raises(RecordingError, match=r"position does.*--position"):
+    with pytest.raises(FileError, match=r"position does.*--position"):
         hk.audit_recording(log, PANDA)
     audit = hk.audit_recording(log, PANDA, orientation=False)
     assert np.abs(audit.drift[0] - (log.q[300] - log.q[0])).max() < 1e-5

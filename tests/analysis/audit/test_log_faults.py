@@ -20,13 +20,13 @@ from holokin.analysis import audit
 from holokin.analysis.audit import logs
 from holokin.analysis.audit.arcs import FREE
 from holokin.analysis.audit.cycles import find_cycles
-from holokin.base.errors import ArgumentError, RecordingError
+from holokin.base.errors import ArgumentError, FileError
 
 PANDA, PPR = hk.load("panda"), hk.load("ppr")
 
 
 def refused(path: Path | str, *words: str, robot: hk.Robot = PANDA) -> None:
-    with pytest.raises(RecordingError) as problem:
+    with pytest.raises(FileError) as problem:
         hk.read_recording(path, robot)
     sentence = str(problem.value)
     assert str(path) in sentence
@@ -57,7 +57,7 @@ def test_a_folder_with_a_pipe_in_it_and_a_loop_of_links_are_refused(tmp_path: Pa
     (tmp_path / "a.csv").symlink_to(tmp_path / "b.csv")
     (tmp_path / "b.csv").symlink_to(tmp_path / "a.csv")
     refused(tmp_path / "a.csv", "cannot be looked at")
-    with pytest.raises(RecordingError, match="name too long"):
+    with pytest.raises(FileError, match="name too long"):
         hk.read_recording("a" * 5000 + ".csv", PANDA)
     with pytest.raises(ArgumentError, match="without a NUL character"):
         hk.read_recording("a\0b.csv", PANDA)
@@ -131,7 +131,7 @@ def test_a_bag_cut_or_overwritten_anywhere_is_read_or_refused(tmp_path: Path, ki
         whole.write_bytes(broken)
         try:
             hk.read_recording(whole, PANDA)
-        except RecordingError as problem:
+        except FileError as problem:
             refusals += 1
             assert "\n" not in str(problem)
     assert refusals > 10

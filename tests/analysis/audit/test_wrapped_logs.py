@@ -12,7 +12,7 @@ import holokin as hk
 from conftest import campaign, sampled
 from holokin.analysis.audit import DatasetAudit, LogAudit, LogVerdict, audit_dataset
 from holokin.analysis.audit.logs import STATE, Recording, joined_turns, joint_feature, read_dataset
-from holokin.base.errors import RecordingError
+from holokin.base.errors import FileError
 from small_datasets import write_dataset
 
 ARMS = ("ur5e", "xarm7", "gen3", "panda", "iiwa14")
@@ -100,7 +100,7 @@ def random_motion(seed: int) -> Motion:
 def audited(log: Recording, robot: hk.Robot) -> LogAudit | str:
     try:
         return hk.audit_recording(log, robot)
-    except RecordingError as problem:
+    except FileError as problem:
         return problem.fact
 
 
@@ -190,7 +190,7 @@ def test_degrees_and_radians_modulo_a_turn_are_told_apart(tmp_path: Path, seed: 
             if scale == 1.0:
                 hk.read_recording(file, motion.robot)  # and is not told to be in degrees
             elif np.abs(log.q).max() * scale > 13:  # rad, two turns: no endless joint is logged so
-                with pytest.raises(RecordingError, match="but every joint fits in degrees"):
+                with pytest.raises(FileError, match="but every joint fits in degrees"):
                     hk.read_recording(file, motion.robot)
 
 

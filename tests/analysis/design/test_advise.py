@@ -28,7 +28,7 @@ from holokin.base.errors import (
     NotFiniteError,
     OutOfReachError,
     RobotFileError,
-    TaskTooLargeError,
+    RowsError,
     UnknownNameError,
 )
 from holokin.path.workspaces import pose_cloud
@@ -291,7 +291,7 @@ def test_an_arm_of_five_joints_is_advised_on_positions_and_on_directions() -> No
     found = hk.advise(hk.position(hk.load("so101")), space)
     assert found.best.strategy.task.n - found.best.strategy.task.m == 2
     assert found.best.coverage > 0.95
-    fails(TaskTooLargeError, "n = 5 joints", lambda: hk.advise(hk.pose(hk.load("so101")), space))
+    fails(RowsError, "n = 5 joints", lambda: hk.advise(hk.pose(hk.load("so101")), space))
 
 
 def test_bad_input_is_refused_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> None:

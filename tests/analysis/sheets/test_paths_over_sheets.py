@@ -16,7 +16,7 @@ from holokin.analysis.sheets.candidate_sheets import CandidateSheets
 from holokin.analysis.sheets.sheet import known, nearby
 from holokin.analysis.sheets.sheet_growth import LevelTable, SearchedPoses, level_table, side_by_side
 from holokin.app.job.runner import _strategy
-from holokin.base.errors import ArgumentError, DividedPathError, HolokinError, StartError
+from holokin.base.errors import ArgumentError, HolokinError, PathError, StartError
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def test_a_panda_changes_its_elbow_where_it_is_allowed_and_a_controller_can_play
     program = hk.export.to_rapid(timed, wiring=hk.export.Wiring(external=("panda_joint3",)))
     text = "".join(program.files.values())
     assert text.count(",fine,") >= 4  # start, both ends of the change, end
-    with pytest.raises(DividedPathError, match="no change is allowed there"):
+    with pytest.raises(PathError, match="no change is allowed there"):
         _ = s.follow(path, stops=[], samples=60).trajectory
 
 
@@ -217,7 +217,7 @@ def test_what_no_sheet_serves_is_left_out_and_named(planar: Sheets) -> None:
     assert "out of reach" in planar.why(out.pose).text
     assert found.cuts == 1
     assert "left out" in str(found)
-    with pytest.raises(DividedPathError) as problem:
+    with pytest.raises(PathError) as problem:
         _ = found.trajectory
     assert problem.value.trajectory is found.parts[0]
     nowhere = planar.follow(hk.line([4, 0, 0], [5, 0, 0]), samples=10)

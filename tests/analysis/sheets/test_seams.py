@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 import holokin as hk
 from handmade_sheets import map_of, panda_map, planar_map, planar_task
 from holokin.analysis.sheets import Hindrance, Sheet, Sheets, self_motion_between
-from holokin.base.errors import ArgumentError, NoSeamError, NotFiniteError, ShapeError
+from holokin.base.errors import ArgumentError, NotFiniteError, PathError, ShapeError
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_pairs_without_a_seam_say_why() -> None:
         assert report.passed, report
     none = free.seams(at=lambda _pose: False)
     assert none.missing[0].reason == Hindrance.NO_POSE.text
-    with pytest.raises(NoSeamError, match="served by both"):
+    with pytest.raises(PathError, match="served by both"):
         none.between(0, 1)
 
 

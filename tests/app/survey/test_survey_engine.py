@@ -25,11 +25,11 @@ from holokin.app.survey.engine import SECONDS, Batches, Guarded, Pool, lasting
 from holokin.app.survey.one_case import Row, run_case
 from holokin.base.errors import (
     BranchError,
+    FileError,
     JointLimitError,
     LimitReachedError,
     OutOfReachError,
     SchedulerError,
-    SurveyError,
     UnknownNameError,
 )
 from holokin.motion.ik import leaf
@@ -89,7 +89,7 @@ def test_a_case_that_kills_slowly_is_a_fault_before_its_batch_is_handed_back(
         found = guarded.rows(table.model_dump_json(exclude_unset=True), str(HERE), (0, 1), lasts=0.01)
         assert [row.reason for row in found][:1] == ["its process died 3 times (exit code 7)"]
         assert 1 <= len(found) <= 2
-        with pytest.raises(SurveyError, match="fail beside its cases"):
+        with pytest.raises(FileError, match="fail beside its cases"):
             guarded.rows("no survey", str(HERE), (0,))
     finally:
         guarded.close()

@@ -20,7 +20,7 @@ from holokin.app.survey.cases import Cases
 from holokin.app.survey.one_case import Row
 from holokin.app.survey.resumable_run import check_laws
 from holokin.app.survey.store import NAMES
-from holokin.base.errors import ArgumentError, HolokinError, JobError, MissingExtraError, SchedulerError, SurveyError
+from holokin.base.errors import ArgumentError, FileError, HolokinError, JobError, MissingExtraError, SchedulerError
 from survey_laws import CIRCLES, rows_of
 
 ARM = Path(hk.__file__).parent / "robot" / "data" / "planar-3r.toml"
@@ -122,7 +122,7 @@ def test_wrong_arguments_leave_no_results_file(tmp_path: Path) -> None:
         with pytest.raises(SchedulerError):
             run_survey(table, tmp_path, out, scheduler=address)
     assert time.monotonic() - began < 1.0
-    with pytest.raises(SurveyError, match="is a folder"):
+    with pytest.raises(FileError, match="is a folder"):
         run_survey(table, tmp_path, tmp_path, workers=0, resume=True)
     assert not out.exists()
 
@@ -271,6 +271,6 @@ def test_a_results_file_with_a_value_of_another_kind_is_refused(change: str, tmp
         store.add([Row("0a", 0, names, "complete", "")])
     with sqlite3.connect(out) as db:
         db.execute(change)
-    with Store.opened(out, None) as store, pytest.raises(SurveyError):
+    with Store.opened(out, None) as store, pytest.raises(FileError):
         store.folder()
         list(store.rows())

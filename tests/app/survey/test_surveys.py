@@ -21,7 +21,7 @@ from holokin.app.job import Job, run_job
 from holokin.app.survey import Findings, Store, repeated, run_survey
 from holokin.app.survey.cases import Cases
 from holokin.app.survey.engine import TRIES
-from holokin.base.errors import HolokinError, JobError, SurveyError, WriteError
+from holokin.base.errors import FileError, HolokinError, JobError, WriteError
 from survey_laws import PLANAR, planar, rows_of
 
 HERE = Path(__file__).parents[2]
@@ -126,7 +126,7 @@ def test_resuming_does_only_what_is_missing(undisturbed: Path, tmp_path: Path) -
     with sqlite3.connect(out) as db:
         db.execute("DELETE FROM cases WHERE number % 3 = 1")
         left = db.execute("SELECT COUNT(*) FROM cases").fetchone()[0]
-    with pytest.raises(SurveyError, match="--resume"):
+    with pytest.raises(FileError, match="--resume"):
         run_survey(planar(), tmp_path, out, workers=0)
     done = run_survey(planar(), tmp_path, out, workers=0, resume=True)
     assert (done.resumed, done.done, done.total) == (left, 16, 16)
@@ -135,7 +135,7 @@ def test_resuming_does_only_what_is_missing(undisturbed: Path, tmp_path: Path) -
 
 def test_results_of_another_survey_are_refused(undisturbed: Path, tmp_path: Path) -> None:
     for changed in ({"cycles": 3}, {"seed": 5}, {"robots": ["panda"]}):
-        with pytest.raises(SurveyError, match="another survey"):
+        with pytest.raises(FileError, match="another survey"):
             run_survey(planar(**changed), tmp_path, undisturbed, workers=0, resume=True)
 
 
@@ -339,5 +339,5 @@ def test_what_is_no_results_file_is_refused_in_a_sentence(tmp_path: Path, holoki
         assert found.err.startswith("error: ") and found.err.count("\n") <= 1, (name, found.err)
         assert "Traceback" not in found.err
     for name in ("other", "text"):
-        with pytest.raises(SurveyError):
+        with pytest.raises(FileError):
             run_survey(planar(), tmp_path, tmp_path / f"{name}.sqlite", workers=0, resume=True)

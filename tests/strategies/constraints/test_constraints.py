@@ -15,8 +15,8 @@ import holokin as hk
 from conftest import IIWA_START, IRB_START, PANDA_START, urdf
 from holokin.base.errors import (
     ArgumentError,
-    ConstraintRowsError,
     NoArmError,
+    RowsError,
     ShapeError,
     SingularityError,
     SingularityKind,
@@ -224,7 +224,7 @@ def test_changs_basis_serves_several_free_joints(irb140: hk.Robot) -> None:
         (lambda: hk.stationary(lambda q: q), ShapeError),
         (
             lambda: hk.stationary(hk.strategies.constraints.centring_cost(), free=("panda_joint1", "panda_joint2")),
-            ConstraintRowsError,
+            RowsError,
         ),
         (lambda: hk.strategies.constraints.posture_cost([np.nan]), hk.base.errors.NotFiniteError),
     ],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.errors import RecordingError
+from ...base.errors import FileError
 from ...base.types import Array, Indices, Matrix, Vector, runs
 from ...robot import Robot
 from .arcs import (
@@ -95,14 +95,14 @@ def find_cycles(
         length_scale: [m/rad], what one radian of turn counts beside metres in the distance of two poses.
 
     Raises:
-        RecordingError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
+        FileError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
     """
     # A period of the tool's path, from a part of the log.
     motion = ToolMotion(robot, recording.q, tip, axes, length_scale)
     extent, noise = motion.extent_and_noise()
     if extent < max(1e-6, 4 * NOISE_STEPS * noise):
         fact = f"the tool moves by {extent:.2g} m only, with {noise:.2g} m of noise"
-        raise RecordingError(recording.source, fact, "log a motion of the arm, check tip and unit")
+        raise FileError(recording.source, fact, "log a motion of the arm, check tip and unit")
     period = find_period(motion, noise, max(extent / 400, NOISE_STEPS * noise))
     if period is None:
         raise _no_cycles(recording, robot, tip, axes, length_scale)
@@ -123,20 +123,18 @@ def find_cycles(
     return _cut(recording, path, tracks, begin, length, size, mirror, points)
 
 
-def _no_cycles(
-    recording: Recording, robot: Robot, tip: str | None, axes: Matrix, length_scale: float
-) -> RecordingError:
+def _no_cycles(recording: Recording, robot: Robot, tip: str | None, axes: Matrix, length_scale: float) -> FileError:
     fact = "the tool repeats no path in the same direction, so there are fewer than two cycles"
     cure = "log at least two whole cycles, check tip and unit"
     if axes.shape[1]:
         try:
             find_cycles(recording, robot, tip=tip, axes=FREE, length_scale=length_scale)
-        except RecordingError:
+        except FileError:
             pass
         else:
             fact = "the pose of the tool repeats no path, but its position does"
             cure = "pass --position (orientation=False) if the orientation is free, --axis z if the tool may spin"
-    return RecordingError(recording.source, fact, cure)
+    return FileError(recording.source, fact, cure)
 
 
 def _first_round(path: ToolPath, period: Period) -> tuple[float, float]:
@@ -316,7 +314,7 @@ def _cut(
     left_out = len(rounds) - len(whole)
     if len(whole) < 2:
         fact = f"it holds {len(whole)} whole cycles of a path of {length:.3g} m, {left_out} more span gaps"
-        raise RecordingError(recording.source, fact, "log at least two whole cycles")
+        raise FileError(recording.source, fact, "log at least two whole cycles")
     # Where the tool is nearest to the first cycle's poses, and the postures there.
     ways = np.array([direction[i] for i in whole])
     targets = np.concatenate([target if d > 0 else target[::-1] for d in ways])

@@ -312,7 +312,7 @@ def audit_dataset(
         tolerance: joint distance [rad or m] that counts as equal.
 
     Raises:
-        RecordingError: a dataset that cannot be read. ArgumentError: a bad argument. UnknownNameError: no such tip.
+        FileError: a dataset that cannot be read. ArgumentError: a bad argument. UnknownNameError: no such tip.
     """
     for what, value in (("near", near), ("tolerance", tolerance), ("length_scale", length_scale)):
         positive(what, value)

@@ -488,7 +488,7 @@ def audit_recording(
         length_scale: [m/rad] of the distance of two poses, see `find_cycles`.
 
     Raises:
-        RecordingError: fewer than two cycles. ArgumentError, ShapeError: a bad argument. UnknownNameError: no such tip.
+        FileError: fewer than two cycles. ArgumentError, ShapeError: a bad argument. UnknownNameError: no such tip.
     """
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise ArgumentError("tolerance", tolerance, "give a positive number [rad or m]")

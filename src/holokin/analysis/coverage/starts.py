@@ -61,7 +61,7 @@ def task_of_kind(robot: Robot, tip: str | None, kind: Literal["pose", "axis", "p
     """The task of a kind, "pose", "axis" (the tool may spin about its z axis) or "position", or one that fits.
 
     Raises:
-        ArgumentError: no joint is left free. TaskTooLargeError.
+        ArgumentError: no joint is left free. RowsError.
     """
     if kind is None:
         return fitting_task(robot, tip)

@@ -14,7 +14,14 @@ from typing import Literal, get_args
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, FunctionError, NotFiniteError, OpenPathError, SingularityError, posture_text
+from ...base.errors import (
+    ArgumentError,
+    NotFiniteError,
+    OpenPathError,
+    OwnFunctionError,
+    SingularityError,
+    posture_text,
+)
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Matrix, Result, Value, Vector, kept
 from ...motion.ik.plan import make_plan
@@ -86,7 +93,7 @@ def slope(f: Values, q: Vector, direction: Vector, noise: float) -> Slope:
 
 # --- Curvature of a strategy that is a Python function, from differences of its values, with what it may be wrong by.
 
-OUTSIDE = (FunctionError, NotFiniteError, SingularityError)
+OUTSIDE = (OwnFunctionError, NotFiniteError, SingularityError)
 """What a function may raise, or return, where it is not defined."""
 
 
@@ -122,7 +129,7 @@ def measured_curvature(strategy: NumericStrategy, q: ArrayLike) -> MeasuredCurva
     1 - G J projects on the self-motions along range G, so that F is the vertical part of the brackets (theory 1.1).
 
     Raises:
-        FunctionError, NotFiniteError, ShapeError, ArgumentError: as a call of the strategy at q.
+        OwnFunctionError, NotFiniteError, ShapeError, ArgumentError: as a call of the strategy at q.
     """
     q = strategy.task.robot.checked(q)
     G = strategy(q)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, EmptyRegionError, HolokinError, ShapeError, SingularityError
+from ...base.errors import ArgumentError, HolokinError, ShapeError, SingularityError, UndecidedError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Matrix, Vector, joined, whole
 from ...strategies import HolonomicStrategy, Jump, NumericStrategy, Strategy, jumps_of, may_jump
@@ -226,7 +226,7 @@ def _numeric_verdict(strategy: NumericStrategy, Q: Matrix, region: Region, toler
     """The verdict at postures Q (k, n).
 
     Raises:
-        EmptyRegionError: none can be judged. ArgumentError, ShapeError: J G is not 1 at one, or G has another shape.
+        UndecidedError: none can be judged. ArgumentError, ShapeError: J G is not 1 at one, or G has another shape.
     """
     task, planes = strategy.task, pairs(strategy.task.m) or [(0, 0)]
     # The curvature at each posture, and which of them can be judged
@@ -245,7 +245,11 @@ def _numeric_verdict(strategy: NumericStrategy, Q: Matrix, region: Region, toler
     if not judged:
         least = min((float(posture.errors.max()) for posture in seen), default=np.inf)
         why = HolokinError(f"its curvature is known to {least:.1e} per rad only, which could hide a real one")
-        raise EmptyRegionError(len(Q), refused or why)
+        raise UndecidedError(
+            f"all {len(Q)} sampled postures of the region are singular or nearly so, and nothing can be judged",
+            "move or enlarge the region",
+            first=refused or why,
+        )
     # The witness: the largest curvature that stands out of its error, or else the one that comes nearest to it
     sizes = np.array([posture.sizes for posture in judged])
     allowed = np.maximum(tolerance, SURE * np.array([posture.errors for posture in judged]))
@@ -329,7 +333,7 @@ def involutivity(
         tolerance: largest relative defect [1/rad] that counts as zero.
 
     Raises:
-        EmptyRegionError: every sampled posture is singular, or round-off hides its curvature.
+        UndecidedError: every sampled posture is singular, or round-off hides its curvature.
         ShapeError: the region has not n joints. ArgumentError: a number of postures that is not whole and at least 1.
     """
     if not isinstance(strategy, NumericStrategy):
@@ -345,7 +349,7 @@ def involutivity(
 
 
 def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERANCES.holonomic) -> Verdict:
-    """`involutivity` at given postures (k, n). Raises: EmptyRegionError."""
+    """`involutivity` at given postures (k, n). Raises: UndecidedError."""
     region = Region(Q.min(axis=0), Q.max(axis=0))
     if isinstance(strategy, NumericStrategy):
         return _numeric_verdict(strategy, Q, region, tolerance)
@@ -376,7 +380,7 @@ def involutivity_of(
         samples, thorough, tolerance, seed: as for `involutivity`.
 
     Raises:
-        EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
+        UndecidedError: the distribution loses rank everywhere. ShapeError: B has not n rows.
     """
     # The distribution, with fields of length one, so that the scale of B does not count
     q = symbol("q", whole("n", n))
@@ -471,7 +475,11 @@ def _verdict(subject: _Subject, seen: Scan, region: Region, tolerance: float) ->
     extreme = examine(subject.relative, seen, tolerance)
     if extreme is None:
         best = f"rcond at most {np.nanmax(seen.rcond, initial=0.0):.1e}, and round-off hides the curvature"
-        raise EmptyRegionError(len(seen.Q), subject.refusal(seen.Q[0]) or HolokinError(best))
+        raise UndecidedError(
+            f"all {len(seen.Q)} sampled postures of the region are singular or nearly so, and nothing can be judged",
+            "move or enlarge the region",
+            first=subject.refusal(seen.Q[0]) or HolokinError(best),
+        )
     witness, plane = seen.Q[extreme.row], subject.planes[extreme.plane]
     F, scale, _ = subject.values(witness[None])
     # Places where the formula turns over are sought from some 64 of the postures

@@ -91,7 +91,7 @@ class LeafFunction(Value):
         """Look at the curvature at q and at 32 postures of its path back, where g and its gradient come from.
 
         Raises:
-            NotHolonomicError, SingularityError, EmptyRegionError; ShapeError, NotFiniteError.
+            NotHolonomicError, SingularityError, UndecidedError; ShapeError, NotFiniteError.
         """
         q = self.strategy.task.robot.checked(q)
         postures = straight_postures(self.strategy, q, self._back(q))
@@ -111,7 +111,7 @@ def leaf_function(
 
     Raises:
         NotHolonomicError: two transports disagree, or there is curvature; it holds the witness.
-        SingularityError: on the way. EmptyRegionError: round-off hides all curvature. ShapeError, NotFiniteError.
+        SingularityError: on the way. UndecidedError: round-off hides all curvature. ShapeError, NotFiniteError.
     """
     robot: Robot = strategy.task.robot
     start = robot.checked(reference, "the reference posture")

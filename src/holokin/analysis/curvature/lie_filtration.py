@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, RoundOffError, SingularityError
+from ...base.errors import ArgumentError, SingularityError, UndecidedError, posture_text
 from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Vector, kept
 from ...strategies import Strategy
 from ...symbolic import SX, Function, horzcat, lie_bracket
@@ -70,7 +70,7 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
 
     Raises:
         SingularityError: the strategy is singular at q. ArgumentError: it still grew at depth `most`.
-        RoundOffError: too near a singularity to be decided: round-off passes 1e-6 of a bracket.
+        UndecidedError: too near a singularity to be decided: round-off passes 1e-6 of a bracket.
     """
     task = strategy.task
     posture = task.robot.checked(q)
@@ -101,7 +101,13 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
         if dimensions[-1] < task.n:
             raise ArgumentError("most", most, f"the filtration still grows: {dimensions}; allow more")
     if dimensions[-1] < task.n and growths[0].hidden > HIDDEN_ROUNDOFF:
-        raise RoundOffError(strategy.name, posture, growths[0].hidden)
+        raise UndecidedError(
+            f"{strategy.name!r} cannot be judged at q = {posture_text(posture)}: "
+            f"round-off makes {growths[0].hidden:.1e} of a bracket there, and a real one could hide in it",
+            "choose a posture farther from singularities",
+            posture,
+            growths[0].hidden,
+        )
     return Filtration(tuple(dimensions), task.m, task.n)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, DividedPathError, NoSeamError
+from ...base.errors import ArgumentError, PathError
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, runs
 from ...motion.checks import Clear
@@ -110,7 +110,7 @@ class Seams(NoTruthValue, Value, ask="`.missing`"):
 
     @typed
     def between(self, first: int, second: int) -> Seam:
-        """The change from one sheet to another. Raises: NoSeamError: there is none. ArgumentError: no such pair."""
+        """The change from one sheet to another. Raises: PathError: there is none. ArgumentError: no such pair."""
         for seam in self.found:
             if (seam.first, seam.second) == (first, second):
                 return seam
@@ -118,7 +118,10 @@ class Seams(NoTruthValue, Value, ask="`.missing`"):
                 return seam.reversed()
         for none in self.missing:
             if {none.first, none.second} == {first, second} and first != second:
-                raise NoSeamError(first, second, none.reason)
+                raise PathError(
+                    f"between the sheets {first} and {second} there is no seam: {none.reason}",
+                    "let the arm leave the pose to change, or name other places: s.seams(at=...)",
+                )
         raise ArgumentError("the sheets", (first, second), "give the indices of two sheets of the map")
 
     def __str__(self) -> str:
@@ -294,14 +297,14 @@ class SheetMotion(NoTruthValue, Value, ask="`.complete`"):
         It has the path's own times, longer where a joint would exceed its speed limit; the tool rests at seams.
 
         Raises:
-            DividedPathError: the path is divided, or not served as a whole.
+            PathError: the path is divided, or not served as a whole.
         """
         if self.complete:
             return self.parts[0]
         why = str((*self.left_out, *self.divisions)[0])
         cure = "take `.parts`, the motions without a division, or change the path, the sheets or the stops"
         first = self.parts[0] if self.parts else None
-        raise DividedPathError(f"the path is not followed as a whole: {why}", cure, first)
+        raise PathError(f"the path is not followed as a whole: {why}", cure, first)
 
     @property
     def sentence(self) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, BranchError, HolokinError, NoSheetError, SheetsFileError, brief
+from ...base.errors import ArgumentError, BranchError, FileError, HolokinError, OutOfReachError, brief, posture_text
 from ...base.files import replacing
 from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_poses
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
@@ -139,12 +139,12 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Of a task of positions a point (3,) or (2,) will do.
 
         Raises:
-            NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
+            OutOfReachError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         T = self._pose(pose)
         answer = self._answer(T, ())
         if answer is None:
-            raise NoSheetError(T[:3, 3], len(self))
+            raise _unserved(T[:3, 3], len(self))
         return answer
 
     def near(self, pose: PoseLike, q: ArrayLike) -> tuple[int, Vector]:
@@ -154,7 +154,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         are elsewhere: `s.seams()` has the motions that lead there.
 
         Raises:
-            NoSheetError: no sheet serves the pose. BranchError: only sheets of the posture's own leaf do, with other
+            OutOfReachError: no sheet serves the pose. BranchError: only sheets of the posture's own leaf do, with other
             joints than those to which the leaf leads from it. ShapeError, NotFiniteError, ArgumentError: a bad pose or
             posture.
         """
@@ -167,7 +167,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         other = self._answer(T, own)
         if other is None:
             if self._answer(T, ()) is None:
-                raise NoSheetError(T[:3, 3], len(self))
+                raise _unserved(T[:3, 3], len(self))
             fact = "the pose is served on the leaf of this posture alone, and with joints to which it does not lead"
             raise BranchError(fact, "go back by the path that was come, or stop and move the joints to s(pose)")
         return other
@@ -458,7 +458,7 @@ def _digest(robot: Robot, scene: Scene | None) -> str | None:
 
 
 def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build: Build) -> Sheets:
-    """The map of a file, for the task that it was made for. Raises: SheetsFileError: it cannot be read, or is of
+    """The map of a file, for the task that it was made for. Raises: FileError: it cannot be read, or is of
     another robot, task or scene."""
     # The numbers, and the text that says what they are of: is it this task, and this scene?
     file = FilePath(path)
@@ -466,19 +466,19 @@ def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build:
         arrays = _arrays(file)
         about = parsed(arrays.pop("about").tobytes().decode())
         if not isinstance(about, dict) or about.get("format") != FORMAT:
-            raise SheetsFileError(file, "it is of another version", "write it again with this one")
+            raise FileError(file, "it is of another version", "write it again with this one")
         _check_about(about)
-    except SheetsFileError:
+    except FileError:
         raise
     except Exception as problem:  # noqa: BLE001  ZIP, its packers, NumPy and JSON have errors of their own
         fact = f"it cannot be read: {brief(problem) or type(problem).__name__}"
-        raise SheetsFileError(file, fact, "give a file that a map of sheets saved") from None
+        raise FileError(file, fact, "give a file that a map of sheets saved") from None
     wanted = (task.robot.name, list(task.robot.joint_names), task.name)
     given = (about["robot"], about["joints"], about["task"])
     if given != wanted:
-        raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
+        raise FileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
     if about["around"] != _digest(task.robot, scene):
-        raise SheetsFileError(file, "it is of another scene", "give the scene that was given to hk.sheets")
+        raise FileError(file, "it is of another scene", "give the scene that was given to hk.sheets")
     # The map, whose postures must lie at their poses and on their leaves.
     try:
         sheets: list[Sheet] = []
@@ -494,9 +494,9 @@ def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build:
         )  # fmt: skip
         bad = _fault(sheets_map)
     except (HolokinError, LookupError, TypeError, ValueError) as problem:
-        raise SheetsFileError(file, brief(problem), CHANGED) from None
+        raise FileError(file, brief(problem), CHANGED) from None
     if bad:
-        raise SheetsFileError(file, bad, CHANGED)
+        raise FileError(file, bad, CHANGED)
     return sheets_map
 
 
@@ -584,3 +584,9 @@ def _workspace_of(keys: Mapping[str, Any], poses: Array) -> Workspace:
         return pose_cloud(poses, str(keys["source"]))
     sizes = {kind: [keys["solid"][name] for name in SOLIDS[kind][1]]}
     return workspace(**sizes, rotation=keys["rotation"], tilt=keys["tilt"], spin=keys["spin"])
+
+
+def _unserved(position: Vector, sheets: int) -> OutOfReachError:
+    fact = f"none of the {sheets} sheets serves" if sheets != 1 else "the only sheet does not serve"
+    cure = "ask s.why(pose), keep to the workspace, or ask for more of it: hk.sheets(..., share=1)"
+    return OutOfReachError(f"{fact} the pose at {posture_text(position)}", cure, position=position)

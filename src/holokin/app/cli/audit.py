@@ -84,7 +84,7 @@ def audit(
     """
     from ...analysis.audit import audit_recording
     from ...analysis.audit.logs import is_dataset, read_runs
-    from ...base.errors import ArgumentError, RecordingError
+    from ...base.errors import ArgumentError, FileError
     from ...robot import is_model, load
 
     # The robot, and how the log is read.
@@ -116,11 +116,11 @@ def audit(
 
     read |= {"split": split, "idle": idle, "topic": topic, "time": time, "skip_bad": skip_bad}
     audits: list[LogAudit] = []
-    left_out: list[RecordingError] = []
+    left_out: list[FileError] = []
     for run in read_runs(log, arm, **read):
         try:
             audits.append(audit_recording(run, arm, **tool, tolerance=1e-3 if tolerance is None else tolerance))
-        except RecordingError as problem:
+        except FileError as problem:
             left_out.append(problem)
     if not audits:
         raise left_out[0]

@@ -125,7 +125,7 @@ def _sources(
 
 
 def _start(dataset: Dataset, arm: Robot, sources: list[Any], q0: str | None, degrees: bool) -> Vector:
-    """q0: as it is typed, or the first frame of the first column of joints. Raises: ArgumentError, RecordingError."""
+    """q0: as it is typed, or the first frame of the first column of joints. Raises: ArgumentError, FileError."""
     import numpy as np
 
     from ...analysis.audit.logs import JointFeature, Recording, joined_turns

@@ -164,7 +164,7 @@ def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> Path
     """The path of a table. It begins at the tool's start point unless an entry leads to it.
 
     Raises:
-        JobError, RecordingError, and what the shapes raise.
+        JobError, FileError, and what the shapes raise.
     """
     tool, F = task.pose(q0), table.frame_pose
     local = np.linalg.inv(F) @ tool if table.frame is not None else tool

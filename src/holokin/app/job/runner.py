@@ -18,18 +18,17 @@ from ...analysis.sheets import SheetMotion, Sheets, sheets
 from ...analysis.sheets.sheet_map import sheets_of_file
 from ...base.arguments import typed
 from ...base.errors import (
+    KEPT,
     ArgumentError,
-    EmptyRegionError,
     HolokinError,
     JobError,
     JointLimitError,
     NotFiniteError,
     PathError,
-    RoundOffError,
     SingularityError,
+    UndecidedError,
     UnknownNameError,
 )
-from ...base.errors.motion_errors import KEPT
 from ...base.types import Matrix, Vector
 from ...motion import follow
 from ...motion.checks import Scene
@@ -135,7 +134,7 @@ def build_workspace(table: WorkspaceTable, at_start: Matrix, file: FilePath) -> 
         at_start: rotation (3, 3) of the tool at the start.
 
     Raises:
-        JobError, RecordingError.
+        JobError, FileError.
     """
     if table.kind == "poses":
         return read_workspace(file.parent / str(table.file), ignore=table.ignore)
@@ -183,7 +182,7 @@ def read_sheets(path: str | FilePath, task: Task, scene: Scene | None = None) ->
         The map, as it was saved.
 
     Raises:
-        SheetsFileError: it cannot be read, is of another robot, task or scene, or holds what makes no sense.
+        FileError: it cannot be read, is of another robot, task or scene, or holds what makes no sense.
     """
     return sheets_of_file(path, task, scene, _strategy)
 
@@ -254,7 +253,7 @@ def sheets_result(
 # --- A job, from its table to its result.
 
 # What one strategy may meet where the others of its job do not. Anything else is a mistake in the job file.
-OF_ONE_STRATEGY = (SingularityError, PathError, EmptyRegionError, JointLimitError, NotFiniteError, RoundOffError)
+OF_ONE_STRATEGY = (SingularityError, PathError, UndecidedError, JointLimitError, NotFiniteError, UndecidedError)
 COMPARED = 65  # places of the two halves of a closed path that are held against each other
 RETRACED = 1e-6  # share of a path's size by which halves may differ and be one way: beyond round-off, below any drawing
 

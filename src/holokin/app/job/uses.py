@@ -219,7 +219,7 @@ def program_of_sheets(
         language, short, changes: as of `program_of_job`. progress: hears what is going on, as of `sheets`.
 
     Raises:
-        ArgumentError: the job has no [sheets], or several tools. DividedPathError: the path is divided, or
+        ArgumentError: the job has no [sheets], or several tools. PathError: the path is divided, or
         not served as a whole. As `sheets_of_job`, `retime`, `check` and the writer.
     """
     if job.sheets is None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...analysis.sheets import Sheets, StillMotion, self_motion_between
 from ...analysis.sheets.still_motion import SAME
-from ...base.errors import HolokinError, NoSheetError, brief
+from ...base.errors import HolokinError, OutOfReachError, brief
 from ...base.types import Array, Matrix, Value, Vector
 from .followers import Move, Run, follower, put_on_leaf
 from .states import StrategyStatus
@@ -158,7 +158,7 @@ class SheetFollower:
         if self.sheet_map is not None and self._run is None:
             try:
                 sheet = self.sheet_map(poses[0])[0]
-            except NoSheetError:
+            except OutOfReachError:
                 self._unserved(poses[0])
             else:
                 self._tell(sheet=sheet, sentence="", why="")
@@ -173,7 +173,7 @@ class SheetFollower:
         if self._change is None and run.status is not StrategyStatus.FOLLOWING and self._state.sheet < 0:
             try:
                 sheet, q = self.sheet_map(target[0])
-            except NoSheetError:
+            except OutOfReachError:
                 return
             self._tell(sheet=sheet, sentence=f"No self-motion led to sheet {sheet}: the arm was put there.")
             run.put(Move(q, StrategyStatus.FOLLOWING))
@@ -218,7 +218,7 @@ class SheetFollower:
                 self._tell(sheet=wanted, sentence=f"Sheet {wanted} serves.", why="")
                 return Move(posture, StrategyStatus.FOLLOWING)
             return self._begin(sheets, q, poses, wanted)
-        except NoSheetError:
+        except OutOfReachError:
             self._unserved(poses[0])
             return Move(q, StrategyStatus.OUT_OF_REACH, "No sheet serves this pose; drag the tool back.")
         except HolokinError as problem:

@@ -25,7 +25,7 @@ from queue import SimpleQueue
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from ...base.errors import SchedulerError, SurveyError
+from ...base.errors import FileError, SchedulerError
 from ...base.extra_module import extra_module
 from .cases import Cases
 from .one_case import Row, fault, forget_built, prepare, run_case
@@ -263,7 +263,7 @@ class Guarded:
         """The rows of a batch: all, or up to where it took too long.
 
         Raises:
-            SurveyError: process after process dies before it begins, or fails beside its cases.
+            FileError: process after process dies before it begins, or fails beside its cases.
         """
         left, rows_so_far, deaths, began = list(batch), [], Counter[int](), time.monotonic()
         while left and not self._closed and (deaths or time.monotonic() - began < LATE * lasts):
@@ -274,7 +274,7 @@ class Guarded:
             except (OSError, EOFError):  # it died; or the server that forks did, and a new one begins with the next try
                 rows = self._after_death(table, folder, left, deaths)
             if isinstance(rows, str):
-                raise SurveyError("survey", rows, SEE)
+                raise FileError("survey", rows, SEE)
             for row in rows:
                 left.remove(row.number)
                 deaths.pop(row.number, None)
@@ -309,14 +309,14 @@ class Guarded:
         return self._running
 
     def _after_death(self, table: str, folder: str, left: list[int], deaths: Counter[int]) -> list[Row]:
-        """The row of the case at which the process died, if it is a fault now. Raises: SurveyError."""
+        """The row of the case at which the process died, if it is a fault now. Raises: FileError."""
         end, (number, since, allowed) = self._end_process(), self._board
         if self._closed:
             return []
         if number not in left:
             self._unborn += 1
             if self._unborn == UNBORN:
-                raise SurveyError("survey", f"its processes die before they begin ({end})", SEE)
+                raise FileError("survey", f"its processes die before they begin ({end})", SEE)
             time.sleep(PAUSE * self._unborn)  # until the system has taken a server away that was killed
             return []
         deaths[int(number)] += 1

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import HolokinError, SurveyError, brief
+from ...base.errors import FileError, HolokinError, brief
 from ...base.extra_module import extra_module
 from ...base.files import write_text
 from ...base.types import Array, Flags, Indices, Value, Vector, one_line
@@ -476,11 +476,11 @@ _TERMS = (
 
 
 def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, file: Path) -> None:
-    """Write the page. Raises: WriteError. SurveyError: there are no rows to report."""
+    """Write the page. Raises: WriteError. FileError: there are no rows to report."""
     cases = Cases(survey, folder)
     if not len(findings):
         cure = "run it with `holokin survey FILE.toml`, or go on with --resume, and report then"
-        raise SurveyError(survey.title, f"none of its {len(cases):,} cases has a row yet", cure)
+        raise FileError(survey.title, f"none of its {len(cases):,} cases has a row yet", cure)
     stopped, within = findings.stopped(len(findings)), f"{1e3 * ON_PATH:g} mm"
     # What was asked, and whether all rows are of it.
     counts = {"robots": cases.robots, "tasks": survey.tasks, "kinds of loop": survey.loops, "strategies": survey.laws}

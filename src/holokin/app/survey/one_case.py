@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.coverage import regular_starts
-from ...base.errors import ArgumentError, HolokinError, JointLimitError, PathError, SingularityError
-from ...base.errors.motion_errors import KEPT
+from ...base.errors import KEPT, ArgumentError, HolokinError, JointLimitError, PathError, SingularityError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Matrix, Vector
 from ...motion import follow, simulate

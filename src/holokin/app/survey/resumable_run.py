@@ -155,7 +155,7 @@ def run_survey(
         workers: processes, by default one for each processor; 0 for this one. scheduler: of a Dask cluster instead.
 
     Raises:
-        SurveyError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
+        FileError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
         of a strategy that no case could have.
     """
     # The cases, and what would be a fault of each of them.
@@ -248,7 +248,7 @@ def survey(
         A row for each case: `.frame()` for pandas, `.table()` by strategy, `.columns`.
 
     Raises:
-        JobError: a table that makes no sense. SurveyError, WriteError: of the file. UnknownNameError: of a robot.
+        JobError: a table that makes no sense. FileError, WriteError: of the file. UnknownNameError: of a robot.
     """
     from .findings import Findings
     from .store import Store

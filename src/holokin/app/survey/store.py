@@ -16,7 +16,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, SurveyError
+from ...base.errors import ArgumentError, FileError
 from ...base.sqlite_file import table_file, writing_rows
 from ...motion.trajectory import Trajectory
 from ...version import __version__
@@ -55,26 +55,26 @@ class Store:
         """A results file, made for a survey where it is not there; for reading alone without a table.
 
         Raises:
-            SurveyError: it is there already and resume is False; it is of another survey, or no results file.
+            FileError: it is there already and resume is False; it is of another survey, or no results file.
             WriteError: the system refuses it.
         """
         # Whether the file is what is asked for.
         new = not file.exists()
         if table is None and new:
-            raise SurveyError(file, "there is no such file", "run the survey first")
+            raise FileError(file, "there is no such file", "run the survey first")
         if table is not None and not new and not file.is_dir() and not resume:
             cure = "say --resume, in Python resume=True, to go on, or delete it"
-            raise SurveyError(file, "holds results already", cure)
+            raise FileError(file, "holds results already", cure)
 
-        def broken(fact: str) -> SurveyError:
+        def broken(fact: str) -> FileError:
             cure = "give another file, as out/arms.sqlite, or run the survey anew"
-            return SurveyError(file, f"is no results file of a survey ({fact})", cure)
+            return FileError(file, f"is no results file of a survey ({fact})", cure)
 
         make = None if table is None else lambda db: _make(db, table, folder)
         with table_file(file, "survey", {"form": FORM}, broken, make) as db:
             if table is not None and db.execute("SELECT fingerprint FROM survey").fetchone() != (fingerprint(table),):
                 cure = "give another file with --out, in Python out="
-                raise SurveyError(file, "holds the results of another survey", cure)
+                raise FileError(file, "holds the results of another survey", cure)
             yield cls(file, db)
 
     @cached_property
@@ -135,13 +135,13 @@ class Store:
             yield self._row(values)
 
     def _row(self, values: Sequence[object]) -> dict[str, object]:
-        """Column -> value, each of its kind: SQLite keeps any value in any column. Raises: SurveyError."""
+        """Column -> value, each of its kind: SQLite keeps any value in any column. Raises: FileError."""
         row = dict(zip(self._columns, values, strict=True))
         for name, value in row.items():
             kinds = KINDS.get(name, (float, int, type(None)))
             if not isinstance(value, kinds):
                 fact = f"has a row whose {name} is {str(value)[:40]!r}, which no survey writes"
-                raise SurveyError(self.file, fact, "run the survey anew")
+                raise FileError(self.file, fact, "run the survey anew")
         return row
 
     def row_of(self, case: str) -> dict[str, object]:
@@ -160,7 +160,7 @@ class Store:
         """From which files of robots counted."""
         (name,) = self._db.execute("SELECT folder FROM survey").fetchone()
         if not isinstance(name, str) or "\0" in name:
-            raise SurveyError(self.file, "names no folder that its robots are in", "run the survey anew")
+            raise FileError(self.file, "names no folder that its robots are in", "run the survey anew")
         return Path(name)
 
     def content(self) -> SurveyTable:
@@ -170,7 +170,7 @@ class Store:
             return SurveyTable.model_validate_json(text)
         except ValueError:
             fact = "is no results file of this version: the survey in it cannot be read"
-            raise SurveyError(self.file, fact, "run the survey anew") from None
+            raise FileError(self.file, fact, "run the survey anew") from None
 
 
 def _make(db: sqlite3.Connection, table: SurveyTable, folder: Path) -> None:
@@ -204,7 +204,7 @@ def repeat(results: str | Path, case: str | int) -> tuple[Trajectory, str]:
         (what the joints did, why it stopped; empty where it went round all cycles).
 
     Raises:
-        SurveyError: no results file. ArgumentError: no such case, or it is of objects of a survey in Python.
+        FileError: no results file. ArgumentError: no such case, or it is of objects of a survey in Python.
         HolokinError: what the row of the case gives as its reason.
     """
     with Store.opened(Path(results), None) as store:

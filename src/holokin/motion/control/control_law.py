@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from ...base.arguments import Made, made, typed
-from ...base.errors import ArgumentError, InfeasibleError, ShapeError
+from ...base.errors import ArgumentError, LimitReachedError, ShapeError, posture_text
 from ...base.types import ArrayLike, Matrix, Value, Vector, finite, frozen, not_negative, numbers
 from ...robot import Kinematics
 from ...strategies import (
@@ -349,7 +349,7 @@ def repetitive_motion(
         limits: keep joint speeds, and positions one step ahead, within the robot's limits, by a quadratic programme.
 
     Raises:
-        InfeasibleError (when it runs, with limits): no joint rates within the limits follow the path.
+        LimitReachedError (when it runs, with limits): no joint rates within the limits follow the path.
     """
     K, pull = not_negative("gain", gain), not_negative("rate", rate)
     if not limits:
@@ -367,7 +367,10 @@ def repetitive_motion(
             upper = np.minimum(robot.max_velocity, (robot.upper - q) / dt)
             dq = nearest(-pull * (q - q0), J, u, np.minimum(lower, upper), np.maximum(lower, upper))
             if dq is None:
-                raise InfeasibleError(name, q)
+                raise LimitReachedError(
+                    f"{name}: at q = {posture_text(q)} no joint rates within the limits follow the path",
+                    "go slower, or choose another start or path",
+                )
             return dq
 
         return step
@@ -395,7 +398,7 @@ def asymptotically_cyclic(
         exact: False for dq = J^+ (x' + K e) - K_g N (J_g N)^-1 (g - leaf), which converges only to O(1/K_g).
 
     Raises:
-        ConstraintRowsError: g has not r rows. ShapeError: the leaf has not.
+        RowsError: g has not r rows. ShapeError: the leaf has not.
     """
     K, K_g = not_negative("gain", gain), not_negative("constraint_gain", constraint_gain)
     strategy = holonomic(task, g).looped

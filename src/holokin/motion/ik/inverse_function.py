@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arguments import check, typed
-from ...base.errors import ArgumentError, BranchError, HolokinError, NativeError, OutsideRegionError
+from ...base.errors import ArgumentError, BranchError, HolokinError, NativeError, OutOfReachError, posture_text
 from ...base.poses import PoseLike, pose_numbers
 from ...base.types import (
     Array,
@@ -319,10 +319,10 @@ class InverseKinematics(Value):
         The joints are an array, without a status: a refusal is an exception, and `batch` has a status for each pose.
 
         Raises:
-            SingularityError, BranchError: the leaf does not reach so far on a straight line. JumpError: g jumps on it.
+            SingularityError, BranchError: the leaf does not reach so far on a straight line, or g jumps on it.
             OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
             JointLimitError: the posture is beyond the joint limits.
-            OutsideRegionError: only with a region: the pose does not belong to it.
+            OutOfReachError: only with a region: the pose does not belong to it.
             ShapeError, NotFiniteError, ArgumentError: a bad pose or level; a level beside a region.
         """
         if level is None:
@@ -541,7 +541,11 @@ class InverseKinematics(Value):
         """(a posture near that of the region's function at a pose, how far about it there is none but that)."""
         near, alone = self.region.near(p[None], R[None])  # type: ignore[union-attr]
         if not np.isfinite(near).all():
-            raise OutsideRegionError(p)
+            raise OutOfReachError(
+                f"the pose at {posture_text(p)} does not belong to the region",
+                "give a pose in it, ask for a larger region, or none",
+                position=p,
+            )
         return near[0], float(alone[0])
 
     @cached_property

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
+from ...base.errors import ArgumentError, BranchError, HolokinError, NotFiniteError, ShapeError, posture_text
 from ...base.tolerances import TOLERANCES
 from ...base.types import ArrayLike, Matrix, Vector, finite, kept
 from ...path.path import straight
@@ -195,13 +195,13 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: 
     )
 
 
-def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Any = None) -> JumpError:
+def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Any = None) -> BranchError:
     """What is said of a leaf that ends where g jumps."""
     posture = posture_text(jump.q, strategy.task.robot.joint_names)
     place = f"at {posture}, where its g jumps by {jump.level:.3g} ({jump.what})"
     fact = f"{where}the leaf of {strategy.name!r} ends {place}"
     cure = "write g without the jump, mark it as an angle if it is one, or keep the path away from there"
-    return JumpError(fact, cure, walk, jump.what, jump.q, jump.level)
+    return BranchError(fact, cure, walk, jump.what, jump.q, jump.level)
 
 
 def leaf_walk(

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, RecordingError
+from ...base.errors import ArgumentError, FileError
 from ...base.poses import pose_from
 from ...base.tables import Units, pose_rows
 from ...base.types import Array, ArrayLike, Indices, Vector, check_rotation, finite
@@ -49,7 +49,7 @@ def read_waypoints(
         Waypoints whose `notes` say what was repaired, and what looks odd.
 
     Raises:
-        RecordingError: no such file, unreadable; missing columns, columns that are not understood,
+        FileError: no such file, unreadable; missing columns, columns that are not understood,
             no unit; text or NaN in a cell, with line and column;
             values that look like another unit; quaternions that are not of unit length; times that do not rise; half a
             turn from a line to the next.
@@ -59,7 +59,7 @@ def read_waypoints(
     try:
         poses, distinct_rows, notes = distinct(Poses(read.points, read.rotations), read.times)
     except ArgumentError:
-        raise RecordingError(file, "has one waypoint", "give two at least that differ") from None
+        raise FileError(file, "has one waypoint", "give two at least that differ") from None
     if poses.rotations is not None:
         _note_wide_turns(file, poses.rotations, read.lines[distinct_rows], read.notes)
     times = None if read.times is None else _from_start(file, read.times[distinct_rows], read.lines[distinct_rows])
@@ -88,7 +88,7 @@ def read_workspace(
             the poses.
 
     Raises:
-        RecordingError: as of `read_waypoints`.
+        FileError: as of `read_waypoints`.
         ArgumentError: a rotation that is none, or for a file that has rotations.
     """
     if rotation is not None:
@@ -104,12 +104,12 @@ def read_workspace(
 
 
 def _note_wide_turns(file: Path, rotations: Array, lines: Indices, notes: list[str]) -> None:
-    """Raises: RecordingError: half a turn, whose direction is by chance."""
+    """Raises: FileError: half a turn, whose direction is by chance."""
     turns = np.linalg.norm(turn_between(rotations[:-1], rotations[1:]), axis=1)
     i = int(np.argmax(turns))
     if turns[i] > SURE:
         fact = f"from line {lines[i]} to line {lines[i + 1]} the tool turns by {np.degrees(turns[i]):.4g} degrees"
-        raise RecordingError(file, fact, HALF_TURN)
+        raise FileError(file, fact, HALF_TURN)
     if turns[i] > WIDE:
         notes.append(
             f"from line {lines[i]} to line {lines[i + 1]} the tool turns by {np.degrees(turns[i]):.0f} degrees, by the "
@@ -123,5 +123,5 @@ def _from_start(file: Path, t: Vector, lines: Indices) -> Vector:
         i = int(back[0])
         what = "stands still" if t[i + 1] == t[i] else "runs backward"
         fact = f"time {what} from line {lines[i]} ({t[i]:.9g} s) to line {lines[i + 1]} ({t[i + 1]:.9g} s)"
-        raise RecordingError(file, fact, "give rising times in seconds")
+        raise FileError(file, fact, "give rising times in seconds")
     return t - t[0]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, HolokinError, RecordingError
+from ...base.errors import ArgumentError, FileError, HolokinError
 from ...base.extra_module import extra_module
 from ...base.files import is_folder, shown
 from ...base.types import Matrix, Vector, positive
@@ -76,7 +76,7 @@ def read_svg(
         speed: of the tool [m/s].
 
     Raises:
-        RecordingError: no such file, no SVG, no size, no outlines. MissingExtraError: svgelements is not installed.
+        FileError: no such file, no SVG, no size, no outlines. MissingExtraError: svgelements is not installed.
         ArgumentError.
     """
     svgelements = extra_module("svgelements", "svg")
@@ -85,25 +85,25 @@ def read_svg(
     positive("speed", speed)
     drawing = _parsed(file, svgelements)
     if not isinstance(drawing, svgelements.SVG):
-        raise RecordingError(file, "is no SVG drawing: its root is no <svg>", "save it as plain SVG")
+        raise FileError(file, "is no SVG drawing: its root is no <svg>", "save it as plain SVG")
     to_metres = _to_metres(file, drawing, pixel)
     out: list[Path] = []
     for drawn in _outlines(file, drawing, to_metres, svgelements):
         pieces = [piece for piece in drawn if piece is not None]
         if len(pieces) > MOST_PIECES:
             fact = f"has an outline of {len(pieces)} pieces"
-            raise RecordingError(file, fact, f"simplify it to {MOST_PIECES} at most")
+            raise FileError(file, fact, f"simplify it to {MOST_PIECES} at most")
         if pieces:
             short = len(drawn) - len(pieces)
             notes = (f"{short} of {len(drawn)} pieces left out, which are at most {SAME:g} m long",) * (short > 0)
             out.append(_path(file, pieces, tolerance, speed, notes))
     if not out:
-        raise RecordingError(file, "has no outlines", "convert text and images to paths in your drawing program")
+        raise FileError(file, "has no outlines", "convert text and images to paths in your drawing program")
     return out
 
 
 def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any) -> Iterator[list[_Piece | None]]:
-    """The pieces of each outline, None where one is too short. Raises: RecordingError: an element whose numbers the
+    """The pieces of each outline, None where one is too short. Raises: FileError: an element whose numbers the
     library cannot draw."""
     for element in drawing.elements():
         hidden = str(element.values.get("visibility", "")) == "hidden" or element.values.get("display") == "none"
@@ -118,7 +118,7 @@ def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any)
             message = str(problem) or type(problem).__name__
             tag = str(element.values.get("tag") or type(element).__name__.lower())
             fact = f"has a <{shown(tag)}> that cannot be drawn ({shown(message)})"
-            raise RecordingError(file, fact, "correct its numbers") from None
+            raise FileError(file, fact, "correct its numbers") from None
         yield from outlines
 
 
@@ -126,21 +126,21 @@ def _parsed(file: FilePath, svgelements: Any) -> Any:
     import io
 
     if is_folder(file):
-        raise RecordingError(file, "is a folder", "give an SVG file")
+        raise FileError(file, "is a folder", "give an SVG file")
     try:
         if file.stat().st_size > LARGEST:
-            raise RecordingError(file, f"has over {LARGEST:,} bytes", "simplify the drawing")
+            raise FileError(file, f"has over {LARGEST:,} bytes", "simplify the drawing")
         text = file.read_text("utf-8")
     except (OSError, UnicodeError) as problem:
-        raise RecordingError(file, f"cannot be read as text ({shown(str(problem))})", "give an SVG file") from None
+        raise FileError(file, f"cannot be read as text ({shown(str(problem))})", "give an SVG file") from None
     if "<!ENTITY" in text:  # which may grow without end
-        raise RecordingError(file, "defines entities", "save it as plain SVG")
+        raise FileError(file, "defines entities", "save it as plain SVG")
     if "<svg" not in text:
-        raise RecordingError(file, "is no SVG drawing", "give an SVG file")
+        raise FileError(file, "is no SVG drawing", "give an SVG file")
     try:
         return svgelements.SVG.parse(io.StringIO(text), reify=True)
     except Exception as problem:  # noqa: BLE001  the parser throws whatever its parts do
-        raise RecordingError(file, f"cannot be read as SVG ({shown(str(problem))})", "save it as plain SVG") from None
+        raise FileError(file, f"cannot be read as SVG ({shown(str(problem))})", "save it as plain SVG") from None
 
 
 def _to_metres(file: FilePath, drawing: Any, pixel: float | None) -> Matrix:
@@ -151,10 +151,10 @@ def _to_metres(file: FilePath, drawing: Any, pixel: float | None) -> Matrix:
         unit = match[2].lower() if match else ""
         if match is None or unit not in LENGTHS:
             fact = f"gives its width as {shown(stated)!r}" if stated else "gives no width"
-            raise RecordingError(file, f"{fact}, not in a unit of length", "say pixel=, the size of a pixel in metres")
+            raise FileError(file, f"{fact}, not in a unit of length", "say pixel=, the size of a pixel in metres")
         size, width = float(match[1]) * LENGTHS[unit], float(drawing.width or 0.0)
         if not (size > 0 and width > 0):
-            raise RecordingError(file, f"gives its width as {shown(stated)!r}", "give it a width above 0")
+            raise FileError(file, f"gives its width as {shown(stated)!r}", "give it a width above 0")
         pixel = size / width
     scale = positive("pixel", pixel, "give the size of a pixel in metres")
     return np.array([[scale, 0.0, 0.0], [0.0, -scale, scale * float(drawing.height or 0.0)], [0.0, 0.0, 0.0]])
@@ -216,13 +216,13 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, 
             fact = (
                 f"has an outline near {some[0].points(np.zeros(1))[0][:2].round(6).tolist()} m that no spline follows"
             )
-            raise RecordingError(file, f"{fact} ({problem.what})", problem.cure) from None
+            raise FileError(file, f"{fact} ({problem.what})", problem.cure) from None
     # The path, without the gaps that short pieces leave.
     try:
         path = Path(tuple(segments), speed, notes=notes)
         return _welded(path, closed) if notes or CLOSED < gap <= SAME else path
     except HolokinError as problem:
-        raise RecordingError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from None
+        raise FileError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from None
 
 
 def _welded(path: Path, closed: bool) -> Path:

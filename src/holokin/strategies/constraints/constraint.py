@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...base.arguments import Made, made, typed
-from ...base.errors import ArgumentError, ConstraintRowsError, ShapeError
+from ...base.errors import ArgumentError, RowsError, ShapeError
 from ...base.types import Array, ArrayLike, ByValue, Value, Vector, finite, frozen, whole
 from ...robot import Kinematics
 from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
@@ -64,9 +64,9 @@ class Constraint(Made, ByValue):
 
     @typed
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
-        """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
+        """g (r,) for a task. Raises: RowsError unless it has r = n - m rows; ShapeError."""
         if self.rows != task.n - task.m:
-            raise ConstraintRowsError(self.name, self.rows, task.n, task.m)
+            raise RowsError(self.name, self.rows, task.n, task.m)
         return self.expand(task, k, q)
 
     @typed

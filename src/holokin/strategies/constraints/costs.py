@@ -45,7 +45,7 @@ def stationary(
         free: r joints for Chang's basis, by name or by index from 0; needed when r > 1.
 
     Raises:
-        ConstraintRowsError (when bound): r > 1 without `free`, or `free` has not r joints.
+        RowsError (when bound): r > 1 without `free`, or `free` has not r joints.
         ShapeError (when bound): the cost is not a scalar.
     """
     rows = 1 if free is None else len(free)
@@ -173,7 +173,7 @@ def gravity_cost(gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Cost:
     """U = - sum_b m_b g . c_b [J]: stationary where the self-motion carries no weight. Masses of the URDF's inertials.
 
     Raises:
-        ShapeError, NotFiniteError; when bound, MassError if the description has no masses.
+        ShapeError, NotFiniteError; when bound, RobotFileError if the description has no masses.
     """
     g = frozen(finite("gravity", gravity, (3,)))
     return Cost("gravity", lambda task, _k, q: potential_expression(task.robot, q, g))

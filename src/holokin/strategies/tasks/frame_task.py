@@ -574,7 +574,7 @@ def stacked(*tasks: Task) -> Task:
     task has an orientation. Paths run together by `synchronized`. What is stacked may itself be stacked.
 
     Raises:
-        ArgumentError: no tasks, or not of one robot. TaskTooLargeError: m > n.
+        ArgumentError: no tasks, or not of one robot. RowsError: m > n.
     """
     parts = [part for task in tasks for part in parts_of(task)]
     if not parts:

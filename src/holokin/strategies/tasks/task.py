@@ -17,10 +17,10 @@ import numpy as np
 from ...base.arguments import Made, check, type_methods, typed
 from ...base.errors import (
     ArgumentError,
+    RowsError,
     ShapeError,
     SingularityError,
     SingularityKind,
-    TaskTooLargeError,
     UnknownNameError,
     shown,
 )
@@ -225,7 +225,7 @@ class Task(ByValue, ABC):
         self._check()
         super().__post_init__()
         if self.m > self.n:
-            raise TaskTooLargeError(self.m, self.n, self.robot.name)
+            raise RowsError(self.robot.name, self.m, self.n)
 
     @abstractmethod
     def _check(self) -> None:

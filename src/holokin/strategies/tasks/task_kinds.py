@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
+from ...base.errors import ArgumentError, RowsError, UnknownNameError, shown
 from ...base.types import ArrayLike, Vector, finite
 from ...robot import Robot
 from ...symbolic import SX, norm_2
@@ -30,7 +30,7 @@ def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None
     """The tool's position: m = 3, or m = 2 for a planar robot; or some `rows` of it.
 
     Raises:
-        TaskTooLargeError, UnknownNameError, ArgumentError.
+        RowsError, UnknownNameError, ArgumentError.
     """
     robot.pose(np.zeros(robot.n), tip)
     every = (0, 1) if robot.planar else (0, 1, 2)
@@ -59,7 +59,7 @@ def pose(
         axis: of an "axis" task, "x", "y", "z" of the tool or any direction (3,) in its frame.
 
     Raises:
-        UnknownNameError: an unknown orientation, tip, axis or row. TaskTooLargeError: m > n. ArgumentError: a bad
+        UnknownNameError: an unknown orientation, tip, axis or row. RowsError: m > n. ArgumentError: a bad
             reference or axis.
     """
     robot.pose(np.zeros(robot.n), tip)
@@ -86,7 +86,7 @@ def relative_pose(
         orientation, reference, axis, rows: as of `pose`.
 
     Raises:
-        UnknownNameError: an unknown orientation, tip, axis or row. TaskTooLargeError: m > n. ArgumentError.
+        UnknownNameError: an unknown orientation, tip, axis or row. RowsError: m > n. ArgumentError.
     """
     for name in (tip, other):
         robot.pose(np.zeros(robot.n), name)
@@ -145,7 +145,7 @@ def custom_task(
         names: of each row; "x1", "x2", ... by default.
 
     Raises:
-        ArgumentError: no rows. ShapeError: the expression has other rows. TaskTooLargeError: m > n.
+        ArgumentError: no rows. ShapeError: the expression has other rows. RowsError: m > n.
     """
     labels = tuple(f"x{i + 1}" for i in range(len(units))) if names is None else tuple(names)
     if not units or len(labels) != len(units):
@@ -154,7 +154,7 @@ def custom_task(
     whole = ExpressionFrame(name, expression, tuple(units), labels)
     whole.check(robot)  # so that an expression that does not fit is refused here
     if len(units) > robot.n:
-        raise TaskTooLargeError(len(units), robot.n, robot.name)
+        raise RowsError(robot.name, len(units), robot.n)
     parts = [
         FrameTask(robot, None, tuple(range(len(frame.row_units))), np.eye(3), frame) for frame in whole.in_threes()
     ]
@@ -177,7 +177,7 @@ def line_of_sight(
         axis: that the camera looks along: "x", "y", "z" of the tip or a direction (3,) in its frame.
 
     Raises:
-        UnknownNameError: an unknown tip or axis. TaskTooLargeError: m > n. ShapeError, NotFiniteError.
+        UnknownNameError: an unknown tip or axis. RowsError: m > n. ShapeError, NotFiniteError.
     """
     seen, along = finite("the point to look at", point, (3,)), frame_about(_direction(axis))
     robot.pose(np.zeros(robot.n), tip)

@@ -13,7 +13,7 @@ import holokin as hk
 from conftest import Command, assert_refused
 from holokin.analysis.audit import LogVerdict
 from holokin.analysis.audit.logs import Recording, read_recording, read_runs
-from holokin.base.errors import ArgumentError, RecordingError, UnknownNameError
+from holokin.base.errors import ArgumentError, FileError, UnknownNameError
 
 UR = hk.load("ur5e")
 T = 0.008 * np.arange(401)
@@ -60,7 +60,7 @@ def test_joints_that_a_mapping_leaves_out_have_their_own_names(tmp_path: Path) -
     np.savetxt(tmp_path / "log.csv", rows, "%.17g", ",", header=",".join(header), comments="")
     for columns in ({"wrist_3_joint": "wrist = 3"}, "wrist_3_joint=wrist = 3"):
         assert same(read_recording(tmp_path / "log.csv", UR, columns=columns, time="zeit"))
-    with pytest.raises(RecordingError, match="backward"):
+    with pytest.raises(FileError, match="backward"):
         read_recording(tmp_path / "log.csv", UR, columns=columns)
 
 
@@ -76,7 +76,7 @@ def test_joints_that_a_mapping_leaves_out_have_their_own_names(tmp_path: Path) -
 def test_a_column_that_is_not_there_is_named_with_the_nearest(
     tmp_path: Path, columns: str | dict[str, str], time: str | None, fault: str
 ) -> None:
-    with pytest.raises(RecordingError, match=fault):
+    with pytest.raises(FileError, match=fault):
         read_recording(rtde(tmp_path / "ur.csv"), UR, columns=columns, time=time)
 
 
@@ -89,7 +89,7 @@ def test_what_names_no_columns_is_refused_with_the_joints(tmp_path: Path) -> Non
         (["actual_q_0"] * 6, ArgumentError, "both shoulder_pan_joint and shoulder_lift_joint"),
         ("elbow=actual_q_2", UnknownNameError, "'elbow'"),
         ({"elbow_joint": 2}, ArgumentError, "column of joint 'elbow_joint'"),
-        (None, RecordingError, r"--columns \(columns=\.\.\.\)"),
+        (None, FileError, r"--columns \(columns=\.\.\.\)"),
     ):
         with pytest.raises(error, match=words):
             read_recording(file, UR, columns=columns)
@@ -126,7 +126,7 @@ def test_a_line_with_a_cell_too_many_is_refused_by_its_number(tmp_path: Path, qu
         rows[1] = rows[1].replace(",", ',"', 1).replace(",", '",', 2).replace('",', ",", 1)
     rows[20] = rows[20].replace(".", ",", 1)
     file = table(tmp_path / "log.csv", ["t", *UR.joint_names], rows)
-    with pytest.raises(RecordingError, match="line 22 has 8 cells, the header 7"):
+    with pytest.raises(FileError, match="line 22 has 8 cells, the header 7"):
         read_recording(file, UR)
 
 
@@ -139,9 +139,9 @@ def test_two_columns_of_one_name_are_refused_where_one_is_read(tmp_path: Path) -
     rows = lines(np.column_stack([T, Q, Q[:, 0], Q[:, 0]]))
     for twice, fault in (("elbow_joint", "'elbow_joint', 'elbow_joint'; keep or name one"), ("t", "2 columns 't'")):
         file = table(tmp_path / "log.csv", ["t", *UR.joint_names, twice, "x"], rows)
-        with pytest.raises(RecordingError, match=fault):
+        with pytest.raises(FileError, match=fault):
             read_recording(file, UR)
-    with pytest.raises(RecordingError, match="2 columns 'x'"):
+    with pytest.raises(FileError, match="2 columns 'x'"):
         read_recording(table(tmp_path / "log.csv", ["t", *UR.joint_names, "x", "x"], rows), UR, columns="elbow_joint=x")
     assert same(read_recording(table(tmp_path / "log.csv", ["t", *UR.joint_names, "x", "x"], rows), UR))
 
@@ -208,7 +208,7 @@ def test_bad_rows_are_refused_with_the_first_line_and_left_out_and_counted_if_as
     lines[9] = "garbage"
     lines[11] += ",1,2,3"
     file.write_text("\n".join(lines) + "\n")
-    with pytest.raises(RecordingError, match="line 8, column 'q2' holds 'nan'"):
+    with pytest.raises(FileError, match="line 8, column 'q2' holds 'nan'"):
         read_recording(file, ARM)
     log = read_recording(file, ARM, skip_bad=True)
     keep = np.delete(np.arange(len(t)), [6, 8, 10])
@@ -218,7 +218,7 @@ def test_bad_rows_are_refused_with_the_first_line_and_left_out_and_counted_if_as
     quoted[5] = '"0.1","a","b","c"'
     file.write_text("\n".join(quoted) + "\n")
     assert len(read_recording(file, ARM, skip_bad=True)) == len(t) - 4
-    with pytest.raises(RecordingError, match="no samples"):
+    with pytest.raises(FileError, match="no samples"):
         read_recording(write(tmp_path / "bad.csv", t[:2], np.full((2, 3), np.nan), HEADER), ARM, skip_bad=True)
     with pytest.raises(ArgumentError, match="only CSV files have rows"):
         read_recording(tmp_path, ARM, skip_bad=True)  # a folder is a bag
@@ -252,7 +252,7 @@ def test_without_a_header_the_number_of_columns_tells_and_the_note_says_so(tmp_p
     rates = read_recording(write(tmp_path / "rates.csv", t, np.hstack([q, 9 * q])), ARM)
     assert np.abs(rates.q - q).max() < 1e-11 and "their rates" in rates.notes[0]
     assert len(log) == len(t)  # the first line is a sample
-    with pytest.raises(RecordingError, match="5 columns are none"):  # no stamp in two parts: these are whole numbers
+    with pytest.raises(FileError, match="5 columns are none"):  # no stamp in two parts: these are whole numbers
         read_recording(write(tmp_path / "more.csv", t, np.hstack([q, q[:, :1]])), ARM)
 
 
@@ -267,12 +267,12 @@ def test_without_a_header_columns_are_named_by_their_numbers(tmp_path: Path) -> 
 def test_columns_that_nobody_knows_are_refused_with_the_counts_that_are_known(tmp_path: Path) -> None:
     t, q = cycles(1)
     file = write(tmp_path / "many.csv", t, np.hstack([q, q[:, :1], q[:, :1], q, q]))
-    with pytest.raises(RecordingError, match=r"12 columns are none.*4, 5, 7, 8, 10, 11 are known"):
+    with pytest.raises(FileError, match=r"12 columns are none.*4, 5, 7, 8, 10, 11 are known"):
         read_recording(file, ARM)
     one = hk.from_dh([{"a": 1.0}])  # of one joint, three columns may be a time in two parts or a rate
     both = tmp_path / "one.csv"
     both.write_text("1,100,0.1\n2,200,0.2\n3,300,0.3\n")
-    with pytest.raises(RecordingError, match="3 columns are none"):
+    with pytest.raises(FileError, match="3 columns are none"):
         read_recording(both, one)
 
 
@@ -309,7 +309,7 @@ def test_a_clock_that_begins_anew_is_put_behind_with_a_gap(tmp_path: Path) -> No
 def test_one_file_is_cut_where_its_clock_is_set_back_and_refused_without_split(tmp_path: Path) -> None:
     t, q = cycles(2)
     file = write(tmp_path / "log.csv", np.concatenate([t, t]), np.vstack([q, q]), HEADER)
-    with pytest.raises(RecordingError, match=r"time runs backward at line .*--split"):
+    with pytest.raises(FileError, match=r"time runs backward at line .*--split"):
         read_runs([file], ARM)
     runs = read_runs([file], ARM, split=True)
     assert [len(run) for run in runs] == [len(t), len(t)]
@@ -332,7 +332,7 @@ def test_a_log_is_cut_at_rests_and_not_at_dwells(tmp_path: Path) -> None:
     assert len(read_runs([file], ARM, split=True, idle=20.0)) == 1
     assert len(read_runs([file], ARM)) == 1
     still = write(tmp_path / "still.csv", step * np.arange(900), np.tile(q[0], (900, 1)), HEADER)
-    with pytest.raises(RecordingError, match="all joints rest"):
+    with pytest.raises(FileError, match="all joints rest"):
         read_runs([still], ARM, split=True)
     with pytest.raises(ArgumentError, match="positive number of seconds"):
         read_runs([file], ARM, split=True, idle=0.0)
@@ -403,6 +403,6 @@ def test_a_torch_whose_axis_tilts_on_repeats_no_path_by_its_axis() -> None:
             q = q + np.linalg.solve(task.jacobian(q), task.error(q, T[:3, 3], T[:3, :3]))
         rows.append(q)
     log = Recording(UR5E.joint_names, np.linspace(0, 30, 301), np.array(rows), "leaning")
-    with pytest.raises(RecordingError, match="--axis z if the tool may spin"):
+    with pytest.raises(FileError, match="--axis z if the tool may spin"):
         hk.audit_recording(log, UR5E, axis="z")
     assert len(hk.audit_recording(log, UR5E, orientation=False).cycles) >= 2

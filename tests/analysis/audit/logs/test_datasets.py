@@ -16,7 +16,7 @@ import holokin as hk
 from conftest import Command, assert_refused, sampled
 from holokin.analysis.audit.logs import bag, chosen_episodes, joint_feature, pose_feature, read_dataset
 from holokin.analysis.audit.logs.datasets import batches, postures_of, read_parquet, rows, tool_poses_of
-from holokin.base.errors import ArgumentError, RecordingError
+from holokin.base.errors import ArgumentError, FileError
 from small_datasets import write_dataset
 
 ARM = hk.load("planar-3r")
@@ -98,7 +98,7 @@ def test_names_in_groups_are_names(tmp_path: Path, names: object) -> None:
 
 def test_entries_without_names_are_told_by_their_numbers(tmp_path: Path) -> None:
     folder = dataset(tmp_path / "d", names={})
-    with pytest.raises(RecordingError, match="joints q1, q2, q3 of planar-3r are not in it"):
+    with pytest.raises(FileError, match="joints q1, q2, q3 of planar-3r are not in it"):
         postures(folder)
     np.testing.assert_allclose(postures(folder, columns="2,1,0"), postures(folder, columns="0,1,2")[:, ::-1])
 
@@ -107,7 +107,7 @@ def test_degrees_are_seen_and_asked_for(tmp_path: Path) -> None:
     given = episodes()
     turned = [{n: c * np.array([*[180 / np.pi] * 3, 1.0]) for n, c in e.items()} for e in given]
     folder = dataset(tmp_path / "d", episodes=turned)
-    with pytest.raises(RecordingError, match="every joint fits in degrees"):
+    with pytest.raises(FileError, match="every joint fits in degrees"):
         postures(folder)
     whole = np.vstack([e["observation.state"][:, :3] for e in given])
     np.testing.assert_allclose(postures(folder, degrees=True), whole, atol=1e-6)
@@ -116,19 +116,19 @@ def test_degrees_are_seen_and_asked_for(tmp_path: Path) -> None:
 def test_values_that_are_no_angles_at_all_are_refused(tmp_path: Path) -> None:
     given = episodes()
     given[1]["observation.state"][2, 0] = 5e4
-    with pytest.raises(RecordingError, match=r"reaches 5e\+04.*ticks"):
+    with pytest.raises(FileError, match=r"reaches 5e\+04.*ticks"):
         postures(dataset(tmp_path / "far", episodes=given))
     for e in given:
         e["observation.state"][0, :3] = [100.0, -100.0, 12.0]
     given[1]["observation.state"][2, 0] = 50.0
-    with pytest.raises(RecordingError, match=r"2 joints of observation\.state reach 100 exactly"):
+    with pytest.raises(FileError, match=r"2 joints of observation\.state reach 100 exactly"):
         postures(dataset(tmp_path / "normalized", episodes=given), degrees=True)
 
 
 def test_a_servo_arm_must_say_its_unit(tmp_path: Path) -> None:
     folder = dataset(tmp_path / "d")
     edit_info(folder, robot_type="so101_follower")
-    with pytest.raises(RecordingError, match="so101_follower, whose joints LeRobot writes in degrees or from -100 to"):
+    with pytest.raises(FileError, match="so101_follower, whose joints LeRobot writes in degrees or from -100 to"):
         postures(folder)
     assert postures(folder, degrees=False).shape == (21, 3)
 
@@ -159,7 +159,7 @@ def test_metadata_that_unpacks_to_more_than_a_dataset_has_is_not_unpacked(tmp_pa
     parquet.write_table(table.append_column("more", text), file, compression="zstd")
     monkeypatch.setattr("holokin.analysis.audit.logs.datasets.LARGEST_TEXT", 1_000_000)
     assert "more" not in read_dataset(folder).episodes[0].facts
-    with pytest.raises(RecordingError, match=r"unpacks to 30.* bytes, by its own footer"):
+    with pytest.raises(FileError, match=r"unpacks to 30.* bytes, by its own footer"):
         read_parquet(file)
 
 
@@ -193,14 +193,14 @@ def test_numbered_quaternions_need_their_order_and_long_ones_are_none(tmp_path: 
     q = Rotation.random(4, random_state=2).as_quat()
     names = ["x", "y", "z", "q1", "q2", "q3", "q4"]
     data = read_dataset(poses_dataset(tmp_path / "d", names, np.hstack([np.zeros((4, 3)), q])))
-    with pytest.raises(RecordingError, match="no orientation"):
+    with pytest.raises(FileError, match="no orientation"):
         pose_feature(data, "observation.state")
     assert pose_feature(data, "observation.state", order="xyzw").columns.kind == "numbered"
     names = ["x", "y", "z", "qx", "qy", "qz", "qw"]
     q[2] *= 1.1
     data = read_dataset(poses_dataset(tmp_path / "long", names, np.hstack([np.zeros((4, 3)), q])))
     part = next(iter(rows(data, ["observation.state"])))
-    with pytest.raises(RecordingError, match=r"frame 2 has a quaternion of length 1\.1"):
+    with pytest.raises(FileError, match=r"frame 2 has a quaternion of length 1\.1"):
         tool_poses_of(data, pose_feature(data, "observation.state"), part.values["observation.state"], part.frame)
 
 
@@ -210,7 +210,7 @@ def test_numbered_quaternions_need_their_order_and_long_ones_are_none(tmp_path: 
 def test_paths_that_lead_out_of_the_folder_are_refused(tmp_path: Path, path: str) -> None:
     folder = dataset(tmp_path / "d")
     edit_info(folder, data_path=path)
-    with pytest.raises(RecordingError, match="data_path"):
+    with pytest.raises(FileError, match="data_path"):
         read_dataset(folder)
 
 
@@ -219,7 +219,7 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     file = folder / "data/chunk-000/file-000.parquet"
     file.unlink()
     file.symlink_to(other / "data/chunk-000/file-000.parquet")
-    with pytest.raises(RecordingError, match="is a link out of the dataset"):
+    with pytest.raises(FileError, match="is a link out of the dataset"):
         read_dataset(folder)
 
 
@@ -228,7 +228,7 @@ def test_a_pipe_is_no_data_file(tmp_path: Path) -> None:
     file = folder / "data/chunk-000/file-000.parquet"
     file.unlink()
     os.mkfifo(file)
-    with pytest.raises(RecordingError, match="no such file, but meta/ names it"):
+    with pytest.raises(FileError, match="no such file, but meta/ names it"):
         postures(folder)
 
 
@@ -289,7 +289,7 @@ def test_files_that_are_broken_or_of_another_dataset_are_refused_in_a_sentence(
 def test_an_info_json_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     folder = dataset(tmp_path / "d")
     (folder / "meta" / "info.json").write_text(text)
-    with pytest.raises(RecordingError, match=r"info\.json"):
+    with pytest.raises(FileError, match=r"info\.json"):
         read_dataset(folder)
 
 
@@ -342,6 +342,6 @@ def test_a_text_that_unpacks_to_thousands_of_times_its_size_is_refused(
     monkeypatch.setattr(bag, "MOST_ROWS", 2**20)
     table = pa.table({"q": [0.0] * 2, "text": ["x" * 8 * 2**20, ""]})
     parquet.write_table(table, tmp_path / "t.parquet", compression="zstd")
-    with pytest.raises(RecordingError, match="text unpacks to far more"):
+    with pytest.raises(FileError, match="text unpacks to far more"):
         next(batches(tmp_path / "t.parquet", 2))
     assert len(next(batches(tmp_path / "t.parquet", 2, ["q"]))) == 2  # it is not needed

@@ -15,7 +15,7 @@ from bags import JOINTS, Q, T, write_bag
 from conftest import Command, sampled
 from holokin.analysis.audit.logs import joint_feature, read_dataset
 from holokin.analysis.audit.logs.datasets import postures_of
-from holokin.base.errors import ArgumentError, RecordingError, UnknownNameError
+from holokin.base.errors import ArgumentError, FileError, UnknownNameError
 
 PANDA = hk.load("panda")
 ORDERS = [np.roll(np.arange(7), k)[:: (-1) ** k] for k in range(len(Q))]
@@ -58,7 +58,7 @@ def test_names_in_the_file_say_more_than_a_pattern_and_contradict_a_list(tmp_pat
     np.testing.assert_allclose(log.q, Q, atol=1e-11)
     given = [f"field.position{int(np.argwhere(ORDERS[0] == i)[0, 0])}" for i in range(7)]
     np.testing.assert_allclose(hk.read_recording(file, PANDA, columns=given).q, Q, atol=1e-11)
-    with pytest.raises(RecordingError, match=r"line 2 names 'panda_joint\d' where --columns says 'panda_joint"):
+    with pytest.raises(FileError, match=r"line 2 names 'panda_joint\d' where --columns says 'panda_joint"):
         hk.read_recording(file, PANDA, columns=given[::-1])
     other = hk.load("iiwa14")  # whose joints the file does not name: the columns are as they are given
     plain = hk.read_recording(file, other, columns="field.position%d", degrees=False, counts_turns=True)
@@ -72,14 +72,14 @@ def test_bags_take_prefixes_and_columns(tmp_path: Path) -> None:
     assert hk.read_recording(named, PANDA, columns="A%d").q == pytest.approx(Q)
     swapped = {"panda_joint1": "A2", "panda_joint2": "A1"} | {f"panda_joint{i}": f"A{i}" for i in range(3, 8)}
     assert hk.read_recording(named, PANDA, columns=swapped).q == pytest.approx(Q[:, [1, 0, 2, 3, 4, 5, 6]])
-    with pytest.raises(RecordingError, match="there is no name 'B1' for joint 'panda_joint1'"):
+    with pytest.raises(FileError, match="there is no name 'B1' for joint 'panda_joint1'"):
         hk.read_recording(named, PANDA, columns="B%d")
 
 
 def test_a_bag_of_two_arms_is_not_read_as_either(tmp_path: Path) -> None:
     both = [f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS]
     bag = write_bag(tmp_path / "both", "mcap", names=both, positions=np.hstack([Q, Q + 0.01]))
-    with pytest.raises(RecordingError, match="'panda_joint1' could be any of the joints"):
+    with pytest.raises(FileError, match="'panda_joint1' could be any of the joints"):
         hk.read_recording(bag, PANDA)
     columns = [f"right_{joint}" for joint in JOINTS]
     assert hk.read_recording(bag, PANDA, columns=columns).q == pytest.approx(Q + 0.01)
@@ -155,7 +155,7 @@ def test_encoder_ticks_are_told_from_angles_and_read_with_scales_and_zeros(seed:
         return hk.read_recording(file, PANDA, **said)
 
     for degrees in (None, True):
-        with pytest.raises(RecordingError, match="all values are whole numbers"):
+        with pytest.raises(FileError, match="all values are whole numbers"):
             read(ticks, degrees=degrees)
     scales = dict(zip(names, 2 * np.pi / per_turn, strict=True))
     offsets = dict(zip(names, zeros * 2 * np.pi / per_turn, strict=True))
@@ -215,7 +215,7 @@ def test_a_clock_that_counts_from_zero_says_it_by_its_step(tmp_path: Path) -> No
         log = log_times(tmp_path, "t", whole(unit, 0))
         np.testing.assert_allclose(log.t, SINCE, atol=1e-9)
         assert any("stamps read as" in note for note in log.notes)
-    with pytest.raises(RecordingError, match="could be two units"):
+    with pytest.raises(FileError, match="could be two units"):
         log_times(tmp_path, "t", [str(300 * k) for k in range(len(Q))])
 
 
@@ -228,5 +228,5 @@ def test_seconds_and_nanoseconds_are_one_time(tmp_path: Path, header: str) -> No
 
 
 def test_a_way_point_that_rests_says_no_time(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="its column 'dwell_time' is neither"):
+    with pytest.raises(FileError, match="its column 'dwell_time' is neither"):
         path_times(tmp_path, "dwell_time", whole("s", 0))

@@ -14,7 +14,7 @@ import holokin as hk
 from bags import JOINTS, Q, T, write_bag
 from conftest import PANDA_START, campaign
 from holokin.analysis.audit.logs import Recording
-from holokin.base.errors import ArgumentError, RecordingError
+from holokin.base.errors import ArgumentError, FileError
 
 
 def write_csv(file: Path, header: Sequence[str], rows: Any, delimiter: str = ",") -> Path:
@@ -37,7 +37,7 @@ def log(tmp_path: Path) -> Callable[..., Path]:
 
 
 def refused(file: Path, *words: str, **options: Any) -> str:
-    with pytest.raises(RecordingError) as problem:
+    with pytest.raises(FileError) as problem:
         hk.read_recording(file, hk.load("panda"), **options)
     sentence = str(problem.value)
     assert "\n" not in sentence

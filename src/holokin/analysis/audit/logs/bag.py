@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ....base.errors import HolokinError, MissingExtraError, RecordingError
+from ....base.errors import FileError, HolokinError, MissingExtraError
 from ....base.files import listed, shown
 from ....base.sqlite_file import sqlite_file
 from ....robot import Robot
@@ -46,10 +46,10 @@ _DEEPEST = 50  # the parser's time grows with the square of it
 _ALIAS = re.compile(r"(?:^|[\s\[{,:-])[&*][^\s&*]", re.MULTILINE)
 
 
-def broken(file: Path, why: str) -> RecordingError:
+def broken(file: Path, why: str) -> FileError:
     """The refusal of a bag whose bytes make no sense."""
     cure = "give a rosbag2 folder with metadata.yaml, or a whole .mcap, .db3 or .bag file"
-    return RecordingError(file, f"cannot be read as a bag ({shown(why, 200)})", cure)
+    return FileError(file, f"cannot be read as a bag ({shown(why, 200)})", cure)
 
 
 @contextmanager
@@ -96,7 +96,7 @@ def _unpacked_pieces(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 
 
 def _bounded(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> Iterator[bytes]:
-    """What packed data unpack to, as long as it is at most `most` bytes. Raises: RecordingError."""
+    """What packed data unpack to, as long as it is at most `most` bytes. Raises: FileError."""
     size = 0
     for part in _unpacked_pieces(kind, pieces):
         size += len(part)
@@ -106,40 +106,40 @@ def _bounded(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: in
 
 
 def unpacked(file: Path, what: str, kind: str, data: bytes, most: int) -> bytes:
-    """Unpacked bytes, at most `most`. Raises: RecordingError."""
+    """Unpacked bytes, at most `most`. Raises: FileError."""
     return b"".join(_bounded(file, what, kind, iter([data]), most))
 
 
 def _check_size(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> None:
-    """Raises: RecordingError when packed data unpack to more than `most` bytes."""
+    """Raises: FileError when packed data unpack to more than `most` bytes."""
     deque(_bounded(file, what, kind, pieces, most), maxlen=0)
 
 
-def _too_large(file: Path, what: str, most: int) -> RecordingError:
+def _too_large(file: Path, what: str, most: int) -> FileError:
     """The refusal of a bag that would unpack to too much."""
     fact = f"{what} unpacks to over {most} bytes, more than joint states need"
-    return RecordingError(file, fact, "record joint states alone")
+    return FileError(file, fact, "record joint states alone")
 
 
 def check_folder(folder: Path) -> list[Path]:
-    """The files of a rosbag2 folder. Raises: RecordingError when it cannot be read without harm."""
+    """The files of a rosbag2 folder. Raises: FileError when it cannot be read without harm."""
     with _refusals(folder):
         parts = sorted(folder.iterdir())
         for part in parts:
             if not (part.is_dir() or part.is_file()):
-                raise RecordingError(folder, f"{shown(part.name)!r} in it is no regular file", "delete it")
+                raise FileError(folder, f"{shown(part.name)!r} in it is no regular file", "delete it")
         metadata = folder / "metadata.yaml"
         if not metadata.is_file():
             raise broken(folder, "there is no metadata.yaml in it")
         if metadata.stat().st_size > MOST_METADATA:
             fact = f"its metadata.yaml has over {MOST_METADATA} bytes"
-            raise RecordingError(folder, fact, "audit its .mcap or .db3 files one by one")
+            raise FileError(folder, fact, "audit its .mcap or .db3 files one by one")
         text = metadata.read_text("utf-8")
         depth = accumulate((c in "[{") - (c in "]}") for c in text)
         if _ALIAS.search(text) or max(depth, default=0) > _DEEPEST:
             fact = f"its metadata.yaml holds aliases (& and *), or brackets over {_DEEPEST} deep"
             fact += ", which no recorder writes"
-            raise RecordingError(folder, fact, "write it out, or audit its .mcap or .db3 files one by one")
+            raise FileError(folder, fact, "write it out, or audit its .mcap or .db3 files one by one")
         files = [part for part in parts if part.is_file()]
         for part in files:
             if part.suffix == ".zstd":
@@ -150,7 +150,7 @@ def check_folder(folder: Path) -> list[Path]:
 
 
 def _check_mcap(file: Path) -> None:
-    """Raises: RecordingError when records are longer than the file, or chunks unpack to more than they say."""
+    """Raises: FileError when records are longer than the file, or chunks unpack to more than they say."""
     size = file.stat().st_size
     chunks: dict[int, int] = {}
     indexed: set[int] = set()
@@ -203,7 +203,7 @@ def _index(record: bytes) -> tuple[int, int]:
 
 
 def _check_sqlite(file: Path) -> None:
-    """Raises: RecordingError when a database is none, or computes its rows (views, generated columns): that may never
+    """Raises: FileError when a database is none, or computes its rows (views, generated columns): that may never
     end."""
     with _refusals(file):
         with file.open("rb") as stream:
@@ -220,7 +220,7 @@ def _check_sqlite(file: Path) -> None:
 def record_batches(file: Path, table: Any, columns: Sequence[str] | None, most: int) -> Iterator[Any]:
     """The rows of a parquet file, some `most` together, or fewer where these would take more than `MOST_ROWS` bytes.
 
-    Raises: RecordingError: a column is a bomb.
+    Raises: FileError: a column is a bomb.
     """
     import pyarrow
 
@@ -241,7 +241,7 @@ def record_batches(file: Path, table: Any, columns: Sequence[str] | None, most: 
 def _rows_at_once(file: Path, table: Any, columns: Sequence[str] | None, most: int) -> int:
     """How many rows of a parquet file, 1 to `most`, unpack to `MOST_ROWS` bytes by what its footer says of its parts.
 
-    Raises: RecordingError: a column is a bomb.
+    Raises: FileError: a column is a bomb.
     """
     largest = MOST_ROWS / most
     for group in map(table.metadata.row_group, range(table.metadata.num_row_groups)):
@@ -253,7 +253,7 @@ def _rows_at_once(file: Path, table: Any, columns: Sequence[str] | None, most: i
             most_of_one = MOST_ROWS * group.num_rows if width else max(MOST_ROWS, DENSEST * part.total_compressed_size)
             if (values * width if width else whole) > most_of_one:
                 fact = f"its column {shown(part.path_in_schema)} unpacks to far more than its size in the file"
-                raise RecordingError(file, fact, "no recorder writes such a one: download it anew")
+                raise FileError(file, fact, "no recorder writes such a one: download it anew")
             size += values * width if width else whole
             if not width and part.has_dictionary_page:  # any of its texts may be that of every row
                 size += values * min(whole, DICTIONARY)
@@ -270,7 +270,7 @@ _State = tuple[int, int, tuple[str, ...], Any]  # of a message: its stamp, its r
 def read_bag(file: Path, robot: Robot, topic: str | None, columns: Columns | None = None) -> Samples:
     """The samples of a bag; columns: which names of its messages are which joints, as of a CSV file.
 
-    Raises: RecordingError; MissingExtraError: rosbags is not installed. UnknownNameError, ArgumentError: as
+    Raises: FileError; MissingExtraError: rosbags is not installed. UnknownNameError, ArgumentError: as
     `columns_named`.
     """
     try:
@@ -341,7 +341,7 @@ def _topic(file: Path, states: set[str], every: set[str], topic: str | None, not
     known = f"it has no JointState messages at all, its topics are {listed(sorted(every)) or 'none'}"
     known = f"topics of JointState messages: {listed(sorted(states))}" if states else known
     fact = f"there are no JointState messages on {shown(name)}"
-    raise RecordingError(file, fact, f"name the topic with --topic; {known}")
+    raise FileError(file, fact, f"name the topic with --topic; {known}")
 
 
 def _joint_states(
@@ -360,7 +360,7 @@ def _joint_states(
             seen.update(dict.fromkeys(last if len(seen) < 1000 else ()))
             try:
                 order = columns_named(file, last, robot, columns, noun="name", what="joints")
-            except RecordingError:  # a message of other joints
+            except FileError:  # a message of other joints
                 order = None
         if order is None or len(position) < len(names):
             continue
@@ -368,17 +368,17 @@ def _joint_states(
         if not np.isfinite(row).all():
             joint = robot.joint_names[int(np.argmin(np.isfinite(row)))]
             fact = f"message {count}: the position of {joint} is not finite"
-            raise RecordingError(file, fact, "record again, or cut the bag before it")
+            raise FileError(file, fact, "record again, or cut the bag before it")
         stamps.append(stamp)
         received.append(reception)
         numbers.append(count)
         q.frombytes(row.tobytes())
     if not numbers:
         if not seen:
-            raise RecordingError(file, "there are no JointState messages in it", "record at least two cycles")
+            raise FileError(file, "there are no JointState messages in it", "record at least two cycles")
         columns_named(file, list(seen), robot, columns, noun="name", what="joints")
         fact = f"no message holds the positions of all joints of {robot.name} together"
-        raise RecordingError(file, fact, "record the topic of the joint_state_broadcaster")
+        raise FileError(file, fact, "record the topic of the joint_state_broadcaster")
     # Their times: the stamps, or where there are none the times of reception.
     if len(numbers) < count:
         notes.append(f"{count - len(numbers)} messages without all of the robot's joints left out")

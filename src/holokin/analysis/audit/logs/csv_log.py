@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ....base import tables
-from ....base.errors import RecordingError
+from ....base.errors import FileError
 from ....base.files import listed
 from ....base.types import Matrix, Vector
 from ....robot import Robot
@@ -36,7 +36,7 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
 
     A JointState as `ros2 topic echo --csv` writes it names its joints in each row: stamp, frame, names, positions, and
     perhaps velocities and efforts. Else the number of columns tells: a time, or seconds and nanoseconds, then the
-    joints in the robot's order, perhaps their rates, perhaps their efforts. Raises: RecordingError: columns that nobody
+    joints in the robot's order, perhaps their rates, perhaps their efforts. Raises: FileError: columns that nobody
     knows."""
     form = _joint_state(cells, robot)
     if form is None and all(tables.number_in(cell) is not None for cell in cells):
@@ -49,7 +49,7 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
         fact = f"line 1 holds numbers, no header, and {len(cells)} columns are none that are known for {n} joints"
         counts = ", ".join(str(count) for count in sorted(_forms(robot)))
         cure = f"log a header, or give the columns by their numbers: --columns 2,3,... --time 1 ({counts} are known)"
-        raise RecordingError(file, fact, cure)
+        raise FileError(file, fact, cure)
     names, what = form
     beside = names_beside(names)
     number = {name: k + 1 for k, name in enumerate(names)} | {cells[name]: k + 1 for k, name in beside.items()}
@@ -100,12 +100,12 @@ def read_csv(
 ) -> Samples:
     """The samples of a CSV file; columns and time name its columns, of a file without a header by their numbers.
 
-    skip_bad: rows that cannot be read are left out and counted; else the first one is refused. Raises: RecordingError.
+    skip_bad: rows that cannot be read are left out and counted; else the first one is refused. Raises: FileError.
     UnknownNameError, ArgumentError: as `columns_named`."""
     # What is learnt of the columns when the header is read: names, times, units, and joints named in each row.
     times: list[tables.TimeColumns] = []
     notes: list[str] = []
-    bad: list[RecordingError] | None = [] if skip_bad else None
+    bad: list[FileError] | None = [] if skip_bad else None
 
     def headless(cells: Sequence[str]) -> list[str]:
         if columns is None and time is None:
@@ -154,7 +154,7 @@ def read_csv(
         q.frombytes((joints[0].ordered(values, rows) if joints else values).tobytes())
         numbers.extend(rows.lines)
     if stamps is None:
-        raise RecordingError(file, "has a header but no samples", "log at least two cycles")
+        raise FileError(file, "has a header but no samples", "log at least two cycles")
     if bad:
         rows = "1 row was" if len(bad) == 1 else f"{len(bad)} rows were"
         notes.append(f"{rows} left out that could not be read; the first: {bad[0].fact}")
@@ -176,7 +176,7 @@ class _JointsByName:
         self.known: dict[tuple[str, ...], Sequence[int]] = {}
 
     def ordered(self, values: Matrix, rows: tables.Rows) -> Matrix:
-        """Values (k, c) of the named joints -> (k, n). Raises: RecordingError."""
+        """Values (k, c) of the named joints -> (k, n). Raises: FileError."""
         places = np.empty((len(values), self.robot.n), dtype=np.intp)
         for k, names in enumerate(rows.labels):
             if names not in self.known:
@@ -188,14 +188,14 @@ class _JointsByName:
         joints = self.robot.joint_names
         try:
             places = joint_columns(self.file, names, self.robot, joints, f"names in line {line}")
-        except RecordingError:
+        except FileError:
             if self.given is None or self.known:
                 raise
             return self.given
         if self.given is not None and not self.pattern and list(self.given) != places:
             i = next(i for i in range(len(joints)) if self.given[i] != places[i])
             fact = f"line {line} names {names[self.given[i]]!r} where --columns says {joints[i]!r}"
-            raise RecordingError(self.file, fact, "leave out --columns (columns=...): the names in the file are used")
+            raise FileError(self.file, fact, "leave out --columns (columns=...): the names in the file are used")
         return places
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ....base.arguments import AxisCounts, typed
-from ....base.errors import ArgumentError, RecordingError, UnknownNameError
+from ....base.errors import ArgumentError, FileError, UnknownNameError
 from ....base.extra_module import extra_module
 from ....base.files import listed, shown
 from ....base.poses import QuaternionOrder
@@ -89,7 +89,7 @@ class Dataset(Value):
         return list(dict.fromkeys(e.file for e in self.episodes))
 
     def place(self, what: str, template: str, **fields: int | str) -> Path:
-        """A file inside the folder, of a template in `info.json`. Raises: RecordingError."""
+        """A file inside the folder, of a template in `info.json`. Raises: FileError."""
         return _place(self.folder, what, template, fields)
 
 
@@ -107,7 +107,7 @@ def read_dataset(folder: Path) -> Dataset:
         folder: it has `meta/info.json`.
 
     Raises:
-        RecordingError: files that are missing, broken or of another format; paths that lead out of the folder; episodes
+        FileError: files that are missing, broken or of another format; paths that lead out of the folder; episodes
             that do not follow each other. MissingExtraError: pyarrow is not installed.
     """
     info = read_json(folder / INFO)
@@ -115,14 +115,14 @@ def read_dataset(folder: Path) -> Dataset:
     episodes = [_episode(folder, info, row) for row in _episode_rows(folder, info["codebase_version"])]
     where, first = folder / "meta", 0
     if not episodes:
-        raise RecordingError(where, "has no episodes", "record one")
+        raise FileError(where, "has no episodes", "record one")
     for number, episode in enumerate(episodes):
         if episode.index != number or episode.first != first or episode.length < 1:
             fact = f"its episode {number} has the index {episode.index}, {episode.length} frames, and begins at frame "
-            raise RecordingError(where, f"{fact}{episode.first}, where {first} was due", "download the dataset anew")
+            raise FileError(where, f"{fact}{episode.first}, where {first} was due", "download the dataset anew")
         first += episode.length
     if first > MOST_FRAMES:
-        raise RecordingError(where, f"says that there are {first} frames", "no dataset is so long: download it anew")
+        raise FileError(where, f"says that there are {first} frames", "no dataset is so long: download it anew")
     return Dataset(folder, info, tuple(episodes))
 
 
@@ -137,7 +137,7 @@ def rows(
         size: rows of a batch.
 
     Raises:
-        RecordingError: a data file that is missing, broken, or holds something else than `meta/` says.
+        FileError: a data file that is missing, broken, or holds something else than `meta/` says.
     """
     chosen = None if episodes is None else set(episodes)
     for file in dataset.files():
@@ -163,17 +163,17 @@ class Rows:
 
 
 def batches(file: Path, count: int, columns: Sequence[str] | None = None, size: int = ROWS) -> Iterator[Any]:
-    """Record batches of a data file that holds so many rows. Raises: RecordingError."""
+    """Record batches of a data file that holds so many rows. Raises: FileError."""
     parquet = _parquet()
     with reading(file), parquet.ParquetFile(file, **_SMALL) as table:
         there = table.schema_arrow.names
         missing = [name for name in columns or () if name not in there]
         if missing:
             cure = f"download it anew, or write it with LeRobot; its columns are {listed(there)}"
-            raise RecordingError(file, f"has no column {listed(missing)}", cure)
+            raise FileError(file, f"has no column {listed(missing)}", cure)
         if table.metadata.num_rows != count:
             fact = f"has {table.metadata.num_rows} rows, but meta/ says {count} frames of the episodes in it"
-            raise RecordingError(file, fact, "download it anew: some of its files are of another version")
+            raise FileError(file, fact, "download it anew: some of its files are of another version")
         yield from record_batches(file, table, columns, size)
     release()
 
@@ -187,7 +187,7 @@ def release() -> None:
 
 @contextmanager
 def reading(file: Path) -> Iterator[None]:
-    """What a file that cannot be read raises, as a RecordingError."""
+    """What a file that cannot be read raises, as a FileError."""
     import pyarrow
 
     try:
@@ -195,19 +195,19 @@ def reading(file: Path) -> Iterator[None]:
             raise FileNotFoundError
         yield
     except FileNotFoundError:
-        raise RecordingError(file, "there is no such file, but meta/ names it", "download the dataset anew") from None
+        raise FileError(file, "there is no such file, but meta/ names it", "download the dataset anew") from None
     except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as problem:
         words = " ".join(str(problem).split())
-        raise RecordingError(file, f"cannot be read ({shown(words, 120)})", "download it anew") from problem
+        raise FileError(file, f"cannot be read ({shown(words, 120)})", "download it anew") from problem
 
 
 def read_json(file: Path) -> Any:
-    """What a JSON file holds. Raises: RecordingError."""
+    """What a JSON file holds. Raises: FileError."""
     return _value_of(file, _text(file), "is")
 
 
 def read_lines(file: Path) -> list[Any]:
-    """What a file holds that has a JSON value a line. Raises: RecordingError."""
+    """What a file holds that has a JSON value a line. Raises: FileError."""
     lines = enumerate(_text(file).split("\n"), 1)
     return [_value_of(file, line, f"line {number} is") for number, line in lines if line.strip()]
 
@@ -217,30 +217,30 @@ def _value_of(file: Path, text: str, what: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as problem:
         fact = f"{what} no JSON ({shown(str(problem), 120)})"
-        raise RecordingError(file, fact, "download it anew") from problem
+        raise FileError(file, fact, "download it anew") from problem
 
 
 def read_parquet(file: Path, begins: tuple[str, ...] = ("",)) -> Any:
-    """A small table, of the columns whose names begin so. Raises: RecordingError."""
+    """A small table, of the columns whose names begin so. Raises: FileError."""
     parquet = _parquet()
     with reading(file), parquet.ParquetFile(file, **_SMALL) as table:
         if table.metadata.num_rows > MOST_FRAMES:
-            raise RecordingError(file, f"has {table.metadata.num_rows} rows", "no dataset is so long: download it anew")
+            raise FileError(file, f"has {table.metadata.num_rows} rows", "no dataset is so long: download it anew")
         names = [name for name in table.schema_arrow.names if name.startswith(begins)]
         groups = (table.metadata.row_group(i) for i in range(table.metadata.num_row_groups))
         parts = (group.column(j) for group in groups for j in range(group.num_columns))
         size = sum(part.total_uncompressed_size for part in parts if part.path_in_schema.startswith(tuple(names)))
         if size > LARGEST_TEXT:
             fact = f"unpacks to {size} bytes, by its own footer"
-            raise RecordingError(file, fact, "no dataset's metadata is so large: download it anew")
+            raise FileError(file, fact, "no dataset's metadata is so large: download it anew")
         return table.read(columns=names, use_threads=False)
 
 
 def episode_files(folder: Path) -> list[Path]:
-    """The files of a dataset v3.0 that describe its episodes. Raises: RecordingError."""
+    """The files of a dataset v3.0 that describe its episodes. Raises: FileError."""
     files = sorted((folder / "meta" / "episodes").glob("*/*.parquet"))
     if not files:
-        raise RecordingError(folder / "meta" / "episodes", "has no parquet file", "download the dataset anew")
+        raise FileError(folder / "meta" / "episodes", "has no parquet file", "download the dataset anew")
     for file in files:
         check_inside(folder, "meta/episodes", file)
     return files
@@ -255,29 +255,29 @@ def _text(file: Path) -> str:
         if not file.is_file():
             raise FileNotFoundError
         if file.stat().st_size > LARGEST_TEXT:
-            raise RecordingError(file, f"has {file.stat().st_size} bytes", "no dataset's is so long: download it anew")
+            raise FileError(file, f"has {file.stat().st_size} bytes", "no dataset's is so long: download it anew")
         return file.read_text("utf-8")
     except FileNotFoundError:
         cure = "give the whole folder of a LeRobot dataset: it has meta/info.json, and what that names"
-        raise RecordingError(file, "there is no such file", cure) from None
+        raise FileError(file, "there is no such file", cure) from None
     except (OSError, UnicodeDecodeError) as problem:
-        raise RecordingError(file, f"cannot be read ({shown(str(problem), 120)})", "download it anew") from problem
+        raise FileError(file, f"cannot be read ({shown(str(problem), 120)})", "download it anew") from problem
 
 
 def _check_info(file: Path, info: Any) -> None:
-    """Raises: RecordingError: what is no description of a dataset that is read here."""
+    """Raises: FileError: what is no description of a dataset that is read here."""
     if not isinstance(info, dict) or not isinstance(info.get("codebase_version"), str):
-        raise RecordingError(file, "has no codebase_version", "give the folder of a LeRobot dataset")
+        raise FileError(file, "has no codebase_version", "give the folder of a LeRobot dataset")
     version = info["codebase_version"]
     if version not in VERSIONS:
         cure = f"convert it by LeRobot's own scripts to {' or '.join(VERSIONS)}"
-        raise RecordingError(file, f"says format {shown(version)}", cure)
+        raise FileError(file, f"says format {shown(version)}", cure)
     features = info.get("features")
     sound = isinstance(features, dict) and all(_is_feature(feature) for feature in features.values())
     if not sound or not isinstance(info.get("data_path"), str):
-        raise RecordingError(file, "has no data_path, or features without dtype and shape", "download it anew")
+        raise FileError(file, "has no data_path, or features without dtype and shape", "download it anew")
     if version == "v2.1" and not (isinstance(info.get("chunks_size"), int) and info["chunks_size"] > 0):
-        raise RecordingError(file, "has no chunks_size", "download it anew")
+        raise FileError(file, "has no chunks_size", "download it anew")
 
 
 def _is_feature(feature: Any) -> bool:
@@ -290,20 +290,20 @@ def _is_feature(feature: Any) -> bool:
 
 
 def _episode_rows(folder: Path, version: str) -> list[dict[str, Any]]:
-    """What meta/ says of each episode. Raises: RecordingError."""
+    """What meta/ says of each episode. Raises: FileError."""
     if version == "v3.0":
         return [row for file in episode_files(folder) for row in read_parquet(file, _FACTS).to_pylist()]
     first, episodes, file = 0, [], folder / "meta" / "episodes.jsonl"
     for row in read_lines(file):
         if not isinstance(row, dict) or not isinstance(row.get("length"), int):
-            raise RecordingError(file, "has a line without a length", "download the dataset anew")
+            raise FileError(file, "has a line without a length", "download the dataset anew")
         episodes.append(row | {"dataset_from_index": first})
         first += row["length"]
     return episodes
 
 
 def _episode(folder: Path, info: dict[str, Any], row: dict[str, Any]) -> Episode:
-    """Raises: RecordingError."""
+    """Raises: FileError."""
     try:
         index, first, length = (int(row[key]) for key in ("episode_index", "dataset_from_index", "length"))
         if info["codebase_version"] == "v3.0":
@@ -312,40 +312,40 @@ def _episode(folder: Path, info: dict[str, Any], row: dict[str, Any]) -> Episode
             fields = {"episode_chunk": index // info["chunks_size"], "episode_index": index}
     except (KeyError, TypeError, ValueError, OverflowError) as problem:
         fact = f"has an episode without a number {shown(str(problem), 60)}"
-        raise RecordingError(folder / "meta", fact, "download the dataset anew") from problem
+        raise FileError(folder / "meta", fact, "download the dataset anew") from problem
     return Episode(index, first, length, _place(folder, "data_path", info["data_path"], fields), row)
 
 
 def _place(folder: Path, what: str, template: str, fields: dict[str, Any]) -> Path:
-    """The file of a template with fields like {chunk_index:03d}, inside the folder. Raises: RecordingError."""
+    """The file of a template with fields like {chunk_index:03d}, inside the folder. Raises: FileError."""
 
     def written(match: re.Match[str]) -> str:
         name, width = match[1], match[2]
         if name not in fields:
             cure = f"it may name {', '.join(fields)}: download the dataset anew"
-            raise RecordingError(folder / INFO, f"{what} has the field {shown(name)!r}", cure)
+            raise FileError(folder / INFO, f"{what} has the field {shown(name)!r}", cure)
         return f"{fields[name]:0{width}d}" if width and isinstance(fields[name], int) else str(fields[name])
 
     name = _FIELD.sub(written, template)
     file = PurePosixPath(name)
     if "{" in name or "}" in name or "\\" in name or "\0" in name or file.is_absolute() or ".." in file.parts:
         fact = f"its {what} {shown(template)!r} leads out of the dataset, or is no template of LeRobot"
-        raise RecordingError(folder / INFO, fact, "do not use this dataset before you know who wrote it")
+        raise FileError(folder / INFO, fact, "do not use this dataset before you know who wrote it")
     return check_inside(folder, what, folder / file)
 
 
 def check_inside(folder: Path, what: str, file: Path) -> Path:
-    """Raises: RecordingError: a link that leads out of the folder."""
+    """Raises: FileError: a link that leads out of the folder."""
     if not file.resolve().is_relative_to(folder.resolve()):
         cure = "copy the dataset with its links resolved (cp -rL), if you trust it"
-        raise RecordingError(file, f"is a link out of the dataset, of {what}", cure)
+        raise FileError(file, f"is a link out of the dataset, of {what}", cure)
     return file
 
 
 def _rows_of(
     dataset: Dataset, file: Path, batch: Any, columns: Sequence[str], in_file: Sequence[Episode], read: int
 ) -> Rows:
-    """A record batch as arrays, whose episodes are those that are due. Raises: RecordingError."""
+    """A record batch as arrays, whose episodes are those that are due. Raises: FileError."""
     with reading(file):
         episode, frame = (_numbers(batch.column(name)) for name in ("episode_index", "frame_index"))
         values = {name: numeric(dataset, file, name, batch.column(name)) for name in columns}
@@ -357,12 +357,12 @@ def _rows_of(
     if len(wrong):
         i = int(wrong[0])
         fact = f"row {read + i} is frame {frame[i]} of episode {episode[i]}, where frame {frame_due[i]} of "
-        raise RecordingError(file, f"{fact}episode {due[i]} was due", "download the dataset anew")
+        raise FileError(file, f"{fact}episode {due[i]} was due", "download the dataset anew")
     return Rows(due, frame.astype(np.intp), values)
 
 
 def numeric(dataset: Dataset, file: Path, name: str, column: Any) -> Matrix:
-    """A column as numbers (k, d), of the width that `info.json` says. Raises: RecordingError."""
+    """A column as numbers (k, d), of the width that `info.json` says. Raises: FileError."""
     import pyarrow
 
     width = int(np.prod(dataset.features[name]["shape"]))
@@ -372,15 +372,15 @@ def numeric(dataset: Dataset, file: Path, name: str, column: Any) -> Matrix:
     else:
         flat = column
     if not (pyarrow.types.is_floating(flat.type) or pyarrow.types.is_integer(flat.type)):
-        raise RecordingError(file, f"its column {name} holds {shown(str(kind))}", "give a feature of numbers")
+        raise FileError(file, f"its column {name} holds {shown(str(kind))}", "give a feature of numbers")
     if len(flat) != len(column) * width:
         fact = f"its column {name} has {len(flat)} numbers in {len(column)} rows"
-        raise RecordingError(file, fact, f"meta/info.json says {width} a row: download it anew")
+        raise FileError(file, fact, f"meta/info.json says {width} a row: download it anew")
     numbers = _numbers(flat).astype(np.float64).reshape(len(column), width)
     bad = np.flatnonzero(~np.isfinite(numbers).all(axis=1))
     if len(bad):
         cure = "correct or delete the episode; LeRobot's own delete_episodes does"
-        raise RecordingError(file, f"{len(bad)} rows of its column {name} hold no finite number", cure)
+        raise FileError(file, f"{len(bad)} rows of its column {name} hold no finite number", cure)
     return numbers
 
 
@@ -446,7 +446,7 @@ class PoseFeature(Value):
 
 
 def _names_of(dataset: Dataset, feature: str) -> list[str]:
-    """The names of a column's entries, or their numbers where it has none. Raises: UnknownNameError, RecordingError."""
+    """The names of a column's entries, or their numbers where it has none. Raises: UnknownNameError, FileError."""
     if feature not in dataset.features:
         raise UnknownNameError("column", feature, dataset.features)
     known = dataset.features[feature]
@@ -454,7 +454,7 @@ def _names_of(dataset: Dataset, feature: str) -> list[str]:
     names = _flat(known.get("names"))
     if names and len(names) != width:
         fact = f"names {len(names)} entries of {feature}, which has {width}"
-        raise RecordingError(dataset.folder / INFO, fact, "correct meta/info.json")
+        raise FileError(dataset.folder / INFO, fact, "correct meta/info.json")
     return names or [str(i) for i in range(width)]
 
 
@@ -480,7 +480,7 @@ def joint_feature(
         signs, offsets, scales: how the column counts joints, as of `read_recording`.
 
     Raises:
-        RecordingError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
+        FileError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
     """
     names, file = _names_of(dataset, feature), dataset.folder / INFO
     counts = AxisCounts(signs or {}, offsets or {}, scales or {}).known(robot.joint_names)
@@ -489,7 +489,7 @@ def joint_feature(
     if degrees is None and kind.startswith(MOTORS) and not counts.scaled(robot.joint_names)[robot.hinges].all():
         fact = f"was recorded with {shown(kind)}, whose joints LeRobot writes in degrees or from -100 to 100"
         cure = "say --degrees (degrees=True) if it was recorded with use_degrees; other values are no angles"
-        raise RecordingError(file, fact, cure)
+        raise FileError(file, fact, cure)
     return JointFeature(feature, np.array(places, dtype=np.intp), degrees, counts_turns, counts)
 
 
@@ -498,7 +498,7 @@ def has_joints(dataset: Dataset, robot: Robot, feature: str) -> bool:
     """Whether a column names every joint of a robot."""
     try:
         joint_feature(dataset, robot, feature, degrees=False)
-    except (RecordingError, UnknownNameError):
+    except (FileError, UnknownNameError):
         return False
     return True
 
@@ -519,7 +519,7 @@ def pose_feature(
         order: "xyzw" or "wxyz" of quaternions whose entries are numbered.
 
     Raises:
-        RecordingError: no such entries. UnknownNameError: no such column. ArgumentError.
+        FileError: no such entries. UnknownNameError: no such column. ArgumentError.
     """
     names = _names_of(dataset, feature)
     plain = [_plain(name) for name in names]
@@ -532,14 +532,14 @@ def pose_feature(
         cure = "name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz"
         if numbered:
             cure = "say --order xyzw or wxyz (order=...), if these numbers are a quaternion"
-        raise RecordingError(dataset.folder / INFO, fact, cure)
+        raise FileError(dataset.folder / INFO, fact, cure)
     places_of_entries = [i for i, _ in entries]
     places = [[places_of_entries[i] for i in part] for part in (columns.position, columns.orientation)]
     return PoseFeature(feature, PoseColumns(places[0], places[1], columns.kind, None, columns.scales), units)
 
 
 def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Matrix) -> Matrix:
-    """Postures (k, n) in rad and m of the values (k, d) of a column. Raises: RecordingError: values that look like
+    """Postures (k, n) in rad and m of the values (k, d) of a column. Raises: FileError: values that look like
     degrees, or like LeRobot's -100 to 100, where nothing was said."""
     raw = values[:, joints.places]
     if not len(raw):
@@ -549,14 +549,14 @@ def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Ma
     ends = (np.maximum(-low, high) == NORMALIZED) & robot.hinges & ~joints.counts.scaled(robot.joint_names)
     if ends.sum() > 1 and np.abs(raw[:, robot.hinges]).max() == NORMALIZED and joints.degrees is not False:
         fact = f"{int(ends.sum())} joints of {joints.name} reach 100 exactly, the end of LeRobot's range -100 to 100"
-        raise RecordingError(file, fact, "convert them to degrees by the calibration of the arm, or record degrees")
+        raise FileError(file, fact, "convert them to degrees by the calibration of the arm, or record degrees")
     if joints.degrees is None:
         _check_unit(file, robot, joints, np.stack([low, high]))
     return joints.joints(robot, raw)
 
 
 def check_normalized(dataset: Dataset, robot: Robot, joints: JointFeature, low: Vector, high: Vector) -> None:
-    """Raises: RecordingError: all joints (n,) of hobby servos that are said to be in degrees lie within LeRobot's -100
+    """Raises: FileError: all joints (n,) of hobby servos that are said to be in degrees lie within LeRobot's -100
     to 100, between `low` and `high` [rad or m]; these look alike, and are no angles."""
     asked = robot.hinges & ~joints.counts.scaled(robot.joint_names)
     if not (joints.degrees and str(dataset.info.get("robot_type") or "").startswith(MOTORS) and asked.any()):
@@ -564,11 +564,11 @@ def check_normalized(dataset: Dataset, robot: Robot, joints: JointFeature, low: 
     if np.abs(joints.values(robot, np.stack([low, high])))[:, asked].max() <= NORMALIZED * (1 + 1e-6):
         fact = f"no joint of {joints.name} is beyond 100: these may be degrees, or LeRobot's -100 to 100, no angles"
         cure = "give the rad of a unit for each joint by --scales, and --offsets, from the calibration of the arm"
-        raise RecordingError(dataset.folder / INFO, fact, f"{cure}; a degree has 0.0174533")
+        raise FileError(dataset.folder / INFO, fact, f"{cure}; a degree has 0.0174533")
 
 
 def tool_poses_of(dataset: Dataset, poses: PoseFeature, values: Matrix, frames: Indices) -> tuple[Matrix, Array]:
-    """Points [m] (k, 3) and rotations (k, 3, 3) of the values (k, d) of a column. Raises: RecordingError."""
+    """Points [m] (k, 3) and rotations (k, 3, 3) of the values (k, d) of a column. Raises: FileError."""
     wanted = [*poses.columns.position, *poses.columns.orientation]
     poses_read = poses_of(dataset.folder, poses.columns, values[:, wanted], frames, poses.said)
     return poses_read.points, np.asarray(poses_read.rotations)
@@ -589,7 +589,7 @@ def _plain(name: str) -> str:
 
 
 def _check_unit(file: Any, robot: Robot, joints: JointFeature, ends: Matrix) -> None:
-    """Raises: RecordingError: values that are no radians, by their extremes (2, n)."""
+    """Raises: FileError: values that are no radians, by their extremes (2, n)."""
     low, high = (end(joints.joints(robot, ends, False), axis=0) for end in (np.min, np.max))
     over = np.where(robot.hinges & ~joints.counts.scaled(robot.joint_names), outside(robot, low, high), -np.inf)
     worst = int(np.argmax(over))
@@ -601,10 +601,10 @@ def _check_unit(file: Any, robot: Robot, joints: JointFeature, ends: Matrix) -> 
     turned = joints.joints(robot, ends, True)
     if (outside(robot, turned.min(axis=0), turned.max(axis=0)) <= 0)[robot.hinges].all():
         cure = "say --degrees (degrees=True), or --radians if it is radians after all"
-        raise RecordingError(file, f"{fact}, but every joint fits in degrees", cure)
+        raise FileError(file, f"{fact}, but every joint fits in degrees", cure)
     cure = "check robot and joints; of LeRobot's -100 to 100, and of encoder ticks, give --scales and --offsets"
     cure += " from the calibration of the arm"
-    raise RecordingError(file, f"{fact} and in degrees", cure)
+    raise FileError(file, f"{fact} and in degrees", cure)
 
 
 @typed

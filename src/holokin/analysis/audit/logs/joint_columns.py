@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from math import pi
 from pathlib import Path
 
-from ....base.errors import ArgumentError, RecordingError, UnknownNameError, closest
+from ....base.errors import ArgumentError, FileError, UnknownNameError, closest
 from ....base.files import listed, shown
 from ....base.types import Indices, Matrix, Vector
 from ....robot import Robot
@@ -65,12 +65,12 @@ def scale_of(name: str) -> float:
 
 
 def column_named(file: Path, header: Sequence[str], name: str, what: str, noun: str = "column") -> int:
-    """The place of a column, or another noun. Raises: RecordingError, which names the nearest."""
+    """The place of a column, or another noun. Raises: FileError, which names the nearest."""
     name = plain_name(name)
     if name in header:
         return header.index(name)
     fact = f"there is no {noun} {shown(name)!r} for {what}"
-    raise RecordingError(file, fact, closest(name, [shown(column) for column in header if column]))
+    raise FileError(file, fact, closest(name, [shown(column) for column in header if column]))
 
 
 def columns_named(
@@ -85,7 +85,7 @@ def columns_named(
     """The places of the robot's joints in a header, in its order; joints without a column have their own names.
 
     Raises:
-        RecordingError: the file has no such column. ArgumentError: too few or too many, or one column for two joints.
+        FileError: the file has no such column. ArgumentError: too few or too many, or one column for two joints.
         UnknownNameError: a joint that the robot has not.
     """
     if columns is None:
@@ -146,7 +146,7 @@ def names_beside(header: Sequence[str]) -> dict[int, int]:
 def joint_columns(
     file: Path, header: Sequence[str], robot: Robot, joints: Sequence[str], what: str = "columns"
 ) -> list[int]:
-    """The places of joints by their own names, with or without a prefix. Raises: RecordingError."""
+    """The places of joints by their own names, with or without a prefix. Raises: FileError."""
     chosen, missing = [], []
     for joint in joints:
         exact = [i for i, column in enumerate(header) if column == joint]
@@ -158,7 +158,7 @@ def joint_columns(
         if len(near) > 1:
             names = listed([repr(header[i]) for i in near])
             fact = f"joint {joint!r} could be any of the {what} {names}"
-            raise RecordingError(file, fact, "keep or name one of them, by --columns (columns=...)")
+            raise FileError(file, fact, "keep or name one of them, by --columns (columns=...)")
         if near:
             chosen.append(near[0])
         else:
@@ -166,5 +166,5 @@ def joint_columns(
     if missing:
         fact = f"joints {listed(missing)} of {shown(robot.name)} are not in it"
         cure = "rename them, name them by --columns (columns=...) or choose another robot"
-        raise RecordingError(file, fact, f"{cure}; the {what} are {listed(header)}")
+        raise FileError(file, fact, f"{cure}; the {what} are {listed(header)}")
     return chosen

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.arguments import AxisCounts, typed
-from ....base.errors import ArgumentError, RecordingError
+from ....base.errors import ArgumentError, FileError
 from ....base.files import is_folder
 from ....base.types import Array, Flags, Indices, Matrix, Vector, positive, runs
 from ....motion.trajectory import GAP, Recording
@@ -230,7 +230,7 @@ def read_recording(
             + offset [rad or m], each by the name of the joint; a scale is in rad or m, as 2 pi / 4096 of an encoder.
 
     Raises:
-        RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
+        FileError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
             its line), time that runs backward or stands still with other joints, degrees where radians are due,
             encoder ticks without scales.
         MissingExtraError: a bag, and rosbags is not installed.
@@ -258,7 +258,7 @@ def _samples_of(
 
 
 def recorded(file: Path, samples: Samples, robot: Robot, degrees: bool | None, counts: AxisCounts) -> Recording:
-    """Samples as a recording: in rad and m, with rising times. Raises: RecordingError."""
+    """Samples as a recording: in rad and m, with rising times. Raises: FileError."""
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
     q = _in_radians(file, q, robot, False if samples.in_si else degrees, counts)
@@ -274,21 +274,21 @@ def _in_order(file: Path, samples: Samples, notes: list[str]) -> tuple[Vector, M
     t, q = samples.t, samples.q
     if not t.max() - t.min() <= LONGEST:
         fact = f"its times span {t.max() - t.min():.3g} s, over three centuries"
-        raise RecordingError(file, fact, "give times in seconds, or whole nanoseconds")
+        raise FileError(file, fact, "give times in seconds, or whole nanoseconds")
     step = np.diff(t)
     for i in np.flatnonzero(step < 0)[:1]:
         fact = f"time runs backward at {samples.where(i + 1)}, from {t[i]:.9g} to {t[i + 1]:.9g} s"
-        raise RecordingError(file, fact, "sort the log by time, or audit its parts apart: --split")
+        raise FileError(file, fact, "sort the log by time, or audit its parts apart: --split")
     same = np.flatnonzero(step == 0) + 1
     for i in same[(q[same] != q[same - 1]).any(axis=1)][:1]:
         fact = f"{samples.where(i)} repeats the time {t[i]:.9g} s with other joints"
-        raise RecordingError(file, fact, "log stamps with more digits, or delete one of the two")
+        raise FileError(file, fact, "log stamps with more digits, or delete one of the two")
     if len(t) - len(same) < 2:
-        raise RecordingError(file, "has a single sample", "log at least two cycles")
+        raise FileError(file, "has a single sample", "log at least two cycles")
     usual = float(np.median(step[step > 0]))
     if usual < FASTEST:
         fact = f"its samples are {usual:.3g} s apart, less than stamps can tell"
-        raise RecordingError(file, fact, "give times in seconds, or whole nanoseconds")
+        raise FileError(file, fact, "give times in seconds, or whole nanoseconds")
     if len(same):
         notes.append(f"{len(same)} repeated rows dropped")
         t, q = np.delete(t, same), np.delete(q, same, axis=0)
@@ -324,21 +324,21 @@ def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, count
     far = int(np.argmax(reach))
     if reach[far] > FARTHEST:
         fact = f"joint {names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
-        raise RecordingError(file, fact, "give joints in rad and m; correct or delete the broken samples")
+        raise FileError(file, fact, "give joints in rad and m; correct or delete the broken samples")
     over = np.where(counts.scaled(names), -np.inf, outside(robot, lowest, highest))
     worst = int(np.argmax(over))
     if degrees is None and turning[worst] and over[worst] > 0 and (outside(robot, *extremes(True)) <= 0).all():
         value = float(lowest[worst] if -lowest[worst] > highest[worst] else highest[worst])
         fact = f"joint {names[worst]} reaches {value:.4g}, far outside its limits in rad"
         fact = f"{fact}, but every joint fits in degrees"
-        raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
+        raise FileError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
     free = turning & ~counts.scaled(names)
     if degrees is not False and free.any() and (q[:, free] == np.rint(q[:, free])).all():
         over = np.where(free, outside(robot, *extremes(True)), -np.inf)
         if over[worst := int(np.argmax(over))] > (0.0 if degrees is None else 2 * np.pi):
             fact = f"joint {names[worst]} reaches {np.abs(ends[:, worst]).max():.0f}, and all values are whole numbers"
             cure = "if they are encoder ticks, give the rad of a tick by --scales (scales=) and the zeros by --offsets"
-            raise RecordingError(file, fact, f"{cure}, else degrees=False for rad")
+            raise FileError(file, fact, f"{cure}, else degrees=False for rad")
     plain = not (degrees or counts.signs or counts.offsets or counts.scales)
     return q if plain else counts.joints(names, q, units[bool(degrees)])
 
@@ -381,7 +381,7 @@ def read_runs(
         degrees, topic, columns, time, skip_bad, counts_turns, signs, offsets, scales: as of `read_recording`.
 
     Raises:
-        ArgumentError: no file, a rest that is not positive. RecordingError: as `read_recording`; nothing moves.
+        ArgumentError: no file, a rest that is not positive. FileError: as `read_recording`; nothing moves.
     """
     positive("idle", idle, "give a positive number of seconds")
     if not paths:
@@ -396,13 +396,13 @@ def read_runs(
             if len(part.t) > 1:
                 pieces.append(_Piece(recorded(path, part, robot, degrees, counts), samples.origin))
     if not pieces:
-        raise RecordingError(paths[0], "holds no two samples of one clock", "log at least two cycles")
+        raise FileError(paths[0], "holds no two samples of one clock", "log at least two cycles")
     logs = _joined(pieces, robot, anew=not split, counts_turns=counts_turns)
     if not split:
         return logs
     moving = tuple(part for log in logs for part in _without_rests(log, idle))
     if not moving:
-        raise RecordingError(paths[0], "all joints rest", "log a motion of the arm, or leave out --split")
+        raise FileError(paths[0], "all joints rest", "log a motion of the arm, or leave out --split")
     return tuple(replace(part, source=f"{part.source}, run {k} of {len(moving)}") for k, part in enumerate(moving, 1))
 
 
