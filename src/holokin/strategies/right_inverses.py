@@ -301,8 +301,8 @@ def numeric(
         accuracy: how far J G may be from 1, as a share of |J| |G|. Of code in single precision it is 1e-4.
 
     Raises:
-        OwnFunctionError: G raises at all of eight postures, as a strategy that is defined elsewhere: give q0. ShapeError,
-            NotFiniteError: G returns something else. ArgumentError: J G is not 1, with the number and the posture; G
+        OwnFunctionError: G raises at all of eight postures, as a strategy that is defined elsewhere: give q0.
+        ShapeError, NotFiniteError: G returns something else. ArgumentError: J G is not 1, with the number and the posture; G
             answers otherwise when it is called again, with the number.
     """
     if not 0 < number("accuracy", accuracy) < 1:

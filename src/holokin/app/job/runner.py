@@ -253,7 +253,7 @@ def sheets_result(
 # --- A job, from its table to its result.
 
 # What one strategy may meet where the others of its job do not. Anything else is a mistake in the job file.
-OF_ONE_STRATEGY = (SingularityError, PathError, UndecidedError, JointLimitError, NotFiniteError, UndecidedError)
+OF_ONE_STRATEGY = (SingularityError, PathError, UndecidedError, JointLimitError, NotFiniteError)
 COMPARED = 65  # places of the two halves of a closed path that are held against each other
 RETRACED = 1e-6  # share of a path's size by which halves may differ and be one way: beyond round-off, below any drawing
 
