@@ -23,7 +23,7 @@ from holokin.base import errors
 
 ROOT = Path(hk.__file__).parent
 FOLDERS = (
-     "base", "symbolic/native", "symbolic", "robot/shapes", "robot", "robot/formats",
+     "base", "symbolic/native", "symbolic", "robot/shapes", "robot", "robot/formats", "robot/closed_form",
     "path", "path/files", "strategies/tasks", "strategies/constraints", "strategies",
     "motion/ik", "motion/control", "motion", "motion/checks", "proof",
     "analysis/curvature", "analysis/coverage", "analysis/design", "analysis/sheets", "analysis/audit/logs",

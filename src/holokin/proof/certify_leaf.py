@@ -14,12 +14,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.errors import BranchError, NoProofError, SingularityError, TrackingError
+from ..base.errors import ArgumentError, BranchError, NoProofError, SingularityError, TrackingError
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, joined, some, whole
 from ..motion.checks import Scene
 from ..motion.ik.leaf import leaf_step, leaf_stepper, leaf_value, newton_on_leaf
@@ -54,6 +54,7 @@ from .equation import Equation, Stretches, equation_of
 from .kept_apart import kept_apart
 from .region_growth import grown
 from .tube import UP, Cells, centred, examined, least_determinant, norm
+from .whole_arm import WholeArm, whole_arm
 
 # --- The cells along a path.
 
@@ -527,7 +528,11 @@ class Revisits(Value):
 # --- The proof.
 
 
-@typed
+@overload
+def certify(strategy: Strategy) -> WholeArm: ...
+
+
+@overload
 def certify(
     strategy: Strategy,
     where: AnyPath | Workspace,
@@ -537,9 +542,25 @@ def certify(
     scene: Scene | None = None,
     budget: int = 20_000,
     keep_in: str | FilePath | None = None,
+    progress: Callable[[str], None] = ...,
+) -> Certificate: ...
+
+
+@typed
+def certify(
+    strategy: Strategy,
+    where: AnyPath | Workspace | None = None,
+    q0: ArrayLike | None = None,
+    *,
+    limits: bool = True,
+    scene: Scene | None = None,
+    budget: int = 20_000,
+    keep_in: str | FilePath | None = None,
     progress: Callable[[str], None] = lambda _text: None,
-) -> Certificate:
+) -> Certificate | WholeArm:
     """Prove that on the leaf through q0 the joints are one function of the tool pose in a box, or the place on a path.
+
+    With neither place nor start the proof is about the whole arm, every start and every level, see `WholeArm`.
 
     It is smooth, on a path between corners. Of a path it is shown, besides, that the joints return with the tool: where
     the path closes, and where it crosses or follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`,
@@ -573,6 +594,11 @@ def certify(
         ExpressionError: an operation without a rule for intervals. StartError, JointLimitError; of a leaf on which not
         even a first step is possible SingularityError, BranchError.
     """
+    if where is None and q0 is None:
+        return whole_arm(strategy)
+    if where is None or q0 is None:
+        given, missing = ("q0", "where") if where is None else ("where", "q0")
+        raise ArgumentError(missing, None, f"give it beside {given}, or neither: then the proof is about the whole arm")
     began, extent, stop = time.perf_counter(), Extent.WHOLE, ""
     strategy, start = provable(strategy), start_posture(strategy.task.robot, q0, limits)
     budget = whole("budget", budget)

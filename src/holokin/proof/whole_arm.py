@@ -19,7 +19,7 @@ from ..base.files import write_text
 from ..base.types import Array, NoTruthValue, Value
 from ..motion.ik.closed_leaf import held_joints, leaf_class
 from ..robot.closed_form import ArmClass, NoClass
-from ..robot.closed_form.arm_class import Link, miss_of_point, screws
+from ..robot.closed_form.arm_classes import Link, miss_of_point, screws
 from ..robot.closed_form.six_hinges import Family
 from ..strategies import HolonomicStrategy, Strategy
 

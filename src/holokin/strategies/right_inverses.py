@@ -302,8 +302,9 @@ def numeric(
 
     Raises:
         OwnFunctionError: G raises at all of eight postures, as a strategy that is defined elsewhere: give q0.
-        ShapeError, NotFiniteError: G returns something else. ArgumentError: J G is not 1, with the number and the posture; G
-            answers otherwise when it is called again, with the number.
+        ShapeError, NotFiniteError: G returns something else.
+        ArgumentError: J G is not 1, with the number and the posture; G answers otherwise when it is called again, with
+            the number.
     """
     if not 0 < number("accuracy", accuracy) < 1:
         raise ArgumentError("accuracy", accuracy, "give a number between 0 and 1")

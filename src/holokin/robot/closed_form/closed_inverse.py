@@ -14,7 +14,7 @@ from ...base.types import Array, ArrayLike, Matrix, Value, Vector, frozen
 from ...symbolic import SX, Function, cross, densify, dot, horzcat, norm_2, substitute, symbol, vec, vertcat, vertsplit
 from ...symbolic.native import SignsKernel, signs_kernel
 from ...symbolic.rotations import rotation_about
-from .arm_class import ArmClass, Link, links_of
+from .arm_classes import ArmClass, Link, links_of
 from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
 
 DOUBLE = -1e-12

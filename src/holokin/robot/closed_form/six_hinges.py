@@ -85,7 +85,7 @@ class Root(NamedTuple):
     share: SX
 
 
-def root(a: SX, b: SX, d: SX, sign: SX) -> Root:
+def _root(a: SX, b: SX, d: SX, sign: SX) -> Root:
     """The root of a cos q + b sin q = d whose slope has a sign, 1 or -1; where there is none, the q nearest to one."""
     square = a * a + b * b
     share = 1 - d * d / square
@@ -95,13 +95,13 @@ def root(a: SX, b: SX, d: SX, sign: SX) -> Root:
     return Root(Turn((a * d + b * s) / square, (b * d - a * s) / square), s, share)
 
 
-def projected(u: SX, h: SX, v: SX, d: SX, sign: SX) -> Root:
+def _projected(u: SX, h: SX, v: SX, d: SX, sign: SX) -> Root:
     """The root of u . R_h(q) v = d."""
     along = dot(u, h) * dot(h, v)
-    return root(dot(u, v) - along, dot(u, cross(h, v)), d - along, sign)
+    return _root(dot(u, v) - along, dot(u, cross(h, v)), d - along, sign)
 
 
-def between(h: SX, v: SX, w: SX) -> Turn:
+def _between(h: SX, v: SX, w: SX) -> Turn:
     """The turn about h that brings v to w, or as near to it as a turn does."""
     x, y = dot(v, w) - dot(h, v) * dot(h, w), dot(h, cross(v, w))
     size = sqrt(x * x + y * y)
@@ -129,7 +129,7 @@ class Plane(NamedTuple):
     moment: SX
 
 
-def plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
+def _plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
     """That of two axes, given its normal."""
     foot = p1 + dot(p2 - p1, h1) * h1
     sine, cosine = dot(cross(h1, h2), normal), dot(h1, h2)
@@ -137,7 +137,7 @@ def plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
     return Plane(normal, p2, foot, sine, cosine, along, across, along * sine - across * cosine)
 
 
-def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs: list[SX]) -> Posture:
+def _to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs: list[SX]) -> Posture:
     """The turns of joints 1, 2, 3 with E_1 E_2 E_3 start = goal, and the roots of joints 3 and 2.
 
     Axes 1 and 2 lie in a plane. Step 1, joint 3: turns about both keep sine |x - a|^2 / 2 - moment h_2 . (x - a) of a
@@ -150,24 +150,24 @@ def to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs:
     # Step 1: joint 3.
     fixed = plane.sine * (dot(p[2] - a, p[2] - a) + dot(lever, lever)) / 2 - plane.moment * dot(h[1], p[2] - a)
     wanted = plane.sine * dot(goal - a, goal - a) / 2 - plane.moment * dot(h[1], goal - a)
-    third = projected(plane.sine * (p[2] - a) - plane.moment * h[1], h[2], lever, wanted - fixed, signs[0])
+    third = _projected(plane.sine * (p[2] - a) - plane.moment * h[1], h[2], lever, wanted - fixed, signs[0])
     x = p[2] + third.turn.about(h[2], lever) - a
     # Step 2: joint 2. The part of x across h_2 in the plane is x_n sin q_2 + x_t cos q_2.
     height = dot(h[0], goal - a) - plane.cosine * dot(h[1], x)
     to_foot, from_foot = plane.foot - a, goal - plane.foot
     distance = (dot(x, x) + dot(to_foot, to_foot) - dot(from_foot, from_foot)) / 2 - plane.along * dot(h[1], x)
     wanted = (plane.sine * height + plane.across * distance) / (plane.sine**2 + plane.across**2)
-    second = root(dot(across, x), dot(n, x), wanted, signs[1])
+    second = _root(dot(across, x), dot(n, x), wanted, signs[1])
     # Step 3: joint 1.
-    first = between(h[0], a + second.turn.about(h[1], x) - plane.foot, goal - plane.foot)
+    first = _between(h[0], a + second.turn.about(h[1], x) - plane.foot, goal - plane.foot)
     return [first, second.turn, third.turn], [third, second]
 
 
-def wrist(h: list[SX], to_last: SX, from_first: SX, sign: SX) -> Posture:
+def _wrist(h: list[SX], to_last: SX, from_first: SX, sign: SX) -> Posture:
     """The turns with R_4 R_5 R_6 = W, given W h_6 and W^T h_4, and the root of joint 5."""
-    fifth = projected(h[3], h[4], h[5], dot(h[3], to_last), sign)
-    fourth = between(h[3], fifth.turn.about(h[4], h[5]), to_last)
-    sixth = between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True))
+    fifth = _projected(h[3], h[4], h[5], dot(h[3], to_last), sign)
+    fourth = _between(h[3], fifth.turn.about(h[4], h[5]), to_last)
+    sixth = _between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True))
     return [fourth, fifth.turn, sixth], [fifth]
 
 
@@ -188,57 +188,57 @@ class Chain(NamedTuple):
         return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift))
 
 
-def pair_and_wrist(chain: Chain, inner: bool, signs: list[SX]) -> Posture:
+def _pair_and_wrist(chain: Chain, inner: bool, signs: list[SX]) -> Posture:
     """Axes 4, 5, 6 meet in the center: joints 1, 2, 3 bring that to its place, the others turn the tool."""
     h, p = chain.h, chain.p
     goal = chain.rotation @ chain.center + chain.shift
     arm, points, start = (h[:3], p[:3], chain.center)
     if inner:  # E_3^-1 E_2^-1 E_1^-1 goal = center
         arm, points, start, goal = [-axis for axis in arm[::-1]], points[::-1], goal, start
-    plane = plane_of(arm[0], points[0], arm[1], points[1], chain.normal)
-    turns, steps = to_point(arm, points, plane, start, goal, signs)
+    plane = _plane_of(arm[0], points[0], arm[1], points[1], chain.normal)
+    turns, steps = _to_point(arm, points, plane, start, goal, signs)
     first = turns[::-1] if inner else turns
     to_last, from_first = chain.rotation @ h[5], h[3]
     for turn, axis in zip(first, h, strict=False):
         to_last = turn.about(axis, to_last, back=True)
     for turn, axis in zip(first[::-1], h[2::-1], strict=True):
         from_first = turn.about(axis, from_first)
-    last, fifth = wrist(h, to_last, chain.rotation.T @ from_first, signs[2])
+    last, fifth = _wrist(h, to_last, chain.rotation.T @ from_first, signs[2])
     return first + last, steps + fifth
 
 
-def parallel_axes(chain: Chain, signs: list[SX]) -> Posture:
+def _parallel_axes(chain: Chain, signs: list[SX]) -> Posture:
     """Axes 2, 3, 4 are parallel, 5 and 6 meet in the center: its height along them tells joint 1, axis 6 joint 5."""
     h, p, along = chain.h, chain.p, chain.h[1]
     # Joints 1 and 5.
     goal = chain.rotation @ chain.center + chain.shift
-    first = projected(along, -h[0], goal - p[0], dot(along, chain.center - p[0]), signs[0])
+    first = _projected(along, -h[0], goal - p[0], dot(along, chain.center - p[0]), signs[0])
 
     def behind_first(v: SX) -> SX:
         return first.turn.about(h[0], v, back=True)
 
-    fifth = projected(along, h[4], h[5], dot(along, behind_first(chain.rotation @ h[5])), signs[1])
+    fifth = _projected(along, h[4], h[5], dot(along, behind_first(chain.rotation @ h[5])), signs[1])
     # Joint 6 brings W^T h_2 to R_5^T h_2; then the turn of joints 2, 3, 4 together is known.
     from_first = chain.rotation.T @ first.turn.about(h[0], along)
-    sixth = between(h[5], from_first, fifth.turn.about(h[4], along, back=True))
+    sixth = _between(h[5], from_first, fifth.turn.about(h[4], along, back=True))
 
     def before_fifth(v: SX) -> SX:
         return sixth.about(h[5], fifth.turn.about(h[4], v, back=True), back=True)
 
-    together = between(along, chain.normal, behind_first(chain.rotation @ before_fifth(chain.normal)))
+    together = _between(along, chain.normal, behind_first(chain.rotation @ before_fifth(chain.normal)))
     # Joints 2 and 3 bring a point of axis 4 to its place, in the plane square to the axes.
     on_axis = chain.center + before_fifth(p[3] - chain.center)
     away = p[0] + behind_first(chain.rotation @ on_axis + chain.shift - p[0]) - p[1]
     elbow, lever, away = (v - dot(along, v) * along for v in (p[2] - p[1], p[3] - p[2], away))
     wanted = (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2
-    third = projected(elbow, along, lever, wanted, signs[2])
-    second = between(along, elbow + third.turn.about(along, lever), away)
-    fourth = plus(together, plus(second, third.turn).back)
+    third = _projected(elbow, along, lever, wanted, signs[2])
+    second = _between(along, elbow + third.turn.about(along, lever), away)
+    fourth = _plus(together, _plus(second, third.turn).back)
     turns = [first.turn, second, third.turn, fourth, fifth.turn, sixth]
     return turns, [first, fifth, third]
 
 
-def plus(turn: Turn, other: Turn) -> Turn:
+def _plus(turn: Turn, other: Turn) -> Turn:
     """A turn and another one about the same axis."""
     return Turn(turn.cos * other.cos - turn.sin * other.sin, turn.sin * other.cos + turn.cos * other.sin)
 
@@ -319,10 +319,12 @@ def solver(form: Form, polish: bool) -> Function:
     if form.reversed:
         chain, own = chain.backward(), own.backward()
     sign = [signs[i] for i in range(3)]
-    turns, steps = pair_and_wrist(chain, form.inner, sign) if form.family is Family.PAIR else parallel_axes(chain, sign)
+    turns, steps = (
+        _pair_and_wrist(chain, form.inner, sign) if form.family is Family.PAIR else _parallel_axes(chain, sign)
+    )
     if polish:
         first = _corrections(form.family, own, turns)
-        turns = [plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
+        turns = [_plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
     angles = [turn.angle for turn in turns]
     if polish:
         angles = [a + more for a, more in zip(angles, _corrections(form.family, own, turns), strict=True)]

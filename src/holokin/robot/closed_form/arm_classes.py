@@ -28,12 +28,12 @@ Screw = tuple[Array, Array]
 """Direction and point of an axis, at the zero posture of the free joints; numbers or fractions."""
 
 
-def exact_point(v: Vector, digits: int) -> Array:
+def _exact_point(v: Vector, digits: int) -> Array:
     """A vector as fractions, of so many decimals."""
     return np.array([Fraction(str(round(float(x), digits))) for x in v], dtype=object)
 
 
-def exact_rotation(R: Matrix) -> Array:
+def _exact_rotation(R: Matrix) -> Array:
     """The rotation of right angles within `SNAP`; else one of a quaternion of fractions, within 1e-11."""
     right = np.round(R)
     if abs(np.abs(right).sum() - 3) < 0.5 and np.abs(R - right).max() < SNAP:
@@ -51,7 +51,7 @@ def exact_rotation(R: Matrix) -> Array:
     return np.array(rows, dtype=object) / square
 
 
-def exact_direction(v: Vector) -> Array:
+def _exact_direction(v: Vector) -> Array:
     """A unit vector of fractions: along an axis of the frame within `SNAP`, else by stereographic projection."""
     right = np.round(v)
     if np.abs(v - right).max() < SNAP:
@@ -96,20 +96,20 @@ def links_of(robot: Robot, tip: str | None) -> list[Link]:
     return [*links, Link(chosen.placement[:3, :3], chosen.placement[:3, 3], np.zeros(3), False, -1, 1.0, 0.0)]
 
 
-def exact_links(links: Sequence[Link], digits: int) -> list[Link]:
+def _exact_links(links: Sequence[Link], digits: int) -> list[Link]:
     """The links as fractions."""
     return [
         replace(
             link,
-            rotation=exact_rotation(link.rotation),
-            position=exact_point(link.position, digits),
-            axis=exact_direction(link.axis) if link.coordinate >= 0 else link.axis,
+            rotation=_exact_rotation(link.rotation),
+            position=_exact_point(link.position, digits),
+            axis=_exact_direction(link.axis) if link.coordinate >= 0 else link.axis,
         )
         for link in links
     ]
 
 
-def turn_about(axis: Array, c, s) -> Array:
+def _turn_about(axis: Array, c, s) -> Array:
     """The rotation about a unit axis by an angle of cosine c and sine s."""
     x, y, z = axis
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=axis.dtype)
@@ -137,13 +137,13 @@ def screws(links: Sequence[Link], held: dict[int, tuple]) -> tuple[list[Screw], 
             if link.slides:
                 p = p + axis * value[0]
             else:
-                R = R @ turn_about(link.axis, *value)
+                R = R @ _turn_about(link.axis, *value)
         else:
             free.append((axis, p))
     return free, others, (R, p)
 
 
-def miss_of_plane(a: Screw, b: Screw):
+def _miss_of_plane(a: Screw, b: Screw):
     """How far two axes are from lying in one plane: the volume (p_b - p_a) . (h_a x h_b) [m]."""
     return np.dot(b[1] - a[1], np.cross(a[0], b[0]))
 
@@ -161,7 +161,7 @@ def miss_of_point(three: Sequence[Screw]):
     return [np.cross(point - p, h) for h, p in three], point
 
 
-def miss_of_parallel(three: Sequence[Screw]):
+def _miss_of_parallel(three: Sequence[Screw]):
     """How far three axes are from being parallel, as vectors that vanish then."""
     return [np.cross(three[0][0], h) for h, _ in three[1:]]
 
@@ -178,11 +178,11 @@ def _zeros(form: Form, axes: Sequence[Screw]) -> list | None:
     if form.family is Family.PAIR:
         meeting = miss_of_point(a[3:])
         pair = a[1:3] if form.inner else a[:2]
-        return None if meeting is None else [*np.concatenate(meeting[0]), miss_of_plane(*pair)]
+        return None if meeting is None else [*np.concatenate(meeting[0]), _miss_of_plane(*pair)]
     across = np.cross(a[4][0], a[5][0])
     if not np.dot(across, across) > SNAP * SNAP:
         return None
-    return [*np.concatenate(miss_of_parallel(a[1:4])), miss_of_plane(a[4], a[5])]
+    return [*np.concatenate(_miss_of_parallel(a[1:4])), _miss_of_plane(a[4], a[5])]
 
 
 def _samples(slide: bool, count: int) -> list[tuple]:
@@ -247,7 +247,7 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
         if miss < SNAP:
             near.append(form)
     for digits in DIGITS if near else ():
-        exact = exact_links(links, digits)
+        exact = _exact_links(links, digits)
         choices = [_samples(links[i].slides, DEGREE if len(fixed) == 1 else 7) for i in fixed]
         left = list(near)
         for values in product(*choices):
