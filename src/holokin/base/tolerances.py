@@ -1,4 +1,4 @@
-"""The thresholds that several rooms share, in one frozen object, each with its reason.
+"""The thresholds that several folders share, in one frozen object, each with its reason.
 
 A threshold of one file alone is a constant of that file, with its reason.
 """

@@ -61,13 +61,13 @@ class PosePostures(Value):
         """Whether they are whole self-motions."""
         return self.task.n - self.task.m == 1
 
-    def least(self, cost: Cost, over: Cost) -> Vector:
+    def least(self, cost: Cost, excess_of: Cost) -> Vector:
         """The least (S,) of a cost at each pose, looked for between these postures, too; inf where it is inf at all.
 
         Args:
-            over: what is above 0 where the cost is inf, and falls towards where it is not (k,).
+            excess_of: what is above 0 where the cost is inf, and falls towards where it is not (k,).
         """
-        return (_on_curves if self.traced else _on_lines)(self, cost, over)
+        return (_on_curves if self.traced else _on_lines)(self, cost, excess_of)
 
     @cached_property
     def motions(self) -> SelfMotions:
@@ -102,17 +102,19 @@ def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int
     return PosePostures(task, p, R, np.concatenate(curves), np.array(curve_poses)[curve], curve)
 
 
-def _on_curves(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
+def _on_curves(postures: PosePostures, cost: Cost, excess_of: Cost) -> Vector:
     """The least cost (S,) on whole self-motions: at their postures, then ever closer round the best places.
 
     Between two postures that do not count there may be one that does: such places are looked at, too.
     """
     q, pose, rng = postures.q, postures.pose, np.random.default_rng(0)
-    value, excess, best = cost(q), over(q), np.full(len(postures.p), np.inf)
+    value, excess, best = cost(q), excess_of(q), np.full(len(postures.p), np.inf)
     np.minimum.at(best, pose, value)
-    # Places where the cost, or what is over, is no higher than beside them
-    lowest, (dips, steps) = _dips(value, postures.curve)[0], _dips(excess, postures.curve)
-    hidden = np.isinf(value) & dips & (excess < steps)
+    # Places where the cost is no higher than beside them, or where the excess is, and may come down to 0 between them:
+    # it is less than it changes to a neighbour.
+    lowest, _ = _dips(value, postures.curve)
+    dips, change_to_neighbour = _dips(excess, postures.curve)
+    hidden = np.isinf(value) & dips & (excess < change_to_neighbour)
     places, step = np.flatnonzero(lowest | hidden), STEP
     value = np.where(hidden, 0.0, value)  # to be looked at before all others
     q, pose, value, excess = q[places], pose[places], value[places], excess[places]
@@ -120,8 +122,9 @@ def _on_curves(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
     for count, parts in ((8, 8), (3, 8), (1, 8)):
         chosen, step = _lowest(value, excess, pose, count), step / parts
         q, pose = q[chosen], pose[chosen]
+        # Of a random direction only the share along the self-motion counts.
         line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, parts)
-        q, value, excess = best_of(line, cost, over)
+        q, value, excess = best_of(line, cost, excess_of)
         np.minimum.at(best, pose, value)
     return best
 

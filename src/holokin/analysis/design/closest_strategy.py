@@ -198,12 +198,14 @@ class SampledSeries(Value):
             sign, size = np.linalg.slogdet(M)
             if not (sign > 0).all():
                 return None
-            off = slopes - self.A
-            weighted = self._metric @ off * self.weights**2
-            back = np.linalg.solve(np.swapaxes(M, 1, 2), 2 * weighted)
-            by_M = -back @ np.swapaxes(slopes, 1, 2) - barrier * np.swapaxes(np.linalg.inv(M), 1, 2)
-            by_C = np.einsum("srk,stk->rt", by_M, self.by_phi) - np.einsum("srd,std->rt", back, self.by_u)
-            value = float(np.sum(off * weighted) - barrier * size.sum()) / S
+            difference = slopes - self.A
+            weighted = self._metric @ difference * self.weights**2
+            # The gradient backwards through slopes = -M^-1 g_u: d slopes = -M^-1 (dM slopes + dg_u), and
+            # d log det M = tr(M^-1 dM).
+            adjoint = np.linalg.solve(np.swapaxes(M, 1, 2), 2 * weighted)
+            by_M = -adjoint @ np.swapaxes(slopes, 1, 2) - barrier * np.swapaxes(np.linalg.inv(M), 1, 2)
+            by_C = np.einsum("srk,stk->rt", by_M, self.by_phi) - np.einsum("srd,std->rt", adjoint, self.by_u)
+            value = float(np.sum(difference * weighted) - barrier * size.sum()) / S
             return value, by_C.ravel() @ self._linear[0] / S, None
 
         return cost

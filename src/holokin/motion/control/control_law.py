@@ -236,10 +236,10 @@ def impedance_with_memory(
         ArgumentError: a task whose J is not df/dq (a twist). ShapeError: the force has not m entries.
     """
     check_exact(task)
-    first = np.zeros(task.m) if force is None else frozen(finite("the force", force, (task.m,)))
+    force_at_start = np.zeros(task.m) if force is None else frozen(finite("the force", force, (task.m,)))
 
     @cache
-    def functions() -> tuple[Function, Function]:
+    def compiled_functions() -> tuple[Function, Function]:
         # dq and F' of the springs under a force, as one function.
         q, F, dx = symbol("q", task.n), symbol("F", task.m), symbol("dx", task.m)
         k = task.kinematics(q)
@@ -250,13 +250,13 @@ def impedance_with_memory(
         dF = factorise(J.T).solve(stiffness @ dq)  # J^T F' = (K - Gamma) dq, since tau_0 stays
         outputs = {"dq": dq, "dF": dF, "rcond": extended.rcond(), "margin": task._margin_expression(k.rotation)}
         R, twist = task._target_symbols()[1], symbol("twist", 6 * task.frames)
-        wanted = {"dx": task._rates_expression(R, *task._velocities(twist))}
-        rates = Function("wanted", {"R": R, "twist": twist}, wanted)
-        return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
+        rates = {"dx": task._rates_expression(R, *task._velocities(twist))}
+        task_rates = Function("task_rates", {"R": R, "twist": twist}, rates)
+        return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), task_rates
 
     def begin(q0: Vector) -> Step:
-        flow, wanted = functions()
-        F = first.copy()
+        flow, task_rates = compiled_functions()
+        F = force_at_start.copy()
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             nonlocal F
@@ -267,7 +267,9 @@ def impedance_with_memory(
                 check_regular(task, name, posture, rcond, margin)
                 return np.append(dq, dF)
 
-            dx = np.atleast_1d(wanted(task.target(pose)[1], twist.ravel()))
+            # x' is held over the step, so it is the same at its three places.
+            _, R = task.target(pose)
+            dx = np.atleast_1d(task_rates(R, twist.ravel()))
             y = runge_kutta(slope, np.append(np.zeros(task.n), F), dt, dx, dx, dx)
             F = y[task.n :]
             return y[: task.n] / dt

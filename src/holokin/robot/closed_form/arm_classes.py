@@ -41,7 +41,7 @@ def _exact_rotation(R: Matrix) -> Array:
     from scipy.spatial.transform import Rotation
 
     quaternion = Rotation.from_matrix(R).as_quat()
-    x, y, z, w = (Fraction(float(v)).limit_denominator(10**6 * 10**6) for v in quaternion)
+    x, y, z, w = (Fraction(float(v)).limit_denominator(10**12) for v in quaternion)
     square = x * x + y * y + z * z + w * w
     rows = [
         [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -154,7 +154,7 @@ class ExpressionFrame(Made, Frame):
         if shape != (rows, 1):
             raise ShapeError(f"the expression of {self.name!r}", (rows, 1), shape, "units= has one entry a row")
 
-    def in_threes(self) -> list[ExpressionFrame]:
+    def parts_of_three_rows(self) -> list[ExpressionFrame]:
         """Frames of three rows each, and one of the rest."""
         if len(self.row_units) <= 3:
             return [self]

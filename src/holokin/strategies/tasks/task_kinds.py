@@ -1,6 +1,6 @@
-"""Tasks of a robot: where its tool is, how it is turned, what of it is free; in another tool; an expression.
+"""The functions that make a task: position, pose, relative pose, line of sight, custom, its tool moved.
 
-CONTRIBUTING.md says what else a new kind touches.
+Representations of orientation are in `frame_task.py`.
 """
 
 from __future__ import annotations
@@ -156,10 +156,12 @@ def custom_task(
     if len(units) > robot.n:
         raise RowsError(robot.name, len(units), robot.n)
     parts = [
-        FrameTask(robot, None, tuple(range(len(frame.row_units))), np.eye(3), frame) for frame in whole.in_threes()
+        FrameTask(robot, None, tuple(range(len(frame.row_units))), np.eye(3), frame)
+        for frame in whole.parts_of_three_rows()
     ]
     if len(parts) == 1:
         return parts[0]
+    # A stacked task counts six rows a frame: three of position, three of orientation.
     rows = tuple(6 * f + row for f, part in enumerate(parts) for row in part.rows)
     return stack(parts, rows, name, len(units))
 

@@ -51,9 +51,10 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
         cure = f"log a header, or give the columns by their numbers: --columns 2,3,... --time 1 ({counts} are known)"
         raise FileError(file, fact, cure)
     names, what = form
-    beside = names_beside(names)
-    number = {name: k + 1 for k, name in enumerate(names)} | {cells[name]: k + 1 for k, name in beside.items()}
-    places = [number[joint] for joint in robot.joint_names]
+    # The columns of the joints, counted from 1; a row may name its joints itself, in a column beside each position.
+    column_of = {name: column + 1 for column, name in enumerate(names)}
+    column_of |= {cells[name_column]: position + 1 for position, name_column in names_beside(names).items()}
+    places = [column_of[joint] for joint in robot.joint_names]
     row = places == list(range(places[0], places[-1] + 1))
     which = f"{places[0]} to {places[-1]}" if row else ", ".join(map(str, places))
     return names, f"no header: {what}; columns {which} were taken for {listed(robot.joint_names)}"
