@@ -1,8 +1,8 @@
 """The shapes of links: boxes, capsules, cylinders, ellipsoids, convex hulls of points and of meshes.
 
 Their kinds are asked again where distances are measured (`motion/checks/clearance.py`) and proven
-(`proof/clear_cells.py`), where jobs name them (`app/job/tables.py`), and where they are drawn (`app/report/robot_view.py`,
-`app/studio/standalone_page.py`).
+(`proof/clear_cells.py`), where jobs name them (`app/job/tables.py`), and where they are drawn
+(`app/report/robot_view.py`, `app/studio/standalone_page.py`).
 """
 
 from __future__ import annotations
