@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 import holokin as hk
-from holokin.analysis.curvature.obstructions import LeafField, sphere_of
+from holokin.analysis.curvature.obstructions import ElbowField, field_on_leaf, sphere_of
 from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
 from holokin.app.report.animation import cycles_frames, shown_strategies, write_film
@@ -233,7 +233,7 @@ def swivel() -> None:
         law = hk.holonomic(task, hk.arm_angle(definition=definition))
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
         found = hk.analysis.curvature.obstruction(law, hk.analysis.curvature.Directions(), start)
-        field = LeafField(law, start, sphere_of(task, start, arm), arm)
+        field = field_on_leaf(law, start, sphere_of(task, start, arm), arm)
         states, *_ = spread(field, field.start, field.sphere.direction, 2)
         globe(axes, np.array(view))
         for state in states:
@@ -319,7 +319,7 @@ def front(axes: plt.Axes, points: np.ndarray, view: np.ndarray) -> None:
     axes.plot(*flat[:, :2].T, color="0.6", linewidth=0.5, zorder=1)
 
 
-def streak(axes: plt.Axes, field: LeafField, state: tuple[np.ndarray, np.ndarray], view: np.ndarray) -> None:
+def streak(axes: plt.Axes, field: ElbowField, state: tuple[np.ndarray, np.ndarray], view: np.ndarray) -> None:
     """A short arrow along the elbow's direction, from the postures of the arm."""
     points = [state[1]]
     for _ in range(10):

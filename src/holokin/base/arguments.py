@@ -114,7 +114,9 @@ def _made_as(function: Callable[..., Any], missing: Mapping[str, Any]) -> str:
     words = ""
     for name, kind in missing.items():
         makers = [MAKERS[k.__name__] for k in (kind, *get_args(kind)) if getattr(k, "__name__", "") in MAKERS]
-        if makers and signature(function).parameters[name].default is Parameter.empty:
+        parameter = signature(function).parameters[name]
+        may_be_left_out = parameter.default is not None or parameter.kind is Parameter.KEYWORD_ONLY
+        if makers and (parameter.default is Parameter.empty or not may_be_left_out):
             words += f", {name} as {' or '.join(makers)} makes it"
     return words
 

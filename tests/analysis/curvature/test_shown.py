@@ -163,7 +163,7 @@ def test_a_part_of_any_kind_is_shown(value: Any) -> None:
 
 NO_QUESTION = {
     # what is asked about, and settings
-    "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
+    "Arm", "ArmClass", "ClosedInverse", "Held", "NoClass", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse",
@@ -301,6 +301,7 @@ VERDICT_FIRST = {
 """How `str` of each result begins."""
 
 
+@pytest.mark.campaign
 def test_every_result_of_analysis_says_its_verdict_first_and_is_plain_data() -> None:
     rooms = ("analysis.curvature.", "analysis.coverage.", "analysis.design.")
     public = {name.rpartition(".")[2] for name, one in public_classes().items()

@@ -220,7 +220,7 @@ class ElbowField(TangentField):
         return runge_kutta(self._rate, q, 1.0, *rates)
 
 
-def _on_leaf(strategy: HolonomicStrategy, q0: Vector, sphere: ToolSphere, arm: Arm) -> ElbowField:
+def field_on_leaf(strategy: HolonomicStrategy, q0: Vector, sphere: ToolSphere, arm: Arm) -> ElbowField:
     """The elbow's direction as the leaf of a strategy makes it: on [f(q) - x; g(q) - c]."""
     newton_step, level, R = leaf_step(strategy), leaf_value(strategy, q0), sphere.pose[:3, :3]
     start_side = newton_step(q0, sphere.pose[:3, 3], R, level)[3]
@@ -339,7 +339,7 @@ def obstruction(
             least = ElbowField(moore_penrose(task), start, sphere, arm, lambda q, p: correction(task, q, p, R))
             return _of_any_strategy(least, over)
         strategy(start)
-        return _of_leaf(strategy, _on_leaf(strategy, start, sphere, arm), over)
+        return _of_leaf(strategy, field_on_leaf(strategy, start, sphere, arm), over)
     # Over a disc whose rim is a path
     if isinstance(strategy, Task):
         raise ArgumentError("the strategy on a path", strategy.name, HolonomicStrategy.cure)

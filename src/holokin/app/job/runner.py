@@ -277,8 +277,9 @@ def run_job(name: str, job: Job, file: FilePath, progress: Callable[[str], None]
             job.timing.check(robot)
     with naming(file, "path"):
         path = build_paths(job.path, tasks[0], start, file)
-    at_start = robot.pose(start)[:3, :3]
-    space = None if job.workspace is None else build_workspace(job.workspace, at_start, file)
+    space = None
+    if job.workspace is not None:
+        space = build_workspace(job.workspace, robot.pose(start)[:3, :3], file)
     saved_map(job, tasks[0], file)
     # Each strategy, for each representation of orientation.
     results: list[StrategyResult] = []
