@@ -163,7 +163,8 @@ def test_a_part_of_any_kind_is_shown(value: Any) -> None:
 
 NO_QUESTION = {
     # what is asked about, and settings
-    "Arm", "ArmClass", "ClosedInverse", "Held", "NoClass", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
+    "ArmClass", "ClosedInverse", "Held", "NoClass",
+    "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse",
