@@ -71,17 +71,18 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     def theorem(self) -> str:
         """What is proven, in one sentence."""
         held = f"with {' and '.join(self.held)} held, " if self.held else ""
-        turns = f", but for whole turns of {', '.join(self.winding)}" if self.winding else ""
+        turns = ", ".join(self.winding) or "none"
         return (
             f"On the whole arm, for every start{' and level' if self.held else ''}: {held}two postures of the strategy "
             f"{self.strategy.name!r} for the task {self.strategy.task.name!r} that have the same tool pose, and that a "
-            f"motion through regular postures of the leaf joins, are the same posture{turns}."
+            f"motion through regular postures of the leaf joins, are the same posture but for whole turns of joints "
+            f"(within the limits: {turns})."
         )
 
     @property
     def model(self) -> str:
         """What the theorem is about, and how far it is from the robot's own numbers."""
-        if max(self.arm.angle, self.arm.distance) < 1e-13:
+        if self.arm.exact:
             return "The model is exact: its numbers are those of the robot."
         return (
             f"The theorem is about an exact model: frames of the robot differ from it by at most "
@@ -91,8 +92,9 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     @property
     def reason(self) -> str:
         """Why it holds."""
+        six = "What the held joints leave of the arm" if self.held else "The arm"
         return (
-            f"What is left of the arm is a chain of six hinges: {FACTORS[self.arm.form.family]}. So its inverse takes "
+            f"{six} is a chain of six hinges: {FACTORS[self.arm.form.family]}. So its inverse takes "
             "three steps, each a root of a cos q + b sin q = d; det [J; J_g] is plus or minus the product of their "
             "slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While [J; J_g] is regular no sign "
             "changes."
@@ -104,8 +106,24 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     )
     """What the theorem leaves open."""
 
+    def __repr__(self) -> str:
+        return f"WholeArm({self.title!r}, held: {', '.join(self.held) or 'none'})"
+
     def __str__(self) -> str:
         return f"{self.theorem}\n{self.model}\n{self.reason}\n{self.unsaid}"
+
+    def table(self) -> str:
+        """Which joints are held, the class, and how far the exact model is from the robot, as lines of text."""
+        form = self.arm.form
+        return "\n".join(
+            [
+                "proven: the whole arm, for every start and level",
+                f"held: {', '.join(self.held) or 'none'}",
+                f"class: {FACTORS[form.family]}, at the {'base' if form.reversed else 'tool'}",
+                f"exact model: {self.arm.angle:.1e} rad and {self.arm.distance:.1e} m from the robot",
+                f"whole turns within the limits: {', '.join(self.winding) or 'none'}",
+            ]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data, ready for JSON."""
@@ -212,6 +230,8 @@ def whole_arm(strategy: Strategy) -> WholeArm:
     if isinstance(held, str):
         raise NoProofError(strategy.name, f"{held}, so nothing is known of the whole arm: {REGION}")
     if isinstance(found, NoClass):
+        if found.singular:
+            raise NoProofError(strategy.name, f"{found.reason}: hold another joint")
         miss = f" (the nearest class is {found.miss:.2g} m or rad away)" if np.isfinite(found.miss) else ""
         raise NoProofError(strategy.name, f"{found.reason}{miss}: {REGION}")
     _center_and_normal(found)  # raises where no file could be written

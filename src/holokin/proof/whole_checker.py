@@ -38,6 +38,11 @@ class RejectedError(Exception):
     """What is wrong with a certificate."""
 
 
+def text_of(value: object) -> str:
+    """A word of the file, without what a terminal obeys."""
+    return "".join(c if c.isprintable() else "?" for c in value[:100]) if isinstance(value, str) else "no text"
+
+
 class Ring:
     """Polynomials in the cosine and sine, or the travel, of each joint."""
 

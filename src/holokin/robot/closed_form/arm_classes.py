@@ -214,14 +214,23 @@ class ArmClass(Value):
     angle: float
     distance: float
 
+    @property
+    def exact(self) -> bool:
+        """Whether the exact model is the robot, but for round-off."""
+        return max(self.angle, self.distance) < 1e-13
+
 
 @dataclass(frozen=True, eq=False)
 class NoClass(Value):
-    """Why joints of an arm, held, leave no closed inverse; `miss` is how far the nearest class is, in m or rad."""
+    """Why joints of an arm, held, leave no closed inverse; `miss` is how far the nearest class is, in m or rad.
+
+    singular: every posture of what is left is.
+    """
 
     held: tuple[int, ...]
     reason: str
     miss: float = np.inf
+    singular: bool = False
 
 
 def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmClass | NoClass:
@@ -257,8 +266,8 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
                 break
         if left:
             if _always_singular(links, place):
-                return NoClass(held, "every posture of what is left is singular", best)
-            angle, distance = _distance(links, exact)
+                return NoClass(held, "every posture of what is left is singular", best, singular=True)
+            angle, distance = frames_apart(links, exact)
             return ArmClass(robot, robot._find_tip(tip).name, held, left[0], tuple(exact), angle, distance)
     return NoClass(held, "no three of its axes meet or are parallel beside a pair in one plane", best)
 
@@ -285,13 +294,13 @@ def _always_singular(links: Sequence[Link], place: dict[int, tuple]) -> bool:
     return True
 
 
-def _distance(links: Sequence[Link], exact: Sequence[Link]) -> tuple[float, float]:
+def frames_apart(links: Sequence[Link], exact: Sequence[Link]) -> tuple[float, float]:
     """Largest angle [rad] and distance [m] between the frames of two models, each in the one before."""
     angle = distance = 0.0
     for given, rounded in zip(links, exact, strict=True):
         R = rounded.rotation.astype(float)
         turn = np.linalg.norm(given.rotation - R) / np.sqrt(2)
-        tilt = np.linalg.norm(np.cross(given.axis, rounded.axis.astype(float))) if given.coordinate >= 0 else 0.0
+        tilt = np.linalg.norm(given.axis - rounded.axis.astype(float)) if given.coordinate >= 0 else 0.0
         angle = max(angle, float(turn), float(tilt))
         distance = max(distance, float(np.linalg.norm(given.position - rounded.position.astype(float))))
     return angle, distance
