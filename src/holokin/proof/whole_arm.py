@@ -19,7 +19,7 @@ from ..base.files import write_text
 from ..base.types import Array, NoTruthValue, Value
 from ..motion.ik.closed_leaf import held_joints, leaf_class
 from ..robot.closed_form import ArmClass, NoClass
-from ..robot.closed_form.arm_classes import Link, miss_of_point, screws
+from ..robot.closed_form.arm_classes import miss_of_point, screws
 from ..robot.closed_form.six_hinges import Family
 from ..strategies import HolonomicStrategy, Strategy
 
@@ -206,8 +206,8 @@ def _fixed(arm: ArmClass, name: str, axes: list[int], of: Callable[[Screws], Arr
 
 def _meeting_point(axes: Screws) -> Array:
     """The point in which axes meet."""
-    found = miss_of_point(axes if len(axes) == 3 else [*axes, axes[0]])
-    assert found is not None, "the class tells that they meet"
+    if (found := miss_of_point(axes if len(axes) == 3 else [*axes, axes[0]])) is None:
+        raise ValueError("the class tells that they meet")
     return found[1]
 
 

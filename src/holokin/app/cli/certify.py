@@ -10,6 +10,7 @@ import typer
 from ...base.errors import ArgumentError
 from ...base.progress import progress
 from ...version import build
+
 if TYPE_CHECKING:
     from ...proof import WholeArm
 from .outcome import Base, Tip, TrustUnits, each_minute, ending, show, show_rich
@@ -86,7 +87,14 @@ def certify(
     try:
         with ending().telling(name) as say_it:
             say = each_minute(say_it)
-            asked = {"workspace": workspace, "whole_arm": whole_arm, "part": part, "budget": budget, "progress": say, **more}
+            asked = {
+                "workspace": workspace,
+                "whole_arm": whole_arm,
+                "part": part,
+                "budget": budget,
+                "progress": say,
+                **more,
+            }
             for label, certificate in proofs if of_robot else certify_job(opened, file, **asked):
                 certificates[label] = certificate
                 if not isinstance(certificate, str):

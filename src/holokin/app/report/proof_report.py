@@ -106,7 +106,10 @@ def write_page(certificate: Certificate | WholeArm, file: FilePath, word: Checke
     if word.sha256 != digest(certificate.data):
         raise ArgumentError("what the checker says", word.outcome.value, "ask it about this certificate")
     target = file.with_suffix(".html")
-    write_text(target, (_whole_arm_page if isinstance(certificate, WholeArm) else _page)(certificate, file, word, datetime.now(UTC)))
+    write_text(
+        target,
+        (_whole_arm_page if isinstance(certificate, WholeArm) else _page)(certificate, file, word, datetime.now(UTC)),
+    )
     return target
 
 
@@ -159,16 +162,18 @@ def _whole_arm_page(certificate: WholeArm, file: FilePath, word: CheckerWord, no
         Section("Why it holds", notes=[certificate.reason]),
         Section("Model", notes=[certificate.model], rows=_robot_facts(robot)),
         Section("Numbers", rows=[line.split(": ", 1) for line in certificate.table().splitlines()]),
-        _checker_section(word),
+        _checker_section(word, "and computes with polynomials in exact"),
         Section("File and versions", rows=_file_facts(file, sha256, now, WHOLE_ARM, "")),
     ]
     return page(f"{first} - {brief(certificate.title)}", parts, _HEAD.format(sha256=sha256))
 
 
+_RETURN = "on the whole arm the joints return with the tool, wherever the motion is regular"
+
 _WHOLE_ARM = {
-    Outcome.VERIFIED: "PROVEN: on the whole arm the same pose has the same joints",
+    Outcome.VERIFIED: f"PROVEN: {_RETURN}",
     Outcome.REJECTED: "NOT VALID: the checker rejects the certificate",
-    Outcome.NONE: "PROVEN BUT NOT VERIFIED: on the whole arm the same pose has the same joints",
+    Outcome.NONE: f"PROVEN BUT NOT VERIFIED: {_RETURN}",
 }
 """The first line, by what the checker says."""
 
@@ -196,7 +201,11 @@ def _mark(text: str) -> Note:
 
 
 def _file_facts(
-    file: FilePath, sha256: str, now: datetime, written: str = FORMAT, sample: str = ", with --sample 0.01 1 % of its cells"
+    file: FilePath,
+    sha256: str,
+    now: datetime,
+    written: str = FORMAT,
+    sample: str = ", with --sample 0.01 1 % of its cells",
 ) -> list[tuple[str, Note | str]]:
     return [
         ("Certificate", Note(file.name, "code", f", {file.stat().st_size:,} bytes, format {written}")),
@@ -454,13 +463,10 @@ def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
     return [*rows, ("The posture is", place)]
 
 
-def _checker_section(word: CheckerWord) -> Section:
+def _checker_section(word: CheckerWord, how: str = "chooses its own bounds, and computes them in ball") -> Section:
     """What the checker said, word by word."""
     head, *lines = word.text.splitlines()
-    about = (
-        "A small program that shares no code with the search for the proof. It reads the file, chooses its own bounds, "
-        "and computes them in ball arithmetic."
-    )
+    about = f"A small program that shares no code with the search for the proof. It reads the file, {how} arithmetic."
     facts = [("Outcome", _mark(word.outcome.value)), ("Version", word.version), ("Time", f"{word.seconds:.3g} s")]
     points = [Note(line.strip(), "small") for line in lines]
     return Section("Checker", [Note(about, "small")], rows=[*facts, ("Its words", head)], points=points)
