@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import copy
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 import holokin as hk
 from conftest import fails
-from holokin.base.errors import ArgumentError, NoProofError
+from holokin.app.cli.main import app
+from holokin.base.errors import ArgumentError, FileError, HolokinError, NoProofError
 from holokin.base.types import Array
 from holokin.proof import WholeArm
 from holokin.proof.recheck import Outcome, ask_checker, recheck
@@ -259,7 +269,7 @@ def random_arm(rng: np.random.Generator, kind: str, held: str, slip: float = 0.0
         "pair meets": [(True, along()), (True, anywhere()), (True, anywhere()), (True, none), (True, none)],
         "pair parallel": [(False, anywhere()), (True, anywhere()), (True, anywhere()), (True, none), (True, none)],
         "inner pair": [(True, anywhere()), (True, along()), (True, anywhere()), (True, none), (True, none)],
-        "three parallel": [(True, anywhere()), (False, anywhere()), (False, anywhere()), (True, anywhere()), (True, along())],
+        "three parallel": [(True, anywhere()), *[(False, anywhere())] * 2, (True, anywhere()), (True, along())],
         "no class": [(True, anywhere())] * 5,
     }[kind]  # fmt: skip
     frames = [place(turned, shift) for turned, shift in steps]
@@ -311,3 +321,310 @@ def test_random_arms_are_proven_where_the_product_holds_and_near_misses_are_not(
 def test_no_false_proof_in_a_thousand_random_arms(tmp_path: Path) -> None:
     outcomes = check_random_arms(1000, 2, tmp_path)
     assert outcomes["proven"] > 500 and outcomes["refused"] > 200
+
+
+# --- Held joints between the axes that meet, or are parallel.
+
+
+def chain_of(*joints: tuple[str, list[float], list[float]]) -> Robot:
+    """Joints about z: kind, angles of x, y and z by which the frame turns, and where it is in the one before."""
+    made = []
+    for i, (kind, angles, shift) in enumerate(joints):
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = np.round(Rotation.from_euler("xyz", angles).as_matrix(), 12), shift
+        made.append(Joint(f"j{i}", kind, i - 1, T, np.array([0.0, 0.0, 1.0]), i))
+    tool = np.eye(4)
+    tool[:3, 3] = 0.1, 0.0, 0.05
+    coordinates = tuple(Coordinate(joint.name, joint.kind) for joint in made)
+    return Robot("chain", coordinates, tuple(made), (Tip("tool", len(made) - 1, tool),))
+
+
+R90, HINGE, SLIDE = np.pi / 2, "revolute", "prismatic"
+
+
+def test_a_slide_held_along_an_axis_of_the_wrist_carries_the_center_with_it() -> None:
+    """The axes meet on the slide, so the center is fixed behind it and not in front."""
+    robot = chain_of(
+        (HINGE, [0, 0, 0], [0, 0, 0.3]), (HINGE, [R90, 0, 0], [0, 0, 0]), (HINGE, [0, 0, 0], [0.4, 0, 0]),
+        (HINGE, [R90, 0, 0], [0.1, 0, 0]), (SLIDE, [0, 0, 0], [0, 0, 0.3]), (HINGE, [R90, 0, 0], [0, 0, 0]),
+        (HINGE, [-R90, 0, 0], [0, 0, 0]),
+    )  # fmt: skip
+    proof = proof_of(robot, 4)
+    word = ask_checker(proof)
+    assert word.outcome is Outcome.VERIFIED, word.text
+    assert proof.data["center"]["link"] == 4
+    check_product(proof.arm, postures(robot, 50, 3))
+
+
+def test_a_hinge_held_between_two_parallel_axes_turns_their_plane() -> None:
+    """Three parallel axes and a wrist: with the middle one held the plane of the others depends on its angle."""
+    robot = chain_of(
+        (HINGE, [0, 0, 0], [0, 0, 0.3]), (HINGE, [0, 0, 0], [0.3, 0, 0]), (HINGE, [0, 0, 0], [0.25, 0, 0]),
+        (HINGE, [R90, 0, 0], [0.1, 0.05, 0]), (HINGE, [0.7, R90, 0], [0.2, 0, 0.3]), (HINGE, [R90, 0, 0], [0, 0, 0]),
+        (HINGE, [-R90, 0, 0], [0, 0, 0]),
+    )  # fmt: skip
+    proof = proof_of(robot, 1)
+    word = ask_checker(proof)
+    assert word.outcome is Outcome.VERIFIED, word.text
+    for angle in (0.0, 0.4, -2.0):
+        q = postures(robot, 50, 4)
+        q[:, 1] = angle
+        check_product(proof.arm, q)
+
+
+def test_parallel_axes_may_point_opposite_ways() -> None:
+    """A UR whose third axis is turned over: the same arm, whose joint counts the other way round."""
+    robot = hk.load("ur5e")
+    over = np.diag([1.0, -1.0, -1.0, 1.0])
+    joints = list(robot.joints)
+    joints[2] = replace(joints[2], placement=joints[2].placement @ over)
+    joints[3] = replace(joints[3], placement=over @ joints[3].placement)
+    turned = replace(robot, joints=tuple(joints))
+    proof = proof_of(turned)
+    assert ask_checker(proof).outcome is Outcome.VERIFIED
+    check_product(proof.arm, postures(turned, 50, 5))
+
+
+# --- Forgeries. What passes is still true of the arm in the file, by the referee.
+
+Data = dict[str, Any]
+
+
+def outcome_of(data: Data | str, file: Path) -> str:
+    file.write_text(data if isinstance(data, str) else json.dumps(data), "utf-8")
+    try:
+        checker.check(str(file))
+    except checker.RejectedError:
+        return "rejected"
+    except ValueError:
+        return "no certificate"
+    return "verified"
+
+
+def true_of(data: Data) -> bool:
+    """Whether det J is the product of the slopes at random postures of the arm in a file, by its own kinematics."""
+    rng, number = np.random.default_rng(0), np.vectorize(lambda text: float(Fraction(text)))
+    links, form = data["links"], data["form"]
+    free = [i for i in range(len(links)) if i not in data["held"]]
+    held = rng.uniform(-3, 3, len(links))
+    h, p = np.zeros((2, 30, len(links), 3))
+    for k in range(30):
+        R, x = np.eye(3), np.zeros(3)
+        for i, link in enumerate(links):
+            x, R, axis = x + R @ number(link["position"]), R @ number(link["rotation"]), number(link["axis"])
+            h[k, i], p[k, i], value = R @ axis, x, held[i] if i in data["held"] else rng.uniform(-3, 3)
+            if link["slides"]:
+                x = x + R @ axis * value
+            else:
+                R = R @ Rotation.from_rotvec(axis * value).as_matrix()
+    h, p = h[:, free], p[:, free]
+    J = np.concatenate([np.cross(h, p[:, -1:] - p), h], axis=2)
+    turn = slice(None, None, -1 if form["reversed"] else 1)
+    try:
+        product = slopes(Family[form["family"].upper()], form["inner"], h[:, turn], p[:, turn]).prod(axis=1)
+    except AssertionError:
+        return False
+    det = np.linalg.det(J)
+    return bool(np.abs(np.abs(det) - np.abs(product)).max() < 1e-9 * max(1.0, np.abs(det).max()))
+
+
+BAD = (
+    "1/0",
+    "1e999999999",
+    "9" * 5000,
+    "0x10",
+    "",
+    " 1",
+    "1_0",
+    "\u0661",
+    "nan",
+    "1/-2",
+    "1//2",
+    "1.5",
+    None,
+    True,
+    1.0,
+    [],
+)
+
+
+def places(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The place of each part of nested data."""
+    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in entries:
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+def forged(data: Data, rng: np.random.Generator) -> Data:
+    """The data with one change of any part, or with a change that keeps the form."""
+    other = copy.deepcopy(data)
+
+    def turned(angle: Fraction) -> list[list[str]]:
+        c, s = (1 - angle**2) / (1 + angle**2), 2 * angle / (1 + angle**2)
+        about = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
+        k = int(rng.integers(3))
+        return [[str(about[(i + k) % 3][(j + k) % 3]) for j in range(3)] for i in range(3)]
+
+    link = other["links"][int(rng.integers(len(other["links"])))]
+    some = str(Fraction(int(rng.integers(-9, 10)), int(rng.integers(1, 9))))
+    shift = [0, int(rng.integers(3))]
+    changes: list[Callable[[], Any]] = [
+        lambda: link.update(rotation=turned(Fraction(int(rng.integers(-5, 6)), 3))),
+        lambda: link["position"].__setitem__(shift[1], some),
+        lambda: link.update(axis=[["1", "0", "0"], ["0", "3/5", "4/5"], ["0", "0", "-1"]][int(rng.integers(3))]),
+        lambda: link.update(slides=not link["slides"]),
+        lambda: other.update(held=[int(rng.integers(-1, len(other["links"]) + 1))]),
+        lambda: other["form"].update(reversed=not other["form"]["reversed"]),
+        lambda: other["form"].update(inner=not other["form"]["inner"]),
+        lambda: other["form"].update(family="parallel" if other["form"]["family"] == "pair" else "pair"),
+        lambda: other["center"]["vector"].__setitem__(shift[1], some),
+        lambda: other["center"].update(link=int(rng.integers(-1, 8))),
+        lambda: other.get("normal", other["center"])["vector"].__setitem__(shift[1], some),
+        lambda: other["links"].pop(int(rng.integers(len(other["links"])))),
+        lambda: other["links"].insert(int(rng.integers(7)), copy.deepcopy(link)),
+        lambda: other.update(links=other["links"][::-1]),
+    ]  # fmt: skip
+    if rng.random() < 0.6:
+        changes[int(rng.integers(len(changes)))]()
+        return other
+    spots = list(places(other))
+    *path, last = spots[int(rng.integers(len(spots)))]
+    inner: Any = other
+    for key in path:
+        inner = inner[key]
+    if rng.random() < 0.3:
+        del inner[last]
+    else:
+        inner[last] = BAD[int(rng.integers(len(BAD)))]
+    return other
+
+
+def check_forgeries(name: str, held: tuple[int, ...], count: int, seed: int, tmp_path: Path) -> dict[str, int]:
+    data, rng = json.loads(json.dumps(proof_of(name, *held).data)), np.random.default_rng(seed)
+    assert outcome_of(data, tmp_path / "f.json") == "verified" and true_of(data)
+    outcomes = {"rejected": 0, "no certificate": 0, "verified": 0}
+    for _ in range(count):
+        fake, began = forged(data, rng), time.process_time()
+        found = outcome_of(fake, tmp_path / "f.json")
+        assert time.process_time() - began < 5
+        outcomes[found] += 1
+        assert found != "verified" or true_of(fake), fake
+    return outcomes
+
+
+@pytest.mark.parametrize(("name", "held"), [("panda", (6,)), ("panda", (3,)), ("iiwa14", (1,)), ("rail-ur10e", (0,))])
+def test_forged_files_are_rejected_or_true_all_the_same(name: str, held: tuple[int, ...], tmp_path: Path) -> None:
+    outcomes = check_forgeries(name, held, 150, 6, tmp_path)
+    assert outcomes["rejected"] > 50 and outcomes["verified"] > 5
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("name", "held"), [*((name, (k,)) for name, k in PAIRS), ("ur5e", ()), ("irb140", ())])
+def test_two_thousand_forged_files_of_each_arm(name: str, held: tuple[int, ...], tmp_path: Path) -> None:
+    assert check_forgeries(name, held, 2_000, 7, tmp_path)["rejected"] > 500
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["form"].update(reversed="yes"), lambda d: d["links"][2].update(slides=1),
+        lambda d: d["links"][2].update(axis=["0", "0", "2"]), lambda d: d.update(held=[6.0]),
+        lambda d: d["links"][2].update(rotation=[["1", "0", "0"], ["0", "1", "0"], ["0", "0", "-1"]]),
+        lambda d: d["links"][2].update(rotation=[["1", "0", "0"], ["0", "1", "0"], ["0", "1/9", "1"]]),
+        lambda d: d["center"]["vector"].__setitem__(0, "1e999999999"), lambda d: d["normal"].update(vector=["0"] * 3),
+        lambda d: d["center"].update(link=True), lambda d: d.update(links=d["links"] * 6, held=list(range(6, 42))),
+        lambda d: d["center"].update(vector=[[["0"]], "0", "0"]), lambda d: d.update(held=[5, 6]),
+    ],
+)  # fmt: skip
+def test_what_is_no_arm_is_rejected_at_once(change: Callable[[Data], Any], tmp_path: Path) -> None:
+    data = copy.deepcopy(proof_of("panda", 6).data)
+    change(data)
+    began = time.process_time()
+    assert outcome_of(data, tmp_path / "f.json") == "rejected"
+    assert time.process_time() - began < 2
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"format": ' + "[" * 50_000, "", "[]", "{}", "\x00", " " * 2_000_000])
+def test_what_is_no_certificate_is_said_to_be_none(text: str, tmp_path: Path) -> None:
+    assert outcome_of(text, tmp_path / "f.json") == "no certificate"
+    fails(FileError, "", lambda: recheck(tmp_path / "f.json"))
+
+
+def test_a_file_with_long_polynomials_takes_bounded_time_and_memory(tmp_path: Path) -> None:
+    """Twelve joints in generic frames, six of them held, the axes of the wrist meet: nothing is refused by its form."""
+    rng, data = np.random.default_rng(8), copy.deepcopy(proof_of("panda", 6).data)
+    made = []
+    for i in range(12):
+        x, y, z, w = (Fraction(int(v), 10**9) for v in rng.integers(1, 10**9, 4))
+        s = x * x + y * y + z * z + w * w
+        rows = [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+        place = [str(Fraction(int(v), 10**9)) if i < 10 else "0" for v in rng.integers(1, 10**9, 3)]
+        made.append({"rotation": [[str(v / s) for v in row] for row in rows], "position": place})
+        made[-1] |= {"axis": ["0", "0", "1"], "slides": False}
+    data.update(links=made, held=[1, 2, 4, 5, 7, 8], center={"link": 9, "vector": ["0", "0", "0"]})
+    data["form"] = {"family": "pair", "reversed": False, "inner": False}
+    (tmp_path / "f.json").write_text(json.dumps(data), "utf-8")
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9, 2 * 10**9)); "
+    code = f"{limit}import sys, runpy; sys.argv[1:] = [{str(tmp_path / 'f.json')!r}]; " + (
+        f"runpy.run_path({str(Path(checker.__file__))!r}, run_name='__main__')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1 and done.stdout.startswith("REJECTED"), done.stderr[-500:]
+
+
+# --- The command line.
+
+
+def told(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, list(arguments))
+    return result.exit_code, " ".join(result.output.split())
+
+
+def test_certify_a_robot_on_the_whole_arm_writes_a_file_that_check_certificate_verifies(tmp_path: Path) -> None:
+    given = ["certify", "panda", "--whole-arm", "--out", str(tmp_path)]
+    code, text = told(*given, "--strategy", "lock panda_joint7")
+    assert code == 0 and "On the whole arm, for every start and level: with panda_joint7 held" in text
+    assert "Verified by the independent checker" in text
+    (file,) = tmp_path.glob("*/*-certificate.json")
+    page = file.with_suffix(".html").read_text("utf-8")
+    for words in ("PROVEN: on the whole arm", "What is NOT proven", "stay within their limits", "slopes s_1 s_2 s_3"):
+        assert words in page
+    code, text = told("check-certificate", str(file), "--robot", "panda")
+    assert code == 0 and "VERIFIED: it covers the whole arm" in text and "it is panda, held: panda_joint7" in text
+    code, text = told("check-certificate", str(file), "--robot", "xarm7")
+    assert code == 1 and "REJECTED: it is not xarm7" in text
+    file.write_text(file.read_text("utf-8").replace("333/1000", "1e9"), "utf-8")
+    assert told("check-certificate", str(file)) == (1, "REJECTED: a number is no short fraction of whole numbers.")
+
+
+def test_a_sample_of_a_whole_arm_is_refused(tmp_path: Path) -> None:
+    file = proof_of("ur5e").save(tmp_path / "whole.json")
+    fails(ArgumentError, "no cells", lambda: recheck(file, sample=0.5))
+
+
+def test_certify_a_job_on_the_whole_arm_asks_each_of_its_strategies(tmp_path: Path) -> None:
+    code, text = told("certify", "panda-circle", "--whole-arm", "--out", str(tmp_path))
+    assert code == 1 and "nothing is certified" in text and "hold" in text
+    code, text = told("certify", "ur5e", "--whole-arm", "--out", str(tmp_path))
+    assert code == 0 and "On the whole arm, for every start: two postures" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("panda", "--whole-arm"), "--strategy is not given"),
+        (("panda", "--whole-arm", "--strategy", "lock 9"), "unknown index of a joint"),
+        (("panda-circle", "--whole-arm", "--workspace"), "leave one out"),
+        (("panda-circle", "--whole-arm", "--sample", "0.1"), "no cells"),
+        (("panda-circle", "--strategy", "lock 3"), "--whole-arm"),
+        (("nothing", "--whole-arm"), "unknown robot"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
+    problem = CliRunner().invoke(app, ["certify", *arguments, "--out", str(tmp_path)]).exception
+    assert isinstance(problem, HolokinError) and words in str(problem)

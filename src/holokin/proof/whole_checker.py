@@ -28,7 +28,7 @@ from pathlib import Path
 import flint
 
 FORMAT = "holokin whole-arm certificate 1"
-MOST_BYTES, MOST_JOINTS, MOST_DIGITS, MOST_TERMS = 1_000_000, 12, 1000, 3000
+MOST_BYTES, MOST_JOINTS, MOST_DIGITS, MOST_TERMS = 1_000_000, 12, 1000, 1000
 """Of a file, of its joints, of the digits of a number, of the terms of a polynomial: more take too long."""
 
 RATIONAL = re.compile(rf"(-?[0-9]{{1,{MOST_DIGITS}}})(?:/([0-9]{{1,{MOST_DIGITS}}}))?")
