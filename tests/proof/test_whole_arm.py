@@ -246,9 +246,9 @@ KINDS = ("pair meets", "pair parallel", "inner pair", "three parallel", "no clas
 
 
 def random_arm(rng: np.random.Generator, kind: str, held: str, slip: float = 0.0) -> tuple[Robot, tuple[int, ...]]:
-    """(an arm of a class in frames of any direction, from base to tool or back, the joints to hold).
+    """(an arm of a class in frames of any direction, from base to tool or back, where no number need be short; the joints to hold).
 
-    Turns have two decimals and shifts are in millimetres; `slip` [m] moves the frame of the last joint aside. held: a
+    Turns have two decimals and shifts are in millimetres; `slip` [m] parts two axes that should meet. held: a
     hinge or a slide at any place in front of the six, between the first three or behind the six; "" for none.
     """
 
@@ -273,9 +273,10 @@ def random_arm(rng: np.random.Generator, kind: str, held: str, slip: float = 0.0
         "no class": [(True, anywhere())] * 5,
     }[kind]  # fmt: skip
     frames = [place(turned, shift) for turned, shift in steps]
-    frames[-1][:3, 3] += frames[-1][:3, :3] @ [slip, slip, 0]
+    across = np.cross([0, 0, 1], frames[-1][:3, 2])
+    frames[-1][:3, 3] += slip * across / max(np.linalg.norm(across), 1e-9)
     if back:
-        frames = frames[::-1]
+        frames = [np.linalg.inv(T) for T in frames[::-1]] if rng.random() < 0.5 else frames[::-1]
     frames = [place(True, anywhere()), *frames, place(True, anywhere())]
     kinds, fixed = ["revolute"] * 6, ()
     if held:
@@ -515,8 +516,8 @@ def check_forgeries(name: str, held: tuple[int, ...], count: int, seed: int, tmp
 
 @pytest.mark.parametrize(("name", "held"), [("panda", (6,)), ("panda", (3,)), ("iiwa14", (1,)), ("rail-ur10e", (0,))])
 def test_forged_files_are_rejected_or_true_all_the_same(name: str, held: tuple[int, ...], tmp_path: Path) -> None:
-    outcomes = check_forgeries(name, held, 150, 6, tmp_path)
-    assert outcomes["rejected"] > 50 and outcomes["verified"] > 5
+    outcomes = check_forgeries(name, held, 60, 6, tmp_path)
+    assert outcomes["rejected"] > 20 and outcomes["verified"] > 2
 
 
 @pytest.mark.campaign

@@ -221,7 +221,9 @@ def test_the_page_of_the_catalogue_says_what_the_rows_say(tmp_path: Path, monkey
     (tmp_path / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     cusps_page.main([str(tmp_path / "rows.jsonl"), "--docs", str(tmp_path)])
     text = (tmp_path / "cusps.md").read_text("utf-8")
-    assert "| Panda | none | none | **3.1 cm**, 0.50 | proven none | none | proven none | proven none | 7 cusps |" in text
+    assert (
+        "| Panda | none | none | **3.1 cm**, 0.50 | proven none | none | proven none | proven none | 7 cusps |" in text
+    )
     assert "| Panda | 1 | 0 | 41 | q1+q2" in text and "| UR5e | proven none |" in text and "$" not in text
     assert "Of 50 questions" in text and "2 (4 %) have such a loop" in text and "51 minutes" in text
 
