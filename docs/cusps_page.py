@@ -13,6 +13,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import holokin as hk
+from holokin.robot.closed_form import ArmClass, arm_class
+
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
 from benchmarks.cusps import rows  # noqa: E402  from beside this folder
@@ -33,7 +36,11 @@ def cell(row: Row) -> str:
     if "smallest" in row:
         one = row["smallest"]
         return f"**{100 * one['length']:.1f} cm**, {one['apart']:.2f}"
-    return f"{row['cusps']} cusps" if row["cusps"] else "none"
+    if row["cusps"]:
+        return f"{row['cusps']} cusps"
+    locked = row["law"] in ("lock", "none")
+    proven = locked and isinstance(arm_class(hk.load(row["arm"]), row["joints"]), ArmClass)
+    return "proven none" if proven else "none"
 
 
 def of_arm(found: list[Row], arm: str, law: str) -> dict[tuple[int, ...], Row]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -19,11 +19,13 @@ from ..base.files import write_text
 from ..base.types import Array, NoTruthValue, Value
 from ..motion.ik.closed_leaf import held_joints, leaf_class
 from ..robot.closed_form import ArmClass, NoClass
-from ..robot.closed_form.arm_classes import Link, miss_of_point, screws
+from ..robot.closed_form.arm_classes import miss_of_point, screws
 from ..robot.closed_form.six_hinges import Family
 from ..strategies import HolonomicStrategy, Strategy
 
 FORMAT = "holokin whole-arm certificate 1"
+
+REGION = "prove a region: hk.certify(strategy, path or box, q0), hk.unique_region(strategy, q0)"
 
 FACTORS = {
     Family.PAIR: "three of its axes meet in a point, and two others lie in one plane",
@@ -69,17 +71,18 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     def theorem(self) -> str:
         """What is proven, in one sentence."""
         held = f"with {' and '.join(self.held)} held, " if self.held else ""
-        turns = f", but for whole turns of {', '.join(self.winding)}" if self.winding else ""
+        turns = ", ".join(self.winding) or "none"
         return (
             f"On the whole arm, for every start{' and level' if self.held else ''}: {held}two postures of the strategy "
             f"{self.strategy.name!r} for the task {self.strategy.task.name!r} that have the same tool pose, and that a "
-            f"motion through regular postures of the leaf joins, are the same posture{turns}."
+            f"motion through regular postures of the leaf joins, are the same posture but for whole turns of joints "
+            f"(within the limits: {turns})."
         )
 
     @property
     def model(self) -> str:
         """What the theorem is about, and how far it is from the robot's own numbers."""
-        if max(self.arm.angle, self.arm.distance) < 1e-13:
+        if self.arm.exact:
             return "The model is exact: its numbers are those of the robot."
         return (
             f"The theorem is about an exact model: frames of the robot differ from it by at most "
@@ -89,8 +92,9 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     @property
     def reason(self) -> str:
         """Why it holds."""
+        six = "What the held joints leave of the arm" if self.held else "The arm"
         return (
-            f"What is left of the arm is a chain of six hinges: {FACTORS[self.arm.form.family]}. So its inverse takes "
+            f"{six} is a chain of six hinges: {FACTORS[self.arm.form.family]}. So its inverse takes "
             "three steps, each a root of a cos q + b sin q = d; det [J; J_g] is plus or minus the product of their "
             "slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While [J; J_g] is regular no sign "
             "changes."
@@ -102,8 +106,24 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     )
     """What the theorem leaves open."""
 
+    def __repr__(self) -> str:
+        return f"WholeArm({self.title!r}, held: {', '.join(self.held) or 'none'})"
+
     def __str__(self) -> str:
         return f"{self.theorem}\n{self.model}\n{self.reason}\n{self.unsaid}"
+
+    def table(self) -> str:
+        """Which joints are held, the class, and how far the exact model is from the robot, as lines of text."""
+        form = self.arm.form
+        return "\n".join(
+            [
+                "proven: the whole arm, for every start and level",
+                f"held: {', '.join(self.held) or 'none'}",
+                f"class: {FACTORS[form.family]}, at the {'base' if form.reversed else 'tool'}",
+                f"exact model: {self.arm.angle:.1e} rad and {self.arm.distance:.1e} m from the robot",
+                f"whole turns within the limits: {', '.join(self.winding) or 'none'}",
+            ]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data, ready for JSON."""
@@ -118,13 +138,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     def data(self) -> dict[str, Any]:
         """What `proof.whole_checker` reads: the exact model as fractions, and the form."""
         links, form = self.arm.links[:-1], self.arm.form
-        order = [i for i, link in enumerate(links) if link.coordinate not in self.arm.held]
-        order = order[::-1] if form.reversed else order
-        last = 3 if form.family is Family.PAIR else 4
-        carrier = order[last + 1] if form.reversed else order[last]
-        own = _seen_from(self.arm.links, self.arm.held, carrier)
-        meeting = [own[i] for i in (order[last:] if form.family is Family.PAIR else order[4:])]
-        data: dict[str, Any] = {
+        return {
             "format": FORMAT,
             "title": self.title,
             "theorem": self.theorem,
@@ -143,14 +157,8 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
                 }
                 for link in links
             ],
-            "center": [str(x) for x in _meeting_point(meeting)],
+            **_center_and_normal(self.arm),
         }
-        if form.family is Family.PAIR:
-            first, second = (order[2], order[1]) if form.inner else (order[0], order[1])
-            seen = _seen_from(self.arm.links, self.arm.held, min(first, second))
-            between = [i for i in data["held"] if min(first, second) < i < max(first, second)]
-            data["normal"] = [str(x) for x in _normal(seen, first, second, between)]
-        return data
 
     @typed
     def save(self, file: str | FilePath) -> FilePath:
@@ -159,42 +167,53 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
         return FilePath(file)
 
 
-Screws = dict[int, tuple[Array, Array]]
+def _center_and_normal(arm: ArmClass) -> dict[str, Any]:
+    """The point in which axes meet, and a normal of the plane of two, each in a link in which it is fixed.
+
+    Raises: NoProofError: there is no such link, since the held joints move it in all of them.
+    """
+    chain = [i for i, link in enumerate(arm.links[:-1]) if link.coordinate not in arm.held]
+    order = chain[::-1] if arm.form.reversed else chain
+    if arm.form.family is Family.PARALLEL:
+        return _fixed(arm, "center", order[4:], _meeting_point)
+    pair = (order[2], order[1]) if arm.form.inner else (order[0], order[1])
+    return _fixed(arm, "center", order[3:], _meeting_point) | _fixed(arm, "normal", list(pair), _normal)
 
 
-def _seen_from(links: Sequence[Link], held: tuple[int, ...], carrier: int) -> Screws:
-    """Direction and point of each joint's axis in the moving frame of one, all free joints at 0, the held ones not."""
-    some = (Fraction(3, 5), Fraction(4, 5))
-    values = {
-        i: ((Fraction(1, 3),) if link.slides else some) for i, link in enumerate(links) if link.coordinate in held
-    }
-    before = screws(links[: carrier + 1], {i: v for i, v in values.items() if i <= carrier})
-    R, p = before[2]
-    free, others, _ = screws(links, values)
-    both, out = {True: iter(others), False: iter(free)}, {}
-    for i, link in enumerate(links):
-        if link.coordinate >= 0:
-            h, at = next(both[i in values])
-            out[i] = R.T @ h, R.T @ (at - p)
-    return out
+Screws = Sequence[tuple[Array, Array]]
 
 
-def _meeting_point(axes: Sequence[tuple[Array, Array]]) -> Array:
+def _fixed(arm: ArmClass, name: str, axes: list[int], of: Callable[[Screws], Array]) -> dict[str, Any]:
+    """What axes have in common, seen from a link between the first two, in which it is whatever the held joints are."""
+    links = arm.links
+    for carrier in range(min(axes[:2]), max(axes[:2])):
+        seen = []
+        for t in (Fraction(1, 3), Fraction(-2, 5), Fraction(3, 4)):
+            spot = ((1 - t * t) / (1 + t * t), 2 * t / (1 + t * t))
+            held = {i: (t,) if link.slides else spot for i, link in enumerate(links) if link.coordinate in arm.held}
+            R, p = screws(links[: carrier + 1], {i: v for i, v in held.items() if i <= carrier})[2]
+            free, others, _ = screws(links, held)
+            both = {True: iter(others), False: iter(free)}
+            every = [next(both[i in held]) for i in range(len(links) - 1)]
+            seen.append(of([(R.T @ every[i][0], R.T @ (every[i][1] - p)) for i in axes]))
+        # Of a normal the direction counts alone, and it is 0 where the axes are parallel at these values.
+        some = max(seen, key=lambda vector: vector @ vector)
+        same = [not any(np.cross(some, v) if name == "normal" else some - v) for v in seen]
+        if all(same):
+            return {name: {"link": carrier, "vector": [str(x) for x in some]}}
+    raise NoProofError(arm.robot.name, f"the {name} of its axes moves in every link with the held joints: {REGION}")
+
+
+def _meeting_point(axes: Screws) -> Array:
     """The point in which axes meet."""
-    found = miss_of_point(axes if len(axes) == 3 else [*axes, axes[0]])
-    if found is None:
-        raise ValueError
+    if (found := miss_of_point(axes if len(axes) == 3 else [*axes, axes[0]])) is None:
+        raise ValueError("the class tells that they meet")
     return found[1]
 
 
-def _normal(seen: Screws, first: int, second: int, between: list[int]) -> Array:
-    """A normal of the plane of two axes; the held axis between them that is square to both, if there is one."""
-    (h1, p1), (h2, p2) = seen[first], seen[second]
-    for i in between:
-        if seen[i][0] @ h1 == 0 and seen[i][0] @ h2 == 0:
-            return seen[i][0]
-    normal = np.cross(h1, h2)
-    return normal if any(normal) else np.cross(h2, p1 - p2)
+def _normal(axes: Screws) -> Array:
+    """A normal of the plane of two axes; 0 where they are parallel."""
+    return np.cross(axes[0][0], axes[1][0])
 
 
 def whole_arm(strategy: Strategy) -> WholeArm:
@@ -208,10 +227,12 @@ def whole_arm(strategy: Strategy) -> WholeArm:
 
     began, strategy = time.perf_counter(), with_leaves(strategy)
     held, found = held_joints(strategy), leaf_class(strategy)
-    region = "prove a region: hk.certify(strategy, path or box, q0), hk.unique_region(strategy, q0)"
     if isinstance(held, str):
-        raise NoProofError(strategy.name, f"{held}, so nothing is known of the whole arm: {region}")
+        raise NoProofError(strategy.name, f"{held}, so nothing is known of the whole arm: {REGION}")
     if isinstance(found, NoClass):
+        if found.singular:
+            raise NoProofError(strategy.name, f"{found.reason}: hold another joint")
         miss = f" (the nearest class is {found.miss:.2g} m or rad away)" if np.isfinite(found.miss) else ""
-        raise NoProofError(strategy.name, f"{found.reason}{miss}: {region}")
+        raise NoProofError(strategy.name, f"{found.reason}{miss}: {REGION}")
+    _center_and_normal(found)  # raises where no file could be written
     return WholeArm(strategy, found, time.perf_counter() - began)

@@ -20,18 +20,27 @@ What is verified: that the axes meet, or are parallel, at all postures; and that
 from __future__ import annotations
 
 import json
+import re
 import sys
-from fractions import Fraction
-from itertools import permutations
+from itertools import combinations
+from pathlib import Path
 
 import flint
 
 FORMAT = "holokin whole-arm certificate 1"
-MOST_BYTES, MOST_JOINTS, MOST_DIGITS = 1_000_000, 40, 60
+MOST_BYTES, MOST_JOINTS, MOST_DIGITS, MOST_TERMS = 1_000_000, 12, 1000, 1000
+"""Of a file, of its joints, of the digits of a number, of the terms of a polynomial: more take too long."""
+
+RATIONAL = re.compile(rf"(-?[0-9]{{1,{MOST_DIGITS}}})(?:/([0-9]{{1,{MOST_DIGITS}}}))?")
 
 
 class RejectedError(Exception):
     """What is wrong with a certificate."""
+
+
+def text_of(value: object) -> str:
+    """A word of the file, without what a terminal obeys."""
+    return "".join(c if c.isprintable() else "?" for c in value[:100]) if isinstance(value, str) else "no text"
 
 
 class Ring:
@@ -45,29 +54,27 @@ class Ring:
             (generators[f"x{i}"],) if slide else (generators[f"c{i}"], generators[f"s{i}"])
             for i, slide in enumerate(slides)
         ]
-        self.circles = [(m[1], 1 - m[0] * m[0]) for m in self.motion if len(m) == 2]
+        self.circles = [(names.index(str(m[1])), 1 - m[0] * m[0]) for m in self.motion if len(m) == 2]
 
     def number(self, text: object) -> object:
         """A rational number, written as "3/8"."""
-        if not isinstance(text, str) or len(text) > 2 * MOST_DIGITS + 2:
-            raise RejectedError(f"no rational number: {str(text)[:40]}")
-        try:
-            value = Fraction(text)
-        except (ValueError, ZeroDivisionError):
-            raise RejectedError(f"no rational number: {text[:40]}") from None
-        return self.context.constant(flint.fmpq(value.numerator, value.denominator))
+        parts = RATIONAL.fullmatch(text) if isinstance(text, str) else None
+        over = 1 if parts is None or parts[2] is None else int(parts[2])
+        if parts is None or over == 0:
+            raise RejectedError("a number is no short fraction of whole numbers")
+        return self.context.constant(flint.fmpq(int(parts[1]), over))
 
     def reduced(self, p: object) -> object:
-        """A polynomial with at most the first power of each sine."""
-        for sine, square in self.circles:
-            while True:
-                place = self.context.gens().index(sine)
-                high = {m: c for m, c in p.to_dict().items() if m[place] > 1}
-                if not high:
-                    break
-                rest = self.context.from_dict({m: c for m, c in p.to_dict().items() if m[place] <= 1})
+        """A polynomial with at most the first power of each sine. Raises: RejectedError: it is too long."""
+        for place, square in self.circles:
+            while len(p) <= MOST_TERMS and p.degrees()[place] > 1:
+                terms = p.to_dict()
+                high = {m: c for m, c in terms.items() if m[place] > 1}
+                rest = self.context.from_dict({m: c for m, c in terms.items() if m[place] <= 1})
                 lower = {tuple(e - 2 * (j == place) for j, e in enumerate(m)): c for m, c in high.items()}
                 p = rest + self.context.from_dict(lower) * square
+        if len(p) > MOST_TERMS:
+            raise RejectedError(f"a polynomial of it has more than {MOST_TERMS} terms, which is too long to examine")
         return p
 
 
@@ -103,20 +110,19 @@ def transposed(A: list) -> list:
 
 
 def determinant(columns: list, reduce) -> object:
-    """Of a square matrix, by Leibniz."""
-    n, total = len(columns), 0
-    for order in permutations(range(n)):
-        term = 1
-        for column, row in enumerate(order):
-            entry = columns[column][row]
-            if entry == 0:
-                term = 0
-                break
-            term = term * entry
-        if not (isinstance(term, int) and term == 0):
-            inversions = sum(order[i] > order[j] for i in range(n) for j in range(i + 1, n))
-            total = total + (-term if inversions % 2 else term)
-    return reduce(total)
+    """Of a square matrix, by the minors of its first columns."""
+    minors = {(): 1}
+    for k, column in enumerate(columns):
+        larger = {}
+        for rows in combinations(range(len(columns)), k + 1):
+            terms = [
+                (-1) ** (k + i) * column[row] * minors[rows[:i] + rows[i + 1 :]]
+                for i, row in enumerate(rows)
+                if column[row] != 0
+            ]
+            larger[rows] = reduce(sum(terms)) if terms else 0
+        minors = larger
+    return minors[tuple(range(len(columns)))]
 
 
 class Arm:
@@ -126,7 +132,9 @@ class Arm:
         links = data.get("links")
         if not isinstance(links, list) or not 6 <= len(links) <= MOST_JOINTS:
             raise RejectedError("the links are missing, or too many")
-        self.slides = [isinstance(link, dict) and link.get("slides") is True for link in links]
+        if not all(isinstance(link, dict) and type(link.get("slides")) is bool for link in links):
+            raise RejectedError("a link does not say whether it slides")
+        self.slides = [link["slides"] for link in links]
         self.ring = Ring(self.slides)
         number = self.ring.number
         self.rotation, self.position, self.axis = [], [], []
@@ -150,6 +158,7 @@ class Arm:
         if not isinstance(held, list) or not all(type(k) is int and 0 <= k < len(links) for k in held):
             raise RejectedError("the held joints are missing")
         self.free = [i for i in range(len(links)) if i not in held]
+        self.held = [i for i in range(len(links)) if i in held]
         if len(self.free) != 6 or any(self.slides[i] for i in self.free):
             raise RejectedError("what is left are not six hinges")
 
@@ -168,7 +177,7 @@ class Arm:
         """(axes: direction and point; moving frames: rotation and origin) of all joints at any posture, seen from the
         link behind the third free joint."""
         reduce, middle = self.ring.reduced, self.free[2]
-        clean = lambda v: [reduce(x) if not isinstance(x, int) else x for x in v]  # noqa: E731
+        clean = lambda v: [reduce(x) for x in v]  # noqa: E731
         one = [[self.ring.number(str(int(r == c))) for c in range(3)] for r in range(3)]
         axes, frames = {}, {}
         R, p = one, [self.ring.number("0")] * 3
@@ -194,78 +203,129 @@ class Arm:
         return axes, frames
 
 
-def check(file: str) -> list[str]:
-    """What is verified, in sentences. Raises: RejectedError; OSError, ValueError: the file cannot be read."""
-    with open(file, "rb") as stream:
-        raw = stream.read(MOST_BYTES + 1)
-    if len(raw) > MOST_BYTES:
-        raise RejectedError("the file is too large")
-    data = json.loads(raw)
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise RejectedError(f"it does not say {FORMAT!r}")
-    arm, form = Arm(data), data.get("form")
-    if not isinstance(form, dict) or form.get("family") not in ("pair", "parallel"):
-        raise RejectedError("the form is missing")
-    backward, inner = form.get("reversed") is True, form.get("inner") is True
-    axes, frames = arm.screws()
-    order = arm.free[::-1] if backward else arm.free
-    h, p = ([axes[i][part] for i in order] for part in (0, 1))
-    reduce = arm.ring.reduced
+def is_whole_arm(file: str) -> bool:
+    """Whether a file says that it is a certificate of a whole arm. Raises: OSError, ValueError: it is none at all."""
+    return Path(file).is_file() and Path(file).stat().st_size <= MOST_BYTES and _read(file)[1] == FORMAT
 
-    def vanishes(what: str, values: list) -> None:
-        if any(reduce(value) != 0 for value in values):
+
+def _read(file: str) -> tuple[dict, object]:
+    """(data, format) of a file."""
+    try:
+        if not Path(file).is_file() or Path(file).stat().st_size > MOST_BYTES:
+            raise ValueError(f"not a file of at most {MOST_BYTES:,} bytes")
+        data = json.loads(Path(file).read_text("utf-8"))
+    except (RecursionError, MemoryError):
+        raise ValueError("it is nested too deep") from None
+    return (data, data.get("format")) if isinstance(data, dict) else ({}, None)
+
+
+class Steps:
+    """The three steps of an arm's inverse, in the form that its file names."""
+
+    def __init__(self, data: dict) -> None:
+        self.data, self.arm, form = data, Arm(data), data.get("form")
+        if not isinstance(form, dict) or form.get("family") not in ("pair", "parallel"):
+            raise RejectedError("the form is missing")
+        if not all(type(form.get(key)) is bool for key in ("reversed", "inner")):
+            raise RejectedError("the form does not say its direction")
+        self.pair, self.inner = form["family"] == "pair", form["inner"]
+        axes, self.frames = self.arm.screws()
+        order = self.arm.free[::-1] if form["reversed"] else self.arm.free
+        self.h, self.p = ([axes[i][part] for i in order] for part in (0, 1))
+        self.reduce = self.arm.ring.reduced
+
+    def clean(self, values: list) -> list:
+        """A vector, reduced."""
+        return [self.reduce(value) for value in values]
+
+    def vanishes(self, what: str, values: list) -> None:
+        """Raises: RejectedError: some of the values are not 0 at all postures."""
+        if any(value != 0 for value in self.clean(values)):
             raise RejectedError(f"{what}, at some posture")
 
-    def fixed(key: str, place: int) -> tuple[list, list]:
-        """A vector that is fixed in a link, seen from the middle, and the link's origin."""
-        numbers = data.get(key)
-        if not isinstance(numbers, list) or len(numbers) != 3:
+    def fixed(self, key: str) -> tuple[list, list]:
+        """(a vector that is fixed in a link, seen from the middle; the origin of that link)."""
+        given = self.data.get(key)
+        given = given if isinstance(given, dict) else {}
+        numbers, link = given.get("vector"), given.get("link")
+        if not isinstance(numbers, list) or len(numbers) != 3 or type(link) is not int or link not in self.frames:
             raise RejectedError(f"{key!r} is missing")
-        R, origin = frames[place]
-        return [reduce(x) for x in times(R, [arm.ring.number(x) for x in numbers])], origin
+        R, origin = self.frames[link]
+        return self.clean(times(R, [self.arm.ring.number(x) for x in numbers])), origin
 
-    # The point in which the last axes meet. It is fixed in the link between the first two of them.
-    first_last = 3 if form["family"] == "pair" else 4
-    vector, origin = fixed("center", order[first_last + 1] if backward else order[first_last])
-    center = [reduce(x) for x in plus(origin, vector)]
-    for k in range(first_last, 6):
-        vanishes(f"axis {k + 1} of the steps misses the center", cross(plus(center, p[k], -1), h[k]))
-    moves = [[reduce(x) for x in cross(h[k], plus(center, p[k], -1))] for k in range(6)]
-    if form["family"] == "pair":
-        first, second, single = (2, 1, 0) if inner else (0, 1, 2)
-        vector, _ = fixed("normal", min(order[first], order[second]))
-        square = reduce(dot(vector, vector))
-        if square == 0 or square.total_degree() > 0:
-            raise RejectedError("the normal is none")
-        away, scale = plus(p[first], p[second], -1), 1 / square.leading_coefficient()
-        sigma = reduce(dot(cross(h[first], h[second]), vector) * scale)
-        tau = reduce(-dot(cross(away, h[first]), vector) * scale)
-        vanishes("the pair has another normal", plus(cross(h[first], h[second]), vector, -sigma))
-        vanishes("the pair lies in no plane", plus(cross(away, h[first]), vector, tau))
-        arm_part = plus(center, p[second], -1)
-        lever = plus([sigma * x for x in arm_part], h[second], -tau)
-        slopes = [dot(lever, moves[single]), dot(vector, arm_part), dot(h[3], cross(h[4], h[5]))]
-        det = determinant(moves[:3], reduce) * determinant(h[3:], reduce)
-    else:
+    def moves(self) -> list:
+        """How each joint moves the point in which the last axes meet, which lies on all of them at all postures."""
+        vector, origin = self.fixed("center")
+        self.center = self.clean(plus(origin, vector))
+        for k in range(3 if self.pair else 4, 6):
+            across = cross(plus(self.center, self.p[k], -1), self.h[k])
+            self.vanishes(f"axis {k + 1} of the steps misses the center", across)
+        return [self.clean(cross(self.h[k], plus(self.center, self.p[k], -1))) for k in range(6)]
+
+    def slopes_of_pair(self, moves: list) -> list:
+        """s_1, s_2, s_3 where two axes lie in one plane."""
+        first, second, single = (2, 1, 0) if self.inner else (0, 1, 2)
+        h, p, reduce = self.h, self.p, self.reduce
+        away, across = plus(p[first], p[second], -1), self.clean(cross(h[first], h[second]))
+        if any(value != 0 for value in across):
+            normal, _ = self.fixed("normal")
+            square = reduce(dot(normal, normal))
+            if square == 0:
+                raise RejectedError("the normal is none")
+            sigma = reduce(dot(across, normal) / square.leading_coefficient())
+            tau = reduce(-dot(cross(away, h[first]), normal) / square.leading_coefficient())
+        else:  # parallel: the plane, and so the normal, may depend on what is held between
+            normal, sigma, tau = self.clean(cross(h[second], away)), 0, reduce(dot(h[first], h[second]))
+        self.vanishes("the pair has another normal", plus(across, normal, -sigma))
+        self.vanishes("the pair lies in no plane", plus(self.clean(cross(away, h[first])), normal, tau))
+        arm = plus(self.center, p[second], -1)
+        lever = self.clean(plus([sigma * x for x in arm], h[second], -tau))
+        return [dot(lever, moves[single]), dot(normal, arm), dot(h[3], self.clean(cross(h[4], h[5])))]
+
+    def slopes_of_parallel(self, moves: list) -> list:
+        """s_1, s_2, s_3 where three axes are parallel, the same or opposite ways."""
+        h, p = self.h, self.p
         for k in (2, 3):
-            vanishes("axes 2, 3, 4 of the steps are not parallel", cross(h[1], h[k]))
-        elbow, lever = plus(p[2], p[1], -1), plus(p[3], p[2], -1)
-        slopes = [dot(h[1], moves[0]), dot(h[1], cross(h[4], h[5])), dot(h[1], cross(elbow, lever))]
-        # Axes 2, 3, 4 may be the same or opposite ways.
-        det = determinant([[*move, *axis] for move, axis in zip(moves, h, strict=True)], reduce)
-    whole = reduce(reduce(slopes[0] * slopes[1]) * slopes[2])
-    det = reduce(det)
-    if det == 0:
-        raise RejectedError("every posture is singular")
-    if reduce(det - whole) != 0 and reduce(det + whole) != 0:
-        raise RejectedError("det J is not the product of the slopes")
-    terms = len(det.to_dict())
-    return [f"the axes meet as it says, and det J, a polynomial of {terms} terms, is the product of the three slopes"]
+            self.vanishes("axes 2, 3, 4 of the steps are not parallel", cross(h[1], h[k]))
+        bend = self.clean(cross(plus(p[2], p[1], -1), plus(p[3], p[2], -1)))
+        return [dot(h[1], moves[0]), dot(h[1], self.clean(cross(h[4], h[5]))), dot(h[1], bend)]
+
+    def terms(self) -> int:
+        """Those of det J, which is plus or minus the product of the slopes. Raises: RejectedError: it is not."""
+        moves, h, reduce = self.moves(), self.h, self.reduce
+        slopes = self.clean((self.slopes_of_pair if self.pair else self.slopes_of_parallel)(moves))
+        if self.pair:  # the last three axes do not move the center
+            det = reduce(determinant(moves[:3], reduce) * determinant(h[3:], reduce))
+        else:
+            det = determinant([[*move, *axis] for move, axis in zip(moves, h, strict=True)], reduce)
+        if det == 0:
+            raise RejectedError("every posture is singular")
+        whole = reduce(reduce(slopes[0] * slopes[1]) * slopes[2])
+        if reduce(det - whole) != 0 and reduce(det + whole) != 0:
+            raise RejectedError("det J is not the product of the slopes")
+        return len(det)
+
+
+def check(file: str) -> tuple[list[str], dict]:
+    """(what is verified, in sentences; the data). Raises: RejectedError; OSError, ValueError: it is no certificate."""
+    data, written = _read(file)
+    if written != FORMAT:
+        raise ValueError(f"its format is not {FORMAT!r}")
+    steps = Steps(data)
+    terms, held, count = steps.terms(), steps.arm.held, len(steps.arm.axis)
+    some = " and ".join(f"joint {i + 1}" for i in held)
+    holding = f"with {some} of {count} joints held, at any value" if held else f"of its {count} joints none is held"
+    kind = "three axes meet and two lie in one plane" if steps.pair else "three axes are parallel and two meet"
+    return [
+        f"on the whole arm, {holding}: two postures of one tool pose that regular postures join are the same, but for "
+        "whole turns of joints",
+        f"{kind}, at all postures; det J, of {terms} terms, is the product of the slopes of three steps",
+    ], data
 
 
 if __name__ == "__main__":
     try:
-        print("VERIFIED:", *check(sys.argv[1]))
-    except (RejectedError, OSError, ValueError, IndexError) as problem:
-        print(f"REJECTED: {problem}")
-        sys.exit(1)
+        print("VERIFIED:", *check(sys.argv[1])[0], sep="\n  ")
+    except (RejectedError, OSError, ValueError, LookupError) as problem:
+        print("REJECTED:" if isinstance(problem, RejectedError) else "not read:", problem)
+        sys.exit(1 if isinstance(problem, RejectedError) else 2)

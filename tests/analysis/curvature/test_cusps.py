@@ -6,6 +6,7 @@ import importlib
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -19,10 +20,12 @@ import pytest
 import holokin as hk
 from conftest import campaign, fails, sampled
 from holokin.analysis.curvature import cuspidal_leaf, why_elsewhere, witness_between
-from holokin.analysis.curvature.cusp_search import CuspPoints, cusp_functions, symmetric_joints
+from holokin.analysis.curvature.cusp_search import CuspPoints, cusp_functions, seek_cusps, symmetric_joints
 from holokin.analysis.curvature.cuspidal_leaf import candidates
 from holokin.app.job import open_job, run_job
 from holokin.base.errors import ArgumentError, SingularityError
+from holokin.motion.ik import leaf_value
+from holokin.motion.ik.posture_search import spread
 from holokin.strategies import HolonomicStrategy
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
@@ -122,11 +125,23 @@ def test_a_controller_led_round_a_cusp_comes_to_rest_at_the_other_posture(name: 
 
 @sampled(1, ("name", "joint", "q0"), [("panda", 6, PANDA), ("iiwa14", 2, IIWA)])
 def test_crossing_singular_sheets_are_no_cusps(name: str, joint: int, q0: np.ndarray) -> None:
-    """A spherical wrist or shoulder splits det [J; J_g] in factors: many starts end where both are zero."""
-    cusps = hk.cusps(law(name, hk.lock(joint)), q0, starts=200)
-    assert len(cusps) == 0 and not cusps.cuspidal and cusps.witness is None
-    assert cusps.double > 50
-    assert "no cusp found" in cusps.sentence and "no proof" in cusps.sentence
+    """A spherical wrist or shoulder splits det [J; J_g] in factors: many starts end where both are zero. So there is no
+    cusp, which is proven and needs no search; one that is made all the same finds none."""
+    strategy = law(name, hk.lock(joint))
+    cusps = hk.cusps(strategy, q0, starts=200)
+    assert len(cusps) == 0 and not cusps.cuspidal and cusps.witness is None and cusps.starts == 0
+    assert cusps.sentence.startswith("no cusp: proven on the whole arm") and "search" not in cusps.sentence
+    found, double, _ = seek_cusps(strategy, leaf_value(strategy, q0), spread(strategy.task.robot, 200))
+    assert not len(found.q) and double > 50
+
+
+def test_of_an_arm_that_is_nearly_of_a_class_none_is_proven_and_the_search_says_how_near() -> None:
+    panda = hk.load("panda")
+    placement = panda.joints[1].placement.copy()
+    placement[0, 3] += 8e-6  # axis 2 no longer meets axes 1 and 3
+    slipped = replace(panda, joints=(panda.joints[0], replace(panda.joints[1], placement=placement), *panda.joints[2:]))
+    said = hk.cusps(hk.holonomic(hk.pose(slipped), hk.lock(6)), PANDA, starts=8).sentence
+    assert "a search; on the whole arm it is proven of an exact model" in said and "8.0e-06 m" in said
 
 
 def test_wengers_arm_is_cuspidal_and_one_whose_first_axes_meet_is_not() -> None:
@@ -206,8 +221,10 @@ def test_the_page_of_the_catalogue_says_what_the_rows_say(tmp_path: Path, monkey
     (tmp_path / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     cusps_page.main([str(tmp_path / "rows.jsonl"), "--docs", str(tmp_path)])
     text = (tmp_path / "cusps.md").read_text("utf-8")
-    assert "| Panda | none | none | **3.1 cm**, 0.50 | none | none | none | none | 7 cusps |" in text
-    assert "| Panda | 1 | 0 | 41 | q1+q2" in text and "| UR5e | none |" in text and "$" not in text
+    assert (
+        "| Panda | none | none | **3.1 cm**, 0.50 | proven none | none | proven none | proven none | 7 cusps |" in text
+    )
+    assert "| Panda | 1 | 0 | 41 | q1+q2" in text and "| UR5e | proven none |" in text and "$" not in text
     assert "Of 50 questions" in text and "2 (4 %) have such a loop" in text and "51 minutes" in text
 
 

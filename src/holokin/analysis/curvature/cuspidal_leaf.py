@@ -36,6 +36,7 @@ from ...base.types import (
 from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.follow_path import follow
 from ...motion.ik import InverseKinematics
+from ...motion.ik.closed_leaf import leaf_class
 from ...motion.ik.leaf import leaf_step, leaf_value, with_leaves
 from ...motion.ik.posture_search import (
     MOST_STARTS,
@@ -50,6 +51,7 @@ from ...motion.trajectory import Status, Trajectory, whole_turns
 from ...path import Path
 from ...path.curves import spline
 from ...robot import start_posture
+from ...robot.closed_form import NoClass
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.radial_strategy import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
@@ -347,8 +349,8 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
 
     @property
     def excluded(self) -> str:
-        """Why no leaf of the task has a cusp, so that none was looked for; empty where some may."""
-        return "" if self.strategy.task.m >= 2 else "the task has one row, so the leaf is a curve, which has no cusp"
+        """Why the leaf has no cusp, so that none was looked for; empty where it may have some."""
+        return _excluded(self.strategy)
 
     @cached_property
     def poses(self) -> Array:
@@ -377,7 +379,7 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
         search = f"found{within} from {self.starts:,} starts spread over the joint ranges{ended}"
         if not count:
             crossings = f"; {self.double:,} starts came to crossings of singular sheets, which are none"
-            return f"no cusp {search}{crossings if self.double else ''}: a search, no proof that there is none"
+            return f"no cusp {search}{crossings if self.double else ''}: {_unproven(self.strategy)}"
         families = ""
         if m > 2 and self.families is None:
             families = f", samples of surfaces of dimension {m - 2}"
@@ -392,6 +394,25 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
 
     def __str__(self) -> str:
         return self.sentence
+
+
+def _excluded(strategy: HolonomicStrategy) -> str:
+    """Why a leaf has no cusp; empty where it may have some."""
+    if strategy.task.m < 2:
+        return "the task has one row, so the leaf is a curve, which has no cusp"
+    found = leaf_class(strategy)
+    if isinstance(found, NoClass) or not found.exact:
+        return ""
+    return "proven on the whole arm, whatever the level; `hk.certify(strategy)` makes a certificate of it"
+
+
+def _unproven(strategy: HolonomicStrategy) -> str:
+    """What is known where a search found no cusp."""
+    found = leaf_class(strategy)
+    if isinstance(found, NoClass):
+        return "a search, no proof that there is none"
+    apart = f"{found.angle:.1e} rad and {found.distance:.1e} m"
+    return f"a search; on the whole arm it is proven of an exact model, whose frames differ by at most {apart}"
 
 
 @typed
@@ -449,7 +470,7 @@ def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusp
     leafed(start)
     level = leaf_value(leafed, start)
     # Newton's method from the starts, a part after the other, until Ctrl-C; from none where there can be no cusp
-    starts = starts if leafed.task.m >= 2 else 0
+    starts = 0 if _excluded(leafed) else starts
     postures, done, parts = spread(robot, starts), 0, []
     with progress("cusps", starts) as report, suppress(KeyboardInterrupt):  # what was found is kept
         while done < starts:

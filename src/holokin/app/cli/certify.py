@@ -3,22 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ...base.errors import ArgumentError
 from ...base.progress import progress
 from ...version import build
-from .export import OneJob
-from .outcome import TrustUnits, each_minute, ending, show, show_rich
+
+if TYPE_CHECKING:
+    from ...proof import WholeArm
+from .outcome import Base, Tip, TrustUnits, each_minute, ending, show, show_rich
 
 
 def certify(
-    job: OneJob,
+    job: Annotated[
+        str, typer.Argument(metavar="JOB|ROBOT", help="A job; with --whole-arm a robot, too: a name or a model's file.")
+    ],
     workspace: Annotated[
         bool, typer.Option("--workspace", help="Over the box of its [workspace], not along its path.")
     ] = False,
+    whole_arm: Annotated[
+        bool, typer.Option("--whole-arm", help="For every start and level; of strategies that hold single joints.")
+    ] = False,
+    strategy: Annotated[
+        str | None, typer.Option(help='With --whole-arm and a robot: the strategy, as "lock joint7".')
+    ] = None,
+    tip: Tip = None,
+    base: Base = None,
+    trust_units: TrustUnits = False,
     part: Annotated[
         bool, typer.Option("--part", help="With --workspace: prove as much of the box as can be proven.")
     ] = False,
@@ -36,6 +49,8 @@ def certify(
 ) -> None:
     """Prove, for each strategy with leaves of a job, that the joints return with the tool, on its path or in a box.
 
+    With --whole-arm it is proven for all poses, starts and levels, where the arm and the held joint allow it: of a job,
+    or of a robot and one --strategy.
     Writes OUT/<job>-proof/<strategy>-certificate.json, and beside it a page to print, <strategy>-certificate.html.
     With python-flint the checker verifies each certificate, and the page says so. With --workspace the cells that are
     done lie in OUT/<job>-proof-<strategy>.cells until the certificates are written: a run that was stopped, or killed,
@@ -43,7 +58,7 @@ def certify(
     every strategy with leaves, 1 when not, or when the checker rejects a certificate, 2 on bad input.
     """
     from ...proof.recheck import Outcome, ask_checker
-    from ..job import certify_job, open_one_job
+    from ..job import certify_job, is_job, open_one_job
     from ..report.job_result import CellsFiles, check_folder
     from ..report.proof_report import print_certificates, write_certificates
 
@@ -53,7 +68,17 @@ def certify(
             raise ArgumentError(option, given, "it is about the box of the workspace: say --workspace, too")
     if sample is not None and not 0 < sample <= 1:
         raise ArgumentError("--sample", sample, "give the share of the cells that is verified, as 0.01")
-    name, opened, file = open_one_job(job)
+    for option, given, cure in (("--workspace", workspace, "leave one out"), ("--sample", sample, "it has no cells")):
+        if whole_arm and given:
+            raise ArgumentError(f"{option} beside --whole-arm", given, cure)
+    of_robot = whole_arm and not is_job(job)
+    if not of_robot and (given := [word for word in (strategy, tip, base) if word is not None] + [True] * trust_units):
+        raise ArgumentError("--strategy, --tip, --base or --trust-units", given[0], "they are of a robot, --whole-arm")
+    if of_robot:
+        name, title, proofs = _of_robot(job, strategy, tip, base, trust_units)
+    else:
+        name, opened, file = open_one_job(job)
+        title = opened.title
     check_folder(out, f"{name}-proof")
     cells = CellsFiles(out / f"{name}-proof", resume) if workspace else None
     more = {} if cells is None else {"cells_file": cells.of}
@@ -62,12 +87,19 @@ def certify(
     try:
         with ending().telling(name) as say_it:
             say = each_minute(say_it)
-            asked = {"workspace": workspace, "part": part, "budget": budget, "progress": say, **more}
-            for title, certificate in certify_job(opened, file, **asked):
-                certificates[title] = certificate
+            asked = {
+                "workspace": workspace,
+                "whole_arm": whole_arm,
+                "part": part,
+                "budget": budget,
+                "progress": say,
+                **more,
+            }
+            for label, certificate in proofs if of_robot else certify_job(opened, file, **asked):
+                certificates[label] = certificate
                 if not isinstance(certificate, str):
-                    say(f"{title}: the checker")
-                    words[title] = ask_checker(certificate, check, sample)
+                    say(f"{label}: the checker")
+                    words[label] = ask_checker(certificate, check, sample)
         stopped = False
     except BaseException:
         if cells is not None and (count := cells.count):
@@ -80,10 +112,37 @@ def certify(
     # The table and the exit code.
     if cells is not None:
         cells.remove()
-    show_rich(lambda console: print_certificates(opened.title, certificates, words, console))
+    show_rich(lambda console: print_certificates(title, certificates, words, console))
     proven = [certificate.whole for certificate in certificates.values() if not isinstance(certificate, str)]
     rejected = any(word.outcome is Outcome.REJECTED for word in words.values())
     raise typer.Exit(0 if proven and all(proven) and not rejected else 1)
+
+
+def _of_robot(
+    name: str, strategy: str | None, tip: str | None, base: str | None, trust_units: bool
+) -> tuple[str, str, list[tuple[str, WholeArm | str]]]:
+    """(name for files, title, [(strategy, certificate or why there is none)]) of a robot and a strategy in words."""
+    import numpy as np
+
+    from ...analysis.coverage.pose_postures import chain_to_tool
+    from ...base.errors import NoProofError
+    from ...proof import certify as prove
+    from ...strategies import moore_penrose
+    from ...strategies.tasks import pose
+    from ..job.strategy_tables import EXAMPLE, leaf_of_words
+    from ..report.job_result import free_name
+
+    chain = chain_to_tool(name, tip, base, trust_units)
+    task, words = pose(chain.robot, tip=chain.tip), strategy or "no joint held"
+    if strategy is None and task.n > task.m:
+        raise ArgumentError("--strategy", None, EXAMPLE)
+    # Of strategies that hold joints no start matters.
+    law = moore_penrose(task) if strategy is None else leaf_of_words(strategy, task, np.zeros(task.n))
+    try:
+        proof: WholeArm | str = prove(law)
+    except NoProofError as problem:
+        proof = problem.cure
+    return free_name(f"{chain.robot.name} {words}", "", ()), task.name, [(words, proof)]
 
 
 def check_certificate(
@@ -106,6 +165,7 @@ def check_certificate(
 
     Prints what was verified, by the checker's own numbers; the file's words are named as such. With --robot the rows of
     the task are written down anew from its model, and compared, and so are the limits.
+    The certificate of a whole arm is about a model of exact numbers, whose distance to the robot is said.
     With --sample only some cells are verified, each with a neighbour that it is joined to: it says how many of all.
     Exits 0 when it holds, or when the sample shows no fault, 1 when it is rejected, 2 on bad input.
     """

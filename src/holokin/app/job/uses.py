@@ -26,7 +26,7 @@ from ...motion.checks import CheckReport
 from ...path import Path
 from ...path.editing import AnyPath
 from ...path.workspaces import PoseRange
-from ...proof import Certificate, certify, unique_region
+from ...proof import Certificate, WholeArm, certify, unique_region
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task
 from .job_parts import (
@@ -50,17 +50,18 @@ def certify_job(
     file: FilePath,
     *,
     workspace: bool = False,
+    whole_arm: bool = False,
     part: bool = False,
     budget: int | None = None,
     cells_file: Callable[[str], FilePath | None] = lambda _title: None,
     progress: Callable[[str], None] = lambda _text: None,
-) -> Iterator[tuple[str, Certificate | str]]:
+) -> Iterator[tuple[str, Certificate | WholeArm | str]]:
     """(name, certificate, or why there is none) of each strategy of a job, one after the other.
 
     What its [checks] ask for is to be proven, too: shapes apart, joints within their limits.
 
     Args:
-        workspace: over the box of the job's [workspace] instead of along its path.
+        workspace: over the box of the job's [workspace] instead of along its path. whole_arm: on the whole arm.
         part: of a workspace, as much as can be proven, as of `unique_region`.
         budget: cells that may be examined for each; by default as `certify`.
         cells_file: name of a strategy -> the file that keeps its cells, as `keep_in` of `certify`, or None.
@@ -71,7 +72,10 @@ def certify_job(
     """
     # Where it is to be proven, and what besides.
     robot, start, tasks = build_tasks(job, file)
-    if not workspace:
+    domain = None
+    if whole_arm:
+        pass
+    elif not workspace:
         with naming(file, "path"):
             domain = build_path(job.path, tasks[0], start, file)
     elif job.workspace is None:
@@ -94,6 +98,9 @@ def certify_job(
                 strategy = build_strategy(job, label, task, start, title)
                 if not isinstance(strategy, HolonomicStrategy):
                     raise NoProofError(title, f"it has no leaves: {HolonomicStrategy.cure}")
+                if domain is None:
+                    yield title, certify(strategy)
+                    continue
                 begin, _ = build_begin(table, strategy, start)
                 if isinstance(domain, Path):
                     begin = build_entry(job, strategy, domain, begin).q0

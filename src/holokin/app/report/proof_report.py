@@ -21,10 +21,11 @@ from ...path import Path
 from ...path.editing import AnyPath, paths_of
 from ...path.path import Segment
 from ...path.workspaces import PoseRange, Workspace
-from ...proof import Certificate, joint_rates
+from ...proof import Certificate, WholeArm, joint_rates
 from ...proof.certificate import FORMAT, digest
 from ...proof.proven_region import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN, region_of
 from ...proof.recheck import CheckerWord, Outcome, ask_checker, unasked
+from ...proof.whole_arm import FORMAT as WHOLE_ARM
 from ...robot import LinkShape, Robot
 from ...version import build
 from .html_page import page
@@ -81,7 +82,7 @@ h2 {{ break-after: avoid; margin-top: 1.1rem; }} tr, figure, .verdict, li {{ bre
 
 
 @typed
-def save_with_page(certificate: Certificate, file: str | FilePath, seconds: float = 60.0) -> FilePath:
+def save_with_page(certificate: Certificate | WholeArm, file: str | FilePath, seconds: float = 60.0) -> FilePath:
     """Save a certificate as JSON, have it checked, and write its page beside it: NAME.json and NAME.html.
 
     Args:
@@ -100,12 +101,15 @@ def save_with_page(certificate: Certificate, file: str | FilePath, seconds: floa
     return write_page(certificate, certificate.save(file), word)
 
 
-def write_page(certificate: Certificate, file: FilePath, word: CheckerWord) -> FilePath:
+def write_page(certificate: Certificate | WholeArm, file: FilePath, word: CheckerWord) -> FilePath:
     """The page of a certificate that was saved in a file, beside it. Raises: ArgumentError, WriteError."""
     if word.sha256 != digest(certificate.data):
         raise ArgumentError("what the checker says", word.outcome.value, "ask it about this certificate")
     target = file.with_suffix(".html")
-    write_text(target, _page(certificate, file, word, datetime.now(UTC)))
+    write_text(
+        target,
+        (_whole_arm_page if isinstance(certificate, WholeArm) else _page)(certificate, file, word, datetime.now(UTC)),
+    )
     return target
 
 
@@ -141,6 +145,54 @@ def _page(certificate: Certificate, file: FilePath, word: CheckerWord, now: date
     return page(f"{first.line} - {brief(certificate.title)}", parts, _HEAD.format(sha256=sha256))
 
 
+def _whole_arm_page(certificate: WholeArm, file: FilePath, word: CheckerWord, now: datetime) -> str:
+    """The page of a proof on the whole arm: the theorem, what it does not say, its model and its reason."""
+    sha256, robot = hashlib.sha256(file.read_bytes()).hexdigest(), certificate.arm.robot
+    first = _WHOLE_ARM[word.outcome]
+    good = word.outcome is Outcome.VERIFIED
+    box = (
+        f"<div class='verdict{' good' if good else ''}'><h1>{escape(first)}</h1>"
+        f"<p>{escape(certificate.theorem)}</p><p class='{'yes' if good else 'no'}'>{escape(_said(word))}</p></div>"
+    )
+    about = f"Certificate of holokin about the model of the robot {brief(robot.name)}, {now:%Y-%m-%d}."
+    parts = [
+        box,
+        Section(notes=[f"{brief(certificate.title)}. {about}"]),
+        Section("What is NOT proven", points=[certificate.unsaid, *NOT_OF_THE_ARM]),
+        Section("Why it holds", notes=[certificate.reason]),
+        Section("Model", notes=[certificate.model], rows=_robot_facts(robot)),
+        Section("Numbers", rows=[line.split(": ", 1) for line in certificate.table().splitlines()]),
+        _checker_section(word, "and computes with polynomials in exact"),
+        Section("File and versions", rows=_file_facts(file, sha256, now, WHOLE_ARM, "")),
+    ]
+    return page(f"{first} - {brief(certificate.title)}", parts, _HEAD.format(sha256=sha256))
+
+
+_RETURN = "on the whole arm the joints return with the tool, wherever the motion is regular"
+
+_WHOLE_ARM = {
+    Outcome.VERIFIED: f"PROVEN: {_RETURN}",
+    Outcome.REJECTED: "NOT VALID: the checker rejects the certificate",
+    Outcome.NONE: f"PROVEN BUT NOT VERIFIED: {_RETURN}",
+}
+"""The first line, by what the checker says."""
+
+NOT_OF_THE_ARM = (
+    "Distances to obstacles, and of links to each other.",
+    "What a controller does between two poses, and where it stops.",
+    "Anything about the robot itself: the theorem is about the model.",
+)
+
+
+def _said(word: CheckerWord) -> str:
+    """What the checker says of a whole arm, in the box of the first line."""
+    if word.outcome is Outcome.VERIFIED:
+        return f"Verified by the independent checker in {word.seconds:.3g} s."
+    if word.outcome is Outcome.REJECTED:
+        return f"REJECTED by the independent checker: {word.text.partition(': ')[2]}"
+    return f"NOT verified by the independent checker: {word.text}."
+
+
 def _mark(text: str) -> Note:
     """What is proven or verified in green, what is not in red."""
     if text.startswith((PROVEN, Outcome.VERIFIED.value)):
@@ -148,10 +200,15 @@ def _mark(text: str) -> Note:
     return Note(text, "bad" if text.startswith(("NO", "REJECTED", "not", "claimed")) else "")
 
 
-def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, Note | str]]:
-    sample = ", with --sample 0.01 1 % of its cells"
+def _file_facts(
+    file: FilePath,
+    sha256: str,
+    now: datetime,
+    written: str = FORMAT,
+    sample: str = ", with --sample 0.01 1 % of its cells",
+) -> list[tuple[str, Note | str]]:
     return [
-        ("Certificate", Note(file.name, "code", f", {file.stat().st_size:,} bytes, format {FORMAT}")),
+        ("Certificate", Note(file.name, "code", f", {file.stat().st_size:,} bytes, format {written}")),
         ("SHA-256 of the file", Note(sha256, "code")),
         ("Compare it by", Note(f"sha256sum {file.name}", "code")),
         ("Verify it by", Note(f"holokin check-certificate {file.name}", "code", sample)),
@@ -406,13 +463,10 @@ def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
     return [*rows, ("The posture is", place)]
 
 
-def _checker_section(word: CheckerWord) -> Section:
+def _checker_section(word: CheckerWord, how: str = "chooses its own bounds, and computes them in ball") -> Section:
     """What the checker said, word by word."""
     head, *lines = word.text.splitlines()
-    about = (
-        "A small program that shares no code with the search for the proof. It reads the file, chooses its own bounds, "
-        "and computes them in ball arithmetic."
-    )
+    about = f"A small program that shares no code with the search for the proof. It reads the file, {how} arithmetic."
     facts = [("Outcome", _mark(word.outcome.value)), ("Version", word.version), ("Time", f"{word.seconds:.3g} s")]
     points = [Note(line.strip(), "small") for line in lines]
     return Section("Checker", [Note(about, "small")], rows=[*facts, ("Its words", head)], points=points)
@@ -479,14 +533,16 @@ _PROVEN: dict[str, Tone] = {"all": "good", "part": "warning", "not done": "warni
 _CHECKED: dict[Outcome, Tone] = {Outcome.VERIFIED: "good", Outcome.REJECTED: "bad"}
 
 
-def _table_row(name: str, certificate: Certificate | str) -> list[Note]:
+def _table_row(name: str, certificate: Certificate | WholeArm | str) -> list[Note]:
     """The row of one strategy."""
     proven, numbers = "not done", []
-    if not isinstance(certificate, str):
+    if isinstance(certificate, WholeArm):
+        proven = "all"
+    elif not isinstance(certificate, str):
         proven = "all" if certificate.whole else "drifts" if certificate.revisit else "part"
         proven = proven if certificate.revisit or len(certificate) else "NO"
         numbers = [str(len(certificate)), f"{certificate.seconds:.2g}"]
-    if not isinstance(certificate, str) and len(certificate):
+    if isinstance(certificate, Certificate) and len(certificate):
         findings = certificate.findings
         numbers += [f"{findings.omega.max():.2g}", f"{findings.r.max():.1e}"]
         numbers += [f"{certificate.to_limit.min():.3g}", f"{certificate.determinant:.1e}"]
@@ -495,13 +551,19 @@ def _table_row(name: str, certificate: Certificate | str) -> list[Note]:
 
 
 def print_certificates(
-    title: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
+    title: str, certificates: dict[str, Certificate | WholeArm | str], words: dict[str, CheckerWord], console: Any
 ) -> None:
     """Print the table of a job's certificates, and below it each theorem, with what the checker says of it."""
     remarks: list[Note] = []
     for name, certificate in certificates.items():
         if isinstance(certificate, str):
             remarks.append(Note(f"{brief(name)}: not certified: {certificate}", "warning"))
+            continue
+        if isinstance(certificate, WholeArm):
+            theorem, *more = str(certificate).splitlines()
+            tone = _CHECKED.get(words[name].outcome, "warning")
+            remarks += [Note(f"{brief(name)}: {theorem}", "good"), *(Note(f"  {line}") for line in more)]
+            remarks.append(Note(f"  {_said(words[name])}", tone))
             continue
         remarks.append(Note(f"{brief(name)}: {certificate}", "good" if certificate.whole else "warning"))
         if not certificate.whole:
@@ -514,12 +576,15 @@ def print_certificates(
         rest = "the verdict is on the others" if len(left) < len(certificates) else "nothing is certified"
         remarks.append(Note(f"left out: {brief(', '.join(left))}; {rest}", "warning"))
     rows = [_table_row(name, certificate) for name, certificate in certificates.items()]
-    Section(brief(title), head=_COLUMNS, rows=rows, remarks=remarks).rich(console)
+    whole_arm = any(isinstance(certificate, WholeArm) for certificate in certificates.values())
+    head = _COLUMNS[:2] if whole_arm else _COLUMNS  # which has no cells
+    rows = [row[: len(head)] for row in rows]
+    Section(brief(title), head=head, rows=rows, remarks=remarks).rich(console)
 
 
 def write_certificates(
     name: str,
-    certificates: dict[str, Certificate | str],
+    certificates: dict[str, Certificate | WholeArm | str],
     words: dict[str, CheckerWord],
     out: FilePath,
     version: str,
@@ -548,6 +613,9 @@ def write_certificates(
             # What result.json says of it.
             facts: dict[str, Any] = {"proven": certificate.whole, "theorem": certificate.theorem}
             facts["checker"] = word.outcome.value
+            strategies[label] = facts
+            if isinstance(certificate, WholeArm):
+                continue
             if (worst := refuted_by(certificate)) is not None:
                 facts["refuted"] = {"names": worst.names, "distance": worst.distance, "wanted": worst.wanted}
                 facts["refuted"] |= {"q": worst.q.tolist(), "pose": worst.pose.tolist()}
@@ -557,6 +625,5 @@ def write_certificates(
             if certificate.revisit is not None:
                 low, high = certificate.revisit.low, certificate.revisit.high
                 facts["drift"] = {"least": low.tolist(), "most": high.tolist()}
-            strategies[label] = facts
         write_facts(work, {"holokin": version, "stopped": stopped, "strategies": strategies})
     return [out / name / file for file in files]

@@ -96,17 +96,32 @@ def links_of(robot: Robot, tip: str | None) -> list[Link]:
     return [*links, Link(chosen.placement[:3, :3], chosen.placement[:3, 3], np.zeros(3), False, -1, 1.0, 0.0)]
 
 
-def _exact_links(links: Sequence[Link], digits: int) -> list[Link]:
-    """The links as fractions."""
-    return [
-        replace(
-            link,
-            rotation=_exact_rotation(link.rotation),
-            position=_exact_point(link.position, digits),
-            axis=_exact_direction(link.axis) if link.coordinate >= 0 else link.axis,
-        )
-        for link in links
-    ]
+def _exact_links(links: Sequence[Link], digits: int, along: Sequence[Fraction]) -> list[Link]:
+    """The links as fractions. What is rounded is where a place on each axis, so far along it, is from the one before."""
+    out: list[Link] = []
+    back, before = np.array([Fraction(0)] * 3), np.zeros(3)
+    for link, t in zip(links, along, strict=True):
+        axis = _exact_direction(link.axis) if link.coordinate >= 0 else link.axis
+        R, ahead = _exact_rotation(link.rotation), link.rotation @ link.axis * float(t)
+        position = _exact_point(link.position + ahead - before, digits) + back
+        out.append(replace(link, rotation=R, position=position - R @ axis * t if t else position, axis=axis))
+        back, before = axis * t if t else 0 * back, link.axis * float(t)
+    return out
+
+
+def _places_to_meet(links: Sequence[Link], place: dict[int, tuple], form: Form) -> list[Fraction]:
+    """How far along each axis [m] it meets the others of its form, with held joints at a place; else 0."""
+    axes = screws(links, place)[0]
+    free = [i for i, link in enumerate(links) if link.coordinate >= 0 and i not in place]
+    order = list(range(6))[:: -1 if form.reversed else 1]
+    groups = [order[3:], order[1:3] if form.inner else order[:2]] if form.family is Family.PAIR else [order[4:]]
+    along = [Fraction(0)] * len(links)
+    for group in groups:
+        some = [axes[k] for k in group]
+        if (meeting := miss_of_point([*some, some[0]][:3])) is not None:
+            for k, (h, p) in zip(group, some, strict=True):
+                along[free[k]] = Fraction(str(round(float((meeting[1] - p) @ h), 12)))
+    return along
 
 
 def _turn_about(axis: Array, c, s) -> Array:
@@ -214,14 +229,23 @@ class ArmClass(Value):
     angle: float
     distance: float
 
+    @property
+    def exact(self) -> bool:
+        """Whether the exact model is the robot, but for round-off."""
+        return max(self.angle, self.distance) < 1e-13
+
 
 @dataclass(frozen=True, eq=False)
 class NoClass(Value):
-    """Why joints of an arm, held, leave no closed inverse; `miss` is how far the nearest class is, in m or rad."""
+    """Why joints of an arm, held, leave no closed inverse; `miss` is how far the nearest class is, in m or rad.
+
+    singular: every posture of what is left is.
+    """
 
     held: tuple[int, ...]
     reason: str
     miss: float = np.inf
+    singular: bool = False
 
 
 def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmClass | NoClass:
@@ -246,10 +270,14 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
         best = min(best, miss)
         if miss < SNAP:
             near.append(form)
-    for digits in DIGITS if near else ():
-        exact = _exact_links(links, digits)
+    # The frames as they are; then seen from where axes meet, which no short numbers may tell.
+    origins = [Fraction(0)] * len(links)
+    tries = [(near, origins, digits) for digits in DIGITS]
+    tries += [([form], _places_to_meet(links, place, form), digits) for form in near for digits in (12, *DIGITS)]
+    for forms, along, digits in tries if near else ():
+        exact = _exact_links(links, digits, along)
         choices = [_samples(links[i].slides, DEGREE if len(fixed) == 1 else 7) for i in fixed]
-        left = list(near)
+        left = list(forms)
         for values in product(*choices):
             axes = screws(exact, dict(zip(fixed, values, strict=True)))[0]
             left = [form for form in left if _holds(form, axes)]
@@ -257,9 +285,11 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
                 break
         if left:
             if _always_singular(links, place):
-                return NoClass(held, "every posture of what is left is singular", best)
-            angle, distance = _distance(links, exact)
+                return NoClass(held, "every posture of what is left is singular", best, singular=True)
+            angle, distance = frames_apart(links, exact)
             return ArmClass(robot, robot._find_tip(tip).name, held, left[0], tuple(exact), angle, distance)
+    if near:
+        return NoClass(held, "its axes meet or are parallel only nearly, and in no exact model at hand", best)
     return NoClass(held, "no three of its axes meet or are parallel beside a pair in one plane", best)
 
 
@@ -285,13 +315,13 @@ def _always_singular(links: Sequence[Link], place: dict[int, tuple]) -> bool:
     return True
 
 
-def _distance(links: Sequence[Link], exact: Sequence[Link]) -> tuple[float, float]:
+def frames_apart(links: Sequence[Link], exact: Sequence[Link]) -> tuple[float, float]:
     """Largest angle [rad] and distance [m] between the frames of two models, each in the one before."""
     angle = distance = 0.0
     for given, rounded in zip(links, exact, strict=True):
         R = rounded.rotation.astype(float)
         turn = np.linalg.norm(given.rotation - R) / np.sqrt(2)
-        tilt = np.linalg.norm(np.cross(given.axis, rounded.axis.astype(float))) if given.coordinate >= 0 else 0.0
+        tilt = np.linalg.norm(given.axis - rounded.axis.astype(float)) if given.coordinate >= 0 else 0.0
         angle = max(angle, float(turn), float(tilt))
         distance = max(distance, float(np.linalg.norm(given.position - rounded.position.astype(float))))
     return angle, distance
