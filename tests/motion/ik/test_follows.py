@@ -217,7 +217,7 @@ def test_where_h_jumps_paths_decide_and_a_jump_is_refused():
     pose[1, 3] += 0.04
     assert ik._paths.closed is None and np.abs(panda.pose(ik(pose)) - pose).max() < 1e-9
     pose[1, 3] += 0.04
-    with pytest.raises(BranchError, match="jumps by 0.3"):
+    with pytest.raises(BranchError, match=r"jumps by 0\.3"):
         ik(pose)
 
 

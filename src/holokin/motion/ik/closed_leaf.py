@@ -14,7 +14,7 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import ROTATION, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen, kept
 from ...robot import Kinematics
 from ...robot.closed_form import ArmClass, ClosedInverse, Held, NoClass, arm_class
-from ...robot.closed_form.six_hinges import COLUMNS
+from ...robot.closed_form.six_hinges import COLUMNS, answer
 from ...strategies import HolonomicStrategy
 from ...strategies.constraints.constraint import Tilt
 from ...strategies.tasks.frame_task import FrameTask
@@ -24,6 +24,9 @@ from .solutions import InverseStatus
 
 SAME = 1e-6
 """Joints [joint units] that differ less are one posture."""
+
+BOUNDLESS = 1e9
+"""Distance to a limit [joint units] where there is none."""
 
 DOUBT = 1e-10
 """How real an answer is, see `solver`: nearer to 0 two postures meet, and the path to them decides."""
@@ -89,20 +92,47 @@ def _inverse(found: ArmClass, limits: bool) -> ClosedInverse:
 
 @kept
 def _followed(strategy: HolonomicStrategy, limits: bool) -> Function:
-    """(tool pose (4, 4), level (r,)) -> the numbers of `ClosedInverse.chains`, the held joints that follow the pose
-    (r,), and how far within their limits they are."""
-    held, found = held_joints(strategy), leaf_class(strategy)
-    if isinstance(held, str) or isinstance(found, NoClass) or held.follows is None:
-        raise ValueError(strategy.name)
-    pose, level = symbol("pose", 4, 4), symbol("level", len(held.joints))
-    k = Kinematics(pose[:3, 3], pose[:3, :3], SX(6, 0), {})
-    values = held.at(level, held.follows.pose(strategy.task, k))
-    robot, joints, slack = strategy.task.robot, list(held.joints), TOLERANCES.limit
-    low, high = robot.lower[joints] - slack, robot.upper[joints] + slack
-    gaps = [x for i in range(len(joints)) for x in (values[i] - low[i], high[i] - values[i])] if limits else []
-    chain, own = _inverse(found, limits).numbers(values)
-    outputs = {"chain": chain, "own": own, "held": values, "within": reduce(fmin, gaps, SX(np.inf))}
+    """(tool pose (4, 4), level (r,)) -> the numbers of `ClosedInverse.numbers`, the values (r,) of the held joints, and
+    how far within their limits they are."""
+    pose, level = symbol("pose", 4, 4), symbol("level", strategy.constraint.rows)
+    inverse, values, within = _values(strategy, limits, pose, level)
+    chain, own = inverse.numbers(values)
+    outputs = {"chain": chain, "own": own, "held": values, "within": within}
     return Function("followed", {"pose": pose, "level": level}, outputs)
+
+
+def _values(strategy: HolonomicStrategy, limits: bool, pose: SX, level: SX) -> tuple[ClosedInverse, SX, SX]:
+    """The inverse of a leaf that has one, the values (r,) of its held joints, how far within their limits they are."""
+    held, found, task = held_joints(strategy), leaf_class(strategy), strategy.task
+    if isinstance(held, str) or isinstance(found, NoClass):
+        raise ValueError(strategy.name)
+    k = Kinematics(pose[:3, 3], pose[:3, :3], SX(6, 0), {})
+    h = SX.zeros(len(held.joints), 1) if held.follows is None else held.follows.pose(task, k)
+    values, joints = held.at(level, h), list(held.joints)
+    low, high = task.robot.lower[joints] - TOLERANCES.limit, task.robot.upper[joints] + TOLERANCES.limit
+    bounds = [values[i] - x for i, x in enumerate(low) if np.isfinite(x)]
+    bounds += [x - values[i] for i, x in enumerate(high) if np.isfinite(x)]
+    return _inverse(found, limits), values, reduce(fmin, bounds if limits else [], SX(BOUNDLESS))
+
+
+def posture_of_signs(strategy: HolonomicStrategy, limits: bool) -> Function | None:
+    """(tool pose (4, 4), level (r,), signs (3,)) -> (posture (n,), how real it is, how far within the limits, fault).
+
+    As of `solver`, with the numbers of the arm in it: for code that stands by itself. None where there is none.
+    """
+    found = leaf_class(strategy)
+    if isinstance(found, NoClass):
+        return None
+    pose, level, signs = symbol("pose", 4, 4), symbol("level", strategy.constraint.rows), symbol("signs", 3)
+    inverse, values, within = _values(strategy, limits, pose, level)
+    chain, own = inverse.numbers(values)
+    joints = SX(np.clip(inverse.joints, -BOUNDLESS, BOUNDLESS))
+    x = answer(found.form, True, chain, pose, own, joints, signs)
+    q = SX.zeros(strategy.task.n, 1)
+    q[inverse.others], q[list(found.held)] = x[:6], values
+    inputs = {"pose": pose, "level": level, "signs": signs}
+    outputs = {"q": q, "share": x[9], "within": fmin(x[10], within), "fault": x[11]}
+    return Function("posture", inputs, outputs)
 
 
 @dataclass(frozen=True, eq=False)

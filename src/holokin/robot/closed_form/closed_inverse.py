@@ -171,7 +171,7 @@ class ClosedInverse(Value):
         return Function("chains", {"held": held}, {"chain": chain, "own": own})
 
     def numbers(self, held: SX) -> tuple[SX, SX]:
-        """The numbers of the exact chain and of the given one (58,), as expressions of those of the held joints (r,)."""
+        """The numbers of the exact chain and of the given one (58,), as expressions of the held joints' values (r,)."""
         values = symbol("held", len(self.arm.held))
         chains = [_geometry(self.arm, links, values) for links in (self._exact, self._given)]
         chain, own = (densify(substitute(chain, values, held)) for chain in chains)

@@ -72,8 +72,8 @@ class Constraint(Made, ByValue):
     the least of, for messages. `derivative` is J_g where it is known better than by differentiating g. `looped` is the
     same constraint with its numbers left to a loop, `transport`: for what is evaluated and not differentiated.
     `implicit` is the same constraint without the kinks of its expression, by auxiliary unknowns: for proofs.
-    `formulas` gives those parts of g that may jump, as what a user wrote; without it all of g is looked at. `tilt` takes
-    g apart where a function of the tool's pose is taken off another constraint.
+    `formulas` gives those parts of g that may jump, as what a user wrote; without it all of g is looked at.
+    `tilt` takes g apart where it is another constraint less a function of the tool's pose.
     """
 
     name: str
