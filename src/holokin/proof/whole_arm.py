@@ -61,6 +61,11 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
         return tuple(self.arm.robot.joint_names[k] for k in self.arm.held)
 
     @property
+    def follows(self) -> bool:
+        """Whether the held joints follow the tool's pose."""
+        return self.strategy.constraint.tilt is not None
+
+    @property
     def winding(self) -> tuple[str, ...]:
         """The joints whose range is a turn or more: postures may differ by whole turns of these."""
         robot = self.arm.robot
@@ -70,7 +75,9 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
     @cached_property
     def theorem(self) -> str:
         """What is proven, in one sentence."""
-        held = f"with {' and '.join(self.held)} held, " if self.held else ""
+        names = " and ".join(self.held)
+        rule = f"({', '.join(self.held)})" if len(self.held) > 1 else names
+        held = f"with {rule} = h(tool pose) + level, " if self.follows else f"with {names} held, " if names else ""
         turns = ", ".join(self.winding) or "none"
         return (
             f"On the whole arm, for every start{' and level' if self.held else ''}: {held}two postures of the strategy "
@@ -98,6 +105,8 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
             "three steps, each a root of a cos q + b sin q = d; det [J; J_g] is plus or minus the product of their "
             "slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While [J; J_g] is regular no sign "
             "changes."
+            + " A pose tells h, and det [J; e_k - h' J] = det [J; e_k], so this is as if joint k were held."
+            * self.follows
         )
 
     unsaid = (
@@ -127,7 +136,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data, ready for JSON."""
-        keys = ("theorem", "whole", "held", "winding", "seconds")
+        keys = ("theorem", "whole", "held", "follows", "winding", "seconds")
         return {key: getattr(self, key) for key in keys} | {
             "title": self.title,
             "angle": self.arm.angle,
@@ -146,6 +155,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
             "robot": self.arm.robot.name,
             "joints": [self.arm.robot.joint_names[link.coordinate] for link in links],
             "held": [i for i, link in enumerate(links) if link.coordinate in self.arm.held],
+            "follows": self.follows,
             "form": {"family": form.family.name.lower(), "reversed": form.reversed, "inner": form.inner},
             "distance": [self.arm.angle, self.arm.distance],
             "links": [

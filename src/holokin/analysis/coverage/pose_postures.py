@@ -24,6 +24,7 @@ from ...motion.ik.posture_search import newton, postures_from, spread
 from ...path.path import straight
 from ...robot import Robot, is_model, load, model_links, model_root
 from ...strategies import HolonomicStrategy
+from ...strategies.constraints.constraint import ChartFunction
 from ...strategies.radial_strategy import SelfMotions, away
 from ...strategies.right_inverses import Terms, monomials, monomials_up_to
 from ...strategies.tasks.frame_task import FrameTask, completing, leaves_free, parts_of
@@ -267,11 +268,16 @@ def _directions(x: Matrix, rows: Indices) -> Matrix:
 
 
 @dataclass(frozen=True, eq=False)
-class Polynomial(Value):
+class Polynomial(ChartFunction):
     """zeta(x) (r,), a polynomial of a workspace's coordinates: `coefficients` (r, t) of monomials of u, in order."""
 
     coordinates: Coordinates
     coefficients: Matrix
+
+    @property
+    def chart(self) -> FrameTask:
+        """That of the coordinates."""
+        return self.coordinates.chart
 
     @cached_property
     def terms(self) -> Terms:

@@ -146,7 +146,16 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
             f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, in at most `most` pieces | "
             f"{operations['leaf']} a Newton step, {_look(source.holonomic)} for a look at a piece |"
         )
-        functions.append(f"| `{name}_solve(q, target, most)` | the same from the start, on its leaf | as many |")
+        at_once = "; by the closed form, and only else by a path" if source.row >= 0 else ""
+        functions.append(
+            f"| `{name}_solve(q, target, most)` | the same from the start, on its leaf{at_once} | as many |"
+        )
+    if source.closed:
+        call = f"{name}_postures(target, {'c, ' if r else ''}q, signs)"
+        functions.append(
+            f"| `{call}` | all postures{' on the leaf c' if r else ''}, by a closed form: how many | "
+            f"{operations['posture']} for each of 8 signs |"
+        )
     dense = [f.program.order for f in source.functions.values() if f.program.after is not None]
     note = f"; a system of order {dense[0]} is solved besides, by loops of fixed length" if dense else ""
     return {"joint_table": "\n".join(joints), "function_table": "\n".join(functions), "dense_note": note}

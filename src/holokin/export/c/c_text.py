@@ -19,9 +19,11 @@ from ...base.types import ROTATION, Vector
 from ...motion import has_leaf, step_function
 from ...motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
 from ...motion.ik import leaf_value
+from ...motion.ik.closed_leaf import DOUBT, posture_of_signs
 from ...motion.ik.branch import branch_code, extended_jacobian, rays_code
 from ...motion.ik.edge import free_code
-from ...motion.ik.leaf import ALMOST, DONE, NEWTONS, leaf_step
+from ...motion.ik.leaf import ALMOST, DONE, NEWTONS, leaf_step, with_leaves
+from ...motion.ik.pose_paths import PosePaths
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task, poses_expression
 from ...symbolic import SX, Function
@@ -39,6 +41,9 @@ LEAST_FLOAT, BOTH_FLOAT = 5e-5, 0.01
 
 ALMOST_FLOAT, DONE_FLOAT = 1e-3, 1e-4
 """Corrections of which one more is the last, and after which none is needed, in single precision."""
+
+DOUBT_FLOAT = 1e-4
+"""How real an answer of the closed inverse is in single precision, from which it counts."""
 
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -141,7 +146,24 @@ class Source:
             )
             functions["leaf"] = leaf_step(holonomic)
             functions["extended"] = extended_jacobian(holonomic)
+        if (self.holonomic or s.task.n == s.task.m) and (
+            one := posture_of_signs(with_leaves(s), self.limits)
+        ) is not None:
+            functions["posture"] = one
         return functions
+
+    @property
+    def closed(self) -> bool:
+        """Whether all postures have a closed form."""
+        return "posture" in self.functions
+
+    @cached_property
+    def row(self) -> int:
+        """Which of the signs the start has, where they alone tell the posture; -1 where paths are gone."""
+        if self.holonomic is None or not self.closed:
+            return -1
+        branch = PosePaths(self.holonomic, self.q0, self.leaf, self.limits).closed
+        return branch.row if branch is not None and branch.single else -1
 
     @cached_property
     def words(self) -> dict[str, Any]:
@@ -190,6 +212,11 @@ class Source:
             "limit_words": "" if self.limits else "\n   Without limits: joints and their speeds are not watched.",
             "dt": f"{self.dt:g}",
             "leaf_words": "and the leaf of the start" if r else "no leaf",
+            "c_given": f"const {self.name}_real c[{r}], " if r else "", "c_taken": "c" if r else "0",
+            "on_leaf": " on the leaf c" if r else "", "leaf_given": ", const Leaf &c" if r else "",
+            "leaf_data": "c.data(), " if r else "", "row": self.row, "doubt": _c(DOUBT), "doubt_float": _c(DOUBT_FLOAT), "n8": 8 * task.n,
+            "postures_within": "postures beyond a joint limit are left out" if self.limits
+            else "joint limits are not looked at",
         }  # fmt: skip
 
 
@@ -293,13 +320,17 @@ def text(name: str, words: Mapping[str, Any]) -> str:
 
 def header(source: Source, words: Mapping[str, Any]) -> str:
     """NAME.h."""
-    return text("interface.h", {**words, "leaf_interface": text("leaf.h", words) if source.holonomic else ""})
+    return text("interface.h", {**words, "leaf_interface": _leaf_text("leaf.h", "closed.h", source, words)})
 
 
 def wrapper(source: Source, words: Mapping[str, Any]) -> str:
     """NAME.hpp."""
-    leaf = text("leaf.hpp", words) if source.holonomic else ""
-    return text("interface.hpp", {**words, "leaf_interface": leaf})
+    return text("interface.hpp", {**words, "leaf_interface": _leaf_text("leaf.hpp", "closed.hpp", source, words)})
+
+
+def _leaf_text(leaf: str, closed: str, source: Source, words: Mapping[str, Any]) -> str:
+    """What a strategy with leaves has besides, and what one with a closed inverse has."""
+    return (text(leaf, words) if source.holonomic else "") + (text(closed, words) if source.closed else "")
 
 
 def library(source: Source, words: Mapping[str, Any]) -> str:
@@ -318,7 +349,10 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
     drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "line", "way", "fold", "ray", "inverse")}
     if "#define HK_RAYS" not in branch:
         drivers["ray"] = ""
-    leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.holonomic else ""
+    drivers["branch"] = branch + drivers["branch"]
+    drivers["at_once"] = text("at_once.c", words) if source.row >= 0 else ""
+    leaf = text("closed.c", words) if source.closed else ""
+    leaf += text("leaf.c", {**words, **drivers}) if source.holonomic else ""
     parts = {key: code_file(file) for key, file in _FILES.items()} | {"leaf": leaf}
     solver = code_file("solve.c") if "hk_solve(" in bodies + branch else ""
     return text("interface.c", {**words, **parts, "bodies": solver + bodies})

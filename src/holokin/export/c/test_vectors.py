@@ -300,6 +300,17 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
             f'      expect("inverse of a bad target", {name}_inverse(q, target, c, {PIECES}), {refused}, dq, 0);\n'
             f'      expect("solve for a bad target", {name}_solve(q, target, {PIECES}), {refused}, dq, 0);\n'
         )
+    if source.closed:
+        declare += f"  real found[{words['n8']}];\n  int signs[8];\n"
+        level, c = (f"    copy(v->g, c, {r});\n", "c, ") if r else ("", "")
+        on_leaf = (
+            f'      if (accept("leaf of postures", k, {name}_constraint(found + {n} * i, g), 1))\n'
+            f'        compare("leaf of postures", k, g, v->g, {r}, exact, 0.0);\n'
+        )
+        more = {"copy_level": level, "c_call": c, "leaf_of_postures": on_leaf if r else ""}
+        leaf_tests += text("selftest_closed.c", {**words, **more})
+        call = f"{name}_postures(target, {c}found, signs)"
+        bad += f'      expect("postures for a bad target", -{call}, {words["NAME"]}_NOT_FINITE, dq, 0);\n'
     singular = _singular_posture(source)
     at_singular = ""
     if singular is not None:

@@ -1,49 +1,71 @@
-"""Leaves with a closed inverse: a joint is held, or more, on an arm whose other six joints have one."""
+"""Leaves with a closed inverse: joints are held, or follow the tool's pose, and the other six joints have one."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...base.errors import BranchError, HolokinError, OutOfReachError
 from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
-from ...base.types import ROTATION, Array, Flags, Indices, Matrix, Value, Vector, kept
+from ...base.types import ROTATION, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen, kept
+from ...robot import Kinematics
 from ...robot.closed_form import ArmClass, ClosedInverse, Held, NoClass, arm_class
+from ...robot.closed_form.six_hinges import COLUMNS, answer
 from ...strategies import HolonomicStrategy
+from ...strategies.constraints.constraint import Tilt
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import TipFrame
-from ...symbolic import symbol
+from ...symbolic import SX, Function, fmin, substitute, symbol
 from .solutions import InverseStatus
 
 SAME = 1e-6
 """Joints [joint units] that differ less are one posture."""
 
+BOUNDLESS = 1e9
+"""Distance to a limit [joint units] where there is none."""
+
 DOUBT = 1e-10
 """How real an answer is, see `solver`: nearer to 0 two postures meet, and the path to them decides."""
 
 
+class HeldJoints(NamedTuple):
+    """g = factors q[joints] + shifts - h(x), each (r,): the coordinates that g holds; h is 0 where nothing follows."""
+
+    joints: tuple[int, ...]
+    factors: Vector
+    shifts: Vector
+    follows: Tilt | None
+
+    def at(self, level: Any, follows: Any) -> Any:
+        """The values (r,) of the joints on a level (r,), h given: numbers or expressions."""
+        return (level + follows - self.shifts) / self.factors
+
+
 @kept
-def held_joints(strategy: HolonomicStrategy) -> tuple[tuple[int, ...], Vector, Vector] | str:
-    """(coordinates that g holds, factors (r,), shifts (r,)), g = factor q + shift; or why it holds none.
+def held_joints(strategy: HolonomicStrategy) -> HeldJoints | str:
+    """The joints that g holds, or that follow the tool's pose; or why it holds none.
 
     The task asks for the whole pose of one tip.
     """
-    task, rows = strategy.task, strategy.constraint.rows
+    task, rows, tilt = strategy.task, strategy.constraint.rows, strategy.constraint.tilt
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))):
         return "the task does not ask for the whole pose of a tip"
-    q = symbol("q", task.n)
-    slopes = strategy.constraint.slopes(task, task.kinematics(q), q)
+    base, q = strategy.constraint if tilt is None else tilt.base, symbol("q", task.n)
+    kinematics = task.kinematics(q)
+    slopes = base.slopes(task, kinematics, q)
     if rows and not slopes.is_constant():
         return f"{strategy.constraint.name!r} does not hold single joints"
     A = np.array([[float(slopes[i, j]) for j in range(task.n)] for i in range(rows)]).reshape(rows, task.n)
     if not ((A != 0).sum(axis=1) == 1).all() or len(set(np.argmax(A != 0, axis=1))) < rows:
         return f"{strategy.constraint.name!r} ties joints together and does not hold them one by one"
     held = np.argmax(A != 0, axis=1)
-    shift = np.atleast_1d(strategy.constraint_value(np.zeros(task.n))) if rows else np.zeros(0)
-    return tuple(held.tolist()), A[np.arange(rows), held], shift
+    at_zero = substitute(base.bind(task, kinematics, q), q, SX.zeros(task.n, 1))
+    shifts = np.array([float(at_zero[i]) for i in range(rows)])
+    return HeldJoints(tuple(held.tolist()), A[np.arange(rows), held], shifts, tilt)
 
 
 @kept
@@ -53,17 +75,112 @@ def leaf_class(strategy: HolonomicStrategy) -> ArmClass | NoClass:
     return NoClass((), held) if isinstance(held, str) else arm_class(strategy.task.robot, held[0], strategy.task.tip)
 
 
-def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Held | None:
+def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Held | Following | None:
     """The closed inverse of a leaf g(q) = level (r,); None where there is none."""
     found, held = leaf_class(strategy), held_joints(strategy)
     if isinstance(found, NoClass) or isinstance(held, str):
         return None
-    return _inverse(found, limits).at((level - held[2]) / held[1])
+    if held.follows is not None:
+        return Following(_inverse(found, limits), _followed(strategy, limits), frozen(np.array(level, dtype=float)))
+    return _inverse(found, limits).at(held.at(level, 0.0))
 
 
 @kept
 def _inverse(found: ArmClass, limits: bool) -> ClosedInverse:
     return ClosedInverse(found, limits)
+
+
+@kept
+def _followed(strategy: HolonomicStrategy, limits: bool) -> Function:
+    """(tool pose (4, 4), level (r,)) -> the numbers of `ClosedInverse.numbers`, the values (r,) of the held joints, and
+    how far within their limits they are."""
+    pose, level = symbol("pose", 4, 4), symbol("level", strategy.constraint.rows)
+    inverse, values, within = _values(strategy, limits, pose, level)
+    chain, own = inverse.numbers(values)
+    outputs = {"chain": chain, "own": own, "held": values, "within": within}
+    return Function("followed", {"pose": pose, "level": level}, outputs)
+
+
+def _values(strategy: HolonomicStrategy, limits: bool, pose: SX, level: SX) -> tuple[ClosedInverse, SX, SX]:
+    """The inverse of a leaf that has one, the values (r,) of its held joints, how far within their limits they are."""
+    held, found, task = held_joints(strategy), leaf_class(strategy), strategy.task
+    if isinstance(held, str) or isinstance(found, NoClass):
+        raise ValueError(strategy.name)
+    k = Kinematics(pose[:3, 3], pose[:3, :3], SX(6, 0), {})
+    h = SX.zeros(len(held.joints), 1) if held.follows is None else held.follows.pose(task, k)
+    values, joints = held.at(level, h), list(held.joints)
+    low, high = task.robot.lower[joints] - TOLERANCES.limit, task.robot.upper[joints] + TOLERANCES.limit
+    bounds = [values[i] - x for i, x in enumerate(low) if np.isfinite(x)]
+    bounds += [x - values[i] for i, x in enumerate(high) if np.isfinite(x)]
+    return _inverse(found, limits), values, reduce(fmin, bounds if limits else [], SX(BOUNDLESS))
+
+
+def posture_of_signs(strategy: HolonomicStrategy, limits: bool) -> Function | None:
+    """(tool pose (4, 4), level (r,), signs (3,)) -> (posture (n,), how real it is, how far within the limits, fault).
+
+    As of `solver`, with the numbers of the arm in it: for code that stands by itself. None where there is none.
+    """
+    found = leaf_class(strategy)
+    if isinstance(found, NoClass):
+        return None
+    pose, level, signs = symbol("pose", 4, 4), symbol("level", strategy.constraint.rows), symbol("signs", 3)
+    inverse, values, within = _values(strategy, limits, pose, level)
+    chain, own = inverse.numbers(values)
+    joints = SX(np.clip(inverse.joints, -BOUNDLESS, BOUNDLESS))
+    x = answer(found.form, True, chain, pose, own, joints, signs)
+    q = SX.zeros(strategy.task.n, 1)
+    q[inverse.others], q[list(found.held)] = x[:6], values
+    inputs = {"pose": pose, "level": level, "signs": signs}
+    outputs = {"q": q, "share": x[9], "within": fmin(x[10], within), "fault": x[11]}
+    return Function("posture", inputs, outputs)
+
+
+@dataclass(frozen=True, eq=False)
+class Following(Value):
+    """A closed inverse whose held joints follow the tool's pose, on one level (r,), as `Held` is one at fixed values.
+
+    Behind the numbers of an answer come the values (r,) of the held joints.
+    """
+
+    inverse: ClosedInverse
+    followed: Function
+    level: Vector
+
+    def answers(self, poses: Array, threads: int | None = None) -> Array:
+        """The answers (k, 8, 12 + r) at poses (k, 4, 4)."""
+        chain, own, held, within = self.followed.batch(poses, self.level, threads=threads)
+        rows = self.inverse.answers_of(chain, own, poses, threads)
+        return self._with_held(rows, held.reshape(len(poses), 1, -1), within[:, None])
+
+    def one(self, pose: Array) -> Matrix:
+        """The same at one pose, an array (4, 4) of floats: (8, 12 + r)."""
+        kernel = self.inverse.kernel
+        if kernel is None:
+            return self.answers(pose[None], 1)[0]
+        chain, own, held, within = self.followed(pose, self.level)
+        return self._with_held(kernel.call(chain, pose, own, self.inverse.joints), held, within)
+
+    def _with_held(self, rows: Array, held: ArrayLike, within: ArrayLike) -> Array:
+        answers = np.empty((*rows.shape[:-1], COLUMNS + len(self.level)))
+        answers[..., :COLUMNS], answers[..., COLUMNS:] = rows, held
+        np.minimum(rows[..., 10], within, out=answers[..., 10])
+        return answers
+
+    def postures(self, answers: Array) -> Array:
+        """The postures (..., n) of answers (..., 12 + r); other coordinates than those of the arm are 0."""
+        columns, beside = self._columns
+        q = answers[..., columns]
+        if len(beside):
+            q[..., beside] = 0.0
+        return q
+
+    @cached_property
+    def _columns(self) -> tuple[Indices, Indices]:
+        """The column of each coordinate in an answer, and the coordinates that have none."""
+        columns = np.full(self.inverse.arm.robot.n, -1)
+        columns[self.inverse.others] = np.arange(6)
+        columns[list(self.inverse.arm.held)] = COLUMNS + np.arange(len(self.level))
+        return columns, np.flatnonzero(columns < 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +190,12 @@ class ClosedBranch(Value):
     row: which of the signs they are.
     """
 
-    leaf: Held
+    leaf: Held | Following
     q0: Vector
     row: int
 
     @staticmethod
-    def of(leaf: Held | None, q0: Vector) -> ClosedBranch | None:
+    def of(leaf: Held | Following | None, q0: Vector) -> ClosedBranch | None:
         """That of a start on the leaf; None where no answer at its tool pose is the start, as at a singular posture."""
         if leaf is None:
             return None

@@ -325,7 +325,9 @@ class PosePaths(Value):
 
     @cached_property
     def closed(self) -> ClosedBranch | None:
-        """The closed form of the leaf's postures, of the start's branch; None where there is none."""
+        """The closed form of the leaf's postures, of the start's branch; None where there is none, or g may jump."""
+        if may_jump(self.strategy):
+            return None
         return ClosedBranch.of(closed_leaf(self.strategy, self.level, self.limits), self.q0)
 
     @cached_property

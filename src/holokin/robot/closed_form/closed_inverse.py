@@ -108,8 +108,8 @@ class ClosedInverse(Value):
         return [replace(link, **{name: getattr(link, name).astype(float) for name in names}) for link in self.arm.links]
 
     @cached_property
-    def _joints(self) -> Matrix:
-        """The rows (5, 6) of `solver`."""
+    def joints(self) -> Matrix:
+        """The rows (5, 6) of `solver`, of the six joints."""
         robot, columns = self.arm.robot, self.others
         free = {link.coordinate: link for link in self._given}
         low, high = (robot.lower[columns], robot.upper[columns]) if self.limits else np.array([[-np.inf], [np.inf]])
@@ -145,14 +145,37 @@ class ClosedInverse(Value):
     def answers(self, poses: Array, held: Matrix, threads: int | None = None) -> Array:
         """The answers (k, 8, 12) of `solver` at poses (k, 4, 4) and values (k, r) of the held joints."""
         values = np.broadcast_to(held, (len(poses), len(self.arm.held)))
-        return _answers(self, *self._chains.batch(values), poses, threads)
+        return self.answers_of(*self._chains.batch(values), poses, threads)
+
+    def answers_of(self, chain: Array, own: Array, poses: Array, threads: int | None) -> Array:
+        """The answers at poses (k, 4, 4); chain, own: the numbers (58,) for all, or (k, 58)."""
+        k = len(poses)
+        poses = np.ascontiguousarray(poses, dtype=float)
+        if self.kernel is not None:
+            out = np.empty((k, len(SIGNS), COLUMNS))
+            every = [np.ascontiguousarray(chain), poses, np.ascontiguousarray(own), self.joints]
+            shapes = [(k, GEOMETRY), (k, 4, 4), (k, GEOMETRY), (k, 5, 6)]
+            self.kernel([np.broadcast_to(x, shape) for x, shape in zip(every, shapes, strict=True)], [out], threads)
+            return out
+        chains = [np.repeat(x, len(SIGNS), axis=0) if x.ndim == 2 else x for x in (chain, own)]
+        rows = solver(self.arm.form, True).batch(
+            chains[0], np.repeat(poses, len(SIGNS), axis=0), chains[1], self.joints, np.tile(SIGNS, (k, 1))
+        )
+        return rows.reshape(k, len(SIGNS), COLUMNS)
 
     @cached_property
     def _chains(self) -> Function:
         """Values (r,) of the held joints -> numbers of the exact chain and of the given one (58,)."""
         held = symbol("held", len(self.arm.held))
-        chain, own = (_geometry(self.arm, links, held) for links in (self._exact, self._given))
+        chain, own = self.numbers(held)
         return Function("chains", {"held": held}, {"chain": chain, "own": own})
+
+    def numbers(self, held: SX) -> tuple[SX, SX]:
+        """The numbers of the exact chain and of the given one (58,), as expressions of the held joints' values (r,)."""
+        values = symbol("held", len(self.arm.held))
+        chains = [_geometry(self.arm, links, values) for links in (self._exact, self._given)]
+        chain, own = (densify(substitute(chain, values, held)) for chain in chains)
+        return chain, own
 
 
 @cache
@@ -160,23 +183,6 @@ def _kernel(form: Form) -> SignsKernel | None:
     function = solver(form, True)
     shapes = list(function.input_shapes.values()), list(function.output_shapes.values())
     return signs_kernel(function.program, *shapes)
-
-
-def _answers(inverse: ClosedInverse, chain: Array, own: Array, poses: Array, threads: int | None) -> Array:
-    """Those of many poses (k, 4, 4); chain, own: (58,) for all, or (k, 58)."""
-    k, joints = len(poses), inverse._joints
-    poses = np.ascontiguousarray(poses, dtype=float)
-    if inverse.kernel is not None:
-        out = np.empty((k, len(SIGNS), COLUMNS))
-        every = [np.ascontiguousarray(chain), poses, np.ascontiguousarray(own), joints]
-        shapes = [(k, GEOMETRY), (k, 4, 4), (k, GEOMETRY), (k, 5, 6)]
-        inverse.kernel([np.broadcast_to(x, shape) for x, shape in zip(every, shapes, strict=True)], [out], threads)
-        return out
-    chains = [np.repeat(x, len(SIGNS), axis=0) if x.ndim == 2 else x for x in (chain, own)]
-    rows = solver(inverse.arm.form, True).batch(
-        chains[0], np.repeat(poses, len(SIGNS), axis=0), chains[1], joints, np.tile(SIGNS, (k, 1))
-    )
-    return rows.reshape(k, len(SIGNS), COLUMNS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +196,7 @@ class Held(Value):
 
     def answers(self, poses: Array, threads: int | None = None) -> Array:
         """The answers (k, 8, 12) of `solver` at poses (k, 4, 4)."""
-        return _answers(self.inverse, self.chain, self.own, poses, threads)
+        return self.inverse.answers_of(self.chain, self.own, poses, threads)
 
     def one(self, pose: Array) -> Matrix:
         """The same at one pose, an array (4, 4) of floats: (8, 12)."""
@@ -199,7 +205,7 @@ class Held(Value):
 
     @cached_property
     def _call(self) -> tuple[SignsKernel | None, Matrix]:
-        return self.inverse.kernel, self.inverse._joints
+        return self.inverse.kernel, self.inverse.joints
 
     def postures(self, answers: Array) -> Array:
         """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""

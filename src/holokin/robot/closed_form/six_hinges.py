@@ -315,6 +315,12 @@ def solver(form: Form, polish: bool) -> Function:
     """
     numbers, pose, own_numbers = symbol("chain", GEOMETRY), symbol("pose", 4, 4), symbol("own", GEOMETRY)
     joints, signs = symbol("joints", 5, 6), symbol("signs", 3)
+    inputs = {"chain": numbers, "pose": pose, "own": own_numbers, "joints": joints, "signs": signs}
+    return Function("six_hinges", inputs, {"answer": answer(form, polish, *inputs.values())})
+
+
+def answer(form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joints: SX, signs: SX) -> SX:
+    """The answer (12,) of `solver` as an expression of its arguments."""
     chain, own = _chain(numbers, pose), _chain(own_numbers, pose)
     if form.reversed:
         chain, own = chain.backward(), own.backward()
@@ -332,9 +338,7 @@ def solver(form: Form, polish: bool) -> Function:
     q = joints[0, :].T * (vertcat(*(angles[::-1] if form.reversed else angles)) - joints[1, :].T)
     q = q + 2 * np.pi * floor((joints[2, :].T - q) / (2 * np.pi) + 0.5)
     within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
-    answer = vertcat(q, *(step.slope for step in steps), share, within, _fault(pose))
-    inputs = {"chain": numbers, "pose": pose, "own": own_numbers, "joints": joints, "signs": signs}
-    return Function("six_hinges", inputs, {"answer": answer})
+    return vertcat(q, *(step.slope for step in steps), share, within, _fault(pose))
 
 
 def _fault(pose: SX) -> SX:

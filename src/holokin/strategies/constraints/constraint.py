@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -14,7 +15,7 @@ from ...base.arguments import Made, made, typed
 from ...base.errors import ArgumentError, RowsError, ShapeError
 from ...base.types import Array, ArrayLike, ByValue, Value, Vector, finite, frozen, whole
 from ...robot import Kinematics
-from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
+from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vec, vertcat, wrapped, written
 from ..tasks.task import Field, Task
 
 
@@ -34,6 +35,30 @@ class Implicit(Value):
     at: Callable[[Task, Vector], Vector]
 
 
+@dataclass(frozen=True, eq=False)
+class Tilt(Value):
+    """g(q) = a(q) - h(x): the constraint a, and h (rows,), a function of the pose x of the task's frames.
+
+    pose: (task, kinematics) -> h, an expression of the position and the rotation of the kinematics alone.
+    """
+
+    base: Constraint
+    pose: Callable[[Task, Kinematics], SX]
+
+
+class ChartFunction(Value, ABC):
+    """h (rows,), a function of the tool's pose in coordinates of its own."""
+
+    @property
+    @abstractmethod
+    def chart(self) -> Task:
+        """The task whose coordinates x (m,) it takes."""
+
+    @abstractmethod
+    def __call__(self, x: SX) -> SX:
+        """h as an expression of x."""
+
+
 Levels = TypeVar("Levels", SX, Array)
 
 
@@ -48,6 +73,7 @@ class Constraint(Made, ByValue):
     same constraint with its numbers left to a loop, `transport`: for what is evaluated and not differentiated.
     `implicit` is the same constraint without the kinks of its expression, by auxiliary unknowns: for proofs.
     `formulas` gives those parts of g that may jump, as what a user wrote; without it all of g is looked at.
+    `tilt` takes g apart where it is another constraint less a function of the tool's pose.
     """
 
     name: str
@@ -61,6 +87,7 @@ class Constraint(Made, ByValue):
     places: tuple[tuple[str, Field], ...] = ()
     implicit: Implicit | None = None
     formulas: Callable[[Task, Kinematics, SX], list[Formula]] | None = None
+    tilt: Tilt | None = None
 
     @typed
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
@@ -126,14 +153,22 @@ def linear(matrix: ArrayLike, *, name: str = "linear") -> Constraint:
 
 
 @made
-def lock(*joints: str | int, name: str = "lock") -> Constraint:
-    """g(q) = (q_j, ...): holds joints where they stand at the start posture. Singular where N_j = 0.
+def lock(
+    *joints: str | int, follows: Callable[[SX, SX], Any] | ChartFunction | None = None, name: str = "lock"
+) -> Constraint:
+    """g(q) = (q_j, ...) or, with follows, (q_j, ...) - h(p, R): holds joints, or lets them follow the tool's pose.
+
+    A joint stays where it stands at the start posture, or as far from h as it is there. Singular where N_j = 0,
+    whatever h is: det [J; e_j - h' J] = det [J; e_j], for a task of the whole pose.
 
     Args:
         joints: by name, or by index in q, counted from 0 (-1 is the last).
+        follows: h, (position (3,), rotation (3, 3)) of the tool -> a CasADi expression, or a list of as many as there
+            are joints [rad or m]; or the `polynomial` of a `design`.
 
     Raises:
         UnknownNameError (when bound): the robot has no such joint.
+        ShapeError (when bound): h has not one row a joint.
     """
     if not joints:
         raise ArgumentError("the joints to lock", joints, "name at least one")
@@ -141,7 +176,13 @@ def lock(*joints: str | int, name: str = "lock") -> Constraint:
     def expression(task: Task, _k: Kinematics, q: SX) -> SX:
         return vertcat(*(q[task.robot.joint_index(joint)] for joint in joints))
 
-    return Constraint(name, len(joints), expression, (False,) * len(joints), formulas=nothing_jumps)
+    plain = Constraint(name, len(joints), expression, (False,) * len(joints), formulas=nothing_jumps)
+    if follows is None:
+        return plain
+    what = f"what {name!r} follows"
+    if isinstance(follows, ChartFunction):
+        return _less(plain, what, follows, lambda _task, k: [follows.chart.value_expression(k)], name)
+    return _less(plain, what, follows, lambda _task, k: [k.position, k.rotation], name)
 
 
 @made
@@ -187,12 +228,17 @@ def _combined(
     angular: tuple[bool, ...],
     together: Callable[[Task, Kinematics, list[SX]], SX],
 ) -> Constraint:
-    """The constraint whose g `together` makes of the values of several."""
+    """The constraint whose g `together` makes of the values of several, a linear map."""
 
     def expression(task: Task, k: Kinematics, q: SX) -> SX:
         return together(task, k, [c.expand(task, k, q) for c in constraints])
 
+    def of_pose(task: Task, k: Kinematics) -> SX:
+        return together(task, k, [SX.zeros(c.rows, 1) if c.tilt is None else c.tilt.pose(task, k) for c in constraints])
+
     margins = [c.margin for c in constraints if c.margin is not None]
+    bases = [c if c.tilt is None else c.tilt.base for c in constraints]
+    tilts = any(c.tilt is not None for c in constraints)
     return Constraint(
         name,
         len(angular),
@@ -202,6 +248,7 @@ def _combined(
         places=tuple(place for c in constraints for place in c.places),
         implicit=joined(constraints, together),
         formulas=formulas_of(constraints),
+        tilt=Tilt(_combined(bases, name, angular, together), of_pose) if tilts else None,
     )
 
 
@@ -223,34 +270,51 @@ def tilted(
         ShapeError (when bound): rho has another number of rows.
     """
 
-    # The tilt as an expression, its slope, and the formula in which it may jump.
+    what = f"the tilt of {constraint.name!r}"
+    coordinates = lambda task, k: [(chart or task).value_expression(k)]  # noqa: E731
+    return _less(constraint, what, rho, coordinates, name or f"tilted {constraint.name}")
+
+
+def _less(
+    constraint: Constraint,
+    what: str,
+    h: Callable[..., Any],
+    coordinates: Callable[[Task, Kinematics], list[SX]],
+    name: str,
+) -> Constraint:
+    """A constraint less a function h of coordinates of the pose; messages call it `what`."""
+
+    # The tilt as an expression, with that of the constraint itself, its slope, and the formula in which it may jump.
     def tilt(task: Task, k: Kinematics) -> SX:
-        value = written(f"the tilt of {constraint.name}", rho, (chart or task).value_expression(k))
+        value = written(what, h, *coordinates(task, k))
         if value.shape != (constraint.rows, 1):
-            raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), value.shape)
+            raise ShapeError(what, (constraint.rows, 1), value.shape)
         return value
+
+    def whole(task: Task, k: Kinematics) -> SX:
+        return tilt(task, k) if constraint.tilt is None else constraint.tilt.pose(task, k) + tilt(task, k)
 
     def slopes(task: Task, k: Kinematics, q: SX) -> SX:
         return constraint.slopes(task, k, q) - jacobian(tilt(task, k), q)
 
-    def of_pose(task: Task, k: Kinematics) -> Formula:
-        value = (chart or task).value_expression(k)
-        x = symbol("x", value.shape[0])
-        return Formula(written(f"the tilt of {constraint.name}", rho, x), x, value, constraint.angular)
+    def formula(task: Task, k: Kinematics) -> Formula:
+        at = coordinates(task, k)
+        x = [symbol("x", *part.shape) for part in at]
+        return Formula(written(what, h, *x), vertcat(*map(vec, x)), vertcat(*map(vec, at)), constraint.angular)
 
-    looped = constraint.looped and tilted(constraint.looped, rho, chart=chart, name=name)
     return Constraint(
-        name or f"tilted {constraint.name}",
+        name,
         constraint.rows,
         lambda task, k, q: constraint.expand(task, k, q) - tilt(task, k),
         constraint.angular,
         constraint.margin,
         slopes if constraint.derivative is not None else None,
-        looped,
+        constraint.looped and _less(constraint.looped, what, h, coordinates, name),
         constraint.transport,
         constraint.places,
         joined([constraint], lambda task, k, values: values[0] - tilt(task, k)),
-        formulas_of([constraint], lambda task, k, _q: [of_pose(task, k)]),
+        formulas_of([constraint], lambda task, k, _q: [formula(task, k)]),
+        Tilt(constraint if constraint.tilt is None else constraint.tilt.base, whole),
     )
 
 

@@ -74,7 +74,7 @@ int ${name}_solve(${name}_real q[$n], const ${name}_real target[$target], int mo
   hk_t at[HK_N];
   ${name}_defaults(&parameters);
   ${name}_start(at);
-  const int status = ${name}_inverse(at, target, parameters.leaf, most);
+$at_once  const int status = ${name}_inverse(at, target, parameters.leaf, most);
   for (int i = 0; i < HK_N && status < ${NAME}_SINGULAR; i++) q[i] = at[i];
   return status;
 }
