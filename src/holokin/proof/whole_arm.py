@@ -214,4 +214,8 @@ def whole_arm(strategy: Strategy) -> WholeArm:
     if isinstance(found, NoClass):
         miss = f" (the nearest class is {found.miss:.2g} m or rad away)" if np.isfinite(found.miss) else ""
         raise NoProofError(strategy.name, f"{found.reason}{miss}: {region}")
+    if not found.form.family.quadratic:
+        raise NoProofError(
+            strategy.name, f"its inverse has a step of degree four, of which signs tell nothing: {region}"
+        )
     return WholeArm(strategy, found, time.perf_counter() - began)

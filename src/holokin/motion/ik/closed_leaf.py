@@ -70,12 +70,13 @@ def _inverse(found: ArmClass, limits: bool) -> ClosedInverse:
 class ClosedBranch(Value):
     """The postures of a closed leaf that have the signs of a start q0 (n,): one of each pose, but for whole turns.
 
-    row: which of the signs they are.
+    row: which of the signs they are; None where signs do not tell them, as after a step of degree four. Then only poses
+    that no posture has are known.
     """
 
     leaf: Held
     q0: Vector
-    row: int
+    row: int | None
 
     @staticmethod
     def of(leaf: Held | None, q0: Vector) -> ClosedBranch | None:
@@ -83,6 +84,8 @@ class ClosedBranch(Value):
         if leaf is None:
             return None
         arm = leaf.inverse.arm
+        if not arm.form.family.quadratic:
+            return ClosedBranch(leaf, q0, None)
         answers = leaf.one(arm.robot.pose(q0, arm.tip))
         gap = leaf.postures(answers) - q0
         gap -= 2 * np.pi * arm.robot.hinges * np.round(gap / (2 * np.pi))
@@ -91,9 +94,13 @@ class ClosedBranch(Value):
 
     @cached_property
     def single(self) -> bool:
-        """Whether no joint has two turns within its limits."""
+        """Whether a pose has at most one posture: signs tell it, and no joint has two turns within its limits."""
         robot, inverse = self.leaf.inverse.arm.robot, self.leaf.inverse
-        return inverse.limits and bool(((robot.upper - robot.lower)[inverse.others] < 2 * np.pi).all())
+        return (
+            self.row is not None
+            and inverse.limits
+            and bool(((robot.upper - robot.lower)[inverse.others] < 2 * np.pi).all())
+        )
 
     def one(self, pose: Matrix) -> Vector | None:
         """The posture (n,) of a pose, an array (4, 4) of floats; None where there is none, or more is to be asked."""
@@ -107,7 +114,9 @@ class ClosedBranch(Value):
         A pose without a posture has the status LEAF_ENDS, and NaN. Where a joint has several turns within its limits,
         the straight way from the start has to tell which.
         """
-        answers = self.leaf.answers(pose_from(p, R), threads)[:, self.row]
+        every = self.leaf.answers(pose_from(p, R), threads)
+        nearest = every[:, :, 9].argmax(axis=1) if self.row is None else self.row
+        answers = every[np.arange(len(every)), nearest]
         real = answers[:, 9] > DOUBT
         known = (real & self.single) | (answers[:, 9] < -DOUBT)
         q = self.leaf.postures(answers)

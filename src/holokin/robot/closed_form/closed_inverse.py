@@ -46,7 +46,7 @@ def _geometry(arm: ArmClass, links: Sequence[Link], held: SX) -> SX:
         p, R = (p + axis * value, R) if link.slides else (p, R @ rotation_about(link.axis, value))
     # The point in which some meet, and a normal.
     ordered = axes[::-1] if arm.form.reversed else axes
-    if arm.form.family is Family.PAIR:
+    if arm.form.family is not Family.PARALLEL:
         center = _meeting_point(ordered[3:], held)
         normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), others, held)
     else:
