@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -58,7 +58,8 @@ def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Hel
     found, held = leaf_class(strategy), held_joints(strategy)
     if isinstance(found, NoClass) or isinstance(held, str):
         return None
-    return _inverse(found, limits).at((level - held[2]) / held[1])
+    leaf = _inverse(found, limits).at((level - held[2]) / held[1])
+    return leaf if leaf.sound else None
 
 
 @kept
@@ -91,6 +92,10 @@ class ClosedBranch(Value):
         gap -= 2 * np.pi * arm.robot.hinges * np.round(gap / (2 * np.pi))
         near = np.flatnonzero((np.abs(gap).max(axis=1) < SAME) & (answers[:, 9] > DOUBT))
         return ClosedBranch(leaf, q0, int(near[0])) if len(near) == 1 else None
+
+    def on(self, leaf: Held | None) -> ClosedBranch | None:
+        """The postures that have the same signs on the leaf of another level."""
+        return None if leaf is None else replace(self, leaf=leaf)
 
     @cached_property
     def single(self) -> bool:

@@ -201,6 +201,15 @@ class Held(Value):
     def _call(self) -> tuple[SignsKernel | None, Matrix]:
         return self.inverse.kernel, self.inverse._joints
 
+    @cached_property
+    def sound(self) -> bool:
+        """Whether the steps exist at this value: the point and the normal do, and axes that must not meet do not."""
+        first, second = (5, 4) if self.inverse.arm.form.reversed else (0, 1)
+        h, p, normal = self.chain[:18].reshape(6, 3), self.chain[18:36].reshape(6, 3), self.chain[39:42]
+        between, across = normal @ (p[second] - p[first]), normal @ np.cross(h[first], h[second])
+        far = self.inverse.arm.form.family.quadratic or abs(between * across) > 1e-6
+        return bool(np.isfinite(self.chain).all()) and far
+
     def postures(self, answers: Array) -> Array:
         """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""
         q = np.empty((*answers.shape[:-1], len(self._others)))

@@ -207,9 +207,10 @@ def _to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs
 def _to_point_in_space(h: list[SX], p: list[SX], normal: SX, start: SX, goal: SX, signs: list[SX]) -> Posture:
     """The turns of joints 1, 2, 3 with E_1 E_2 E_3 start = goal, of axes 1 and 2 that pass each other; one root.
 
-    Step 1, joint 3: seen from the feet of the common perpendicular, d n long, goal v = d n + R_2 x with x = R_3 (...).
-    |v|^2 and h_1 . v tell the parts y, z of R_2 x along n and h_2 x n, and y^2 + z^2 + (h_2 . x)^2 = |x|^2: a polynomial
-    of degree two in cos q_3 and sin q_3. Then joint 2 turns x there, and joint 1 brings it to the goal.
+    Step 1, joint 3: x, from the foot on axis 2 to the point that joint 3 turned, and v, from that on axis 1 to the
+    goal, have R_1 (d n + R_2 x) = v, d n the common perpendicular. So |v|^2 and h_1 . v tell the parts y, z of R_2 x
+    along n and h_2 x n, and y^2 + z^2 + (h_2 . x)^2 = |x|^2 is a polynomial of degree two in cos q_3 and sin q_3.
+    Then joint 2 turns x there, and joint 1 brings it to the goal.
     """
     # The feet of the common perpendicular.
     across, gap = cross(h[1], normal), p[1] - p[0]
@@ -285,7 +286,7 @@ def _sum_of_products(u: list[SX], v: list[SX]) -> SX:
 
 
 def _cubic_root_within(b: SX, c: SX, d: SX) -> SX:
-    """A root in [-1, 1] of t^3 + b t^2 + c t + d, which has an odd number there; of three the one that is most apart."""
+    """A root in [-1, 1] of t^3 + b t^2 + c t + d, which has an odd number there; of three the most apart."""
     p, q = c - b * b / 3, 2 * b**3 / 27 - b * c / 3 + d
     square = q * q / 4 + p**3 / 27
     # One real root: Cardano's formula.
