@@ -99,13 +99,17 @@ class ClosedBranch(Value):
 
     @cached_property
     def single(self) -> bool:
-        """Whether a pose has at most one posture: signs tell it, and no joint has two turns within its limits."""
+        """Whether a pose has at most one posture: signs tell it, and no joint has two turns within its limits.
+
+        Not where a held joint is beyond its own.
+        """
         robot, inverse = self.leaf.inverse.arm.robot, self.leaf.inverse
-        return (
-            self.row is not None
-            and inverse.limits
-            and bool(((robot.upper - robot.lower)[inverse.others] < 2 * np.pi).all())
-        )
+        if self.row is None or not inverse.limits:
+            return False
+        held, values = list(inverse.arm.held), self.leaf.values
+        beyond = np.maximum(robot.lower[held] - values, values - robot.upper[held])
+        narrow = (robot.upper - robot.lower)[inverse.others] < 2 * np.pi
+        return bool(narrow.all() and (beyond <= TOLERANCES.limit).all())
 
     def one(self, pose: Matrix) -> Vector | None:
         """The posture (n,) of a pose, an array (4, 4) of floats; None where there is none, or more is to be asked."""

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...base.errors import BranchError, OutOfReachError, posture_text
+from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...robot.chains import longest_span
@@ -247,8 +248,7 @@ class PosePaths(Value):
         context = self.context.copy()
         context[first : first + n] = level
         other = replace(self, level=frozen(level))
-        closed = None if self.closed is None else self.closed.on(closed_leaf(self.strategy, level, self.limits))
-        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side, closed=closed)
+        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side, _first=self._first)
         return other
 
     def reach(self, p: Vector, R: Matrix, begin: Vector, search: bool = False) -> Vector:
@@ -280,6 +280,8 @@ class PosePaths(Value):
     def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the path from a posture was gone, what became of it); a closed form goes none."""
         if begin is self.q0 and self.closed is not None:
+            if self.closed.single and (q := self.closed.one(pose_from(p, R))) is not None:
+                return q, InverseStatus.REACHED
             postures, statuses, known = self.closed.reach(p[None], R[None], 1)
             if known[0]:
                 status = InverseStatus(int(statuses[0]))
@@ -328,7 +330,15 @@ class PosePaths(Value):
     @cached_property
     def closed(self) -> ClosedBranch | None:
         """The closed form of the leaf's postures, of the start's branch; None where there is none."""
+        if self._first is not self:
+            branch = self._first.closed
+            return None if branch is None else branch.on(closed_leaf(self.strategy, self.level, self.limits))
         return ClosedBranch.of(closed_leaf(self.strategy, self.level, self.limits), self.q0)
+
+    @cached_property
+    def _first(self) -> PosePaths:
+        """Those to the level of the start."""
+        return self
 
     @cached_property
     def kernel(self) -> InverseKernel | None:

@@ -25,6 +25,9 @@ SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
 """The signs (8, 3) of the three slopes."""
 
 
+_PROBE = np.array([0.4, 0.7, -1.1, 1.3, 0.8, -0.5])
+"""Angles [rad] of no special posture."""
+
 Axis = tuple[SX, SX]
 """Direction and point (3,) of an axis."""
 
@@ -203,12 +206,14 @@ class Held(Value):
 
     @cached_property
     def sound(self) -> bool:
-        """Whether the steps exist at this value: the point and the normal do, and axes that must not meet do not."""
-        first, second = (5, 4) if self.inverse.arm.form.reversed else (0, 1)
-        h, p, normal = self.chain[:18].reshape(6, 3), self.chain[18:36].reshape(6, 3), self.chain[39:42]
-        between, across = normal @ (p[second] - p[first]), normal @ np.cross(h[first], h[second])
-        far = self.inverse.arm.form.family.quadratic or abs(between * across) > 1e-6
-        return bool(np.isfinite(self.chain).all()) and far
+        """Whether a posture is found again from its pose: not where every posture is singular at this value, and where
+        two axes meet, or are parallel, that are not elsewhere."""
+        arm, others = self.inverse.arm, self.inverse.others
+        q = self._others.copy()
+        q[others] = _PROBE
+        answers = self.one(arm.robot.pose(q, arm.tip))
+        gap = np.abs((answers[:, :6] - _PROBE + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
+        return bool(((gap < 1e-9) & (answers[:, 9] > 0)).any())
 
     def postures(self, answers: Array) -> Array:
         """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""
