@@ -26,6 +26,8 @@ PROVEN = {
 """Joints that, held, leave steps of degree two: 27 of 42 of these arms [theory of subproblems, Elias and Wen 2022]."""
 
 PAIRS = [(name, (k,)) for name, joints in PROVEN.items() for k in joints]
+FOURTH = [("panda", (4,)), ("fr3", (4,)), ("xarm7", (4,))]
+"""Those that leave a step of degree four."""
 SIX = [("ur5e", ()), ("ur10e", ()), ("irb140", ()), ("rail-ur10e", (0,))]
 
 
@@ -54,11 +56,12 @@ def postures_of(inverse: ClosedInverse, q: Array, poses: Array) -> tuple[Array, 
     return out, answers
 
 
-def test_27_of_42_held_joints_leave_a_class_and_the_others_say_why_not():
+def test_27_of_42_held_joints_leave_steps_of_degree_two_three_one_of_degree_four_and_the_others_say_why_not():
     for name, joints in PROVEN.items():
-        robot = hk.load(name)
-        found = [k for k in range(7) if isinstance(arm_class(robot, (k,)), ArmClass)]
-        assert tuple(found) == joints
+        found = {k: arm_class(hk.load(name), (k,)) for k in range(7)}
+        degree_two = {k: arm.form.family.quadratic for k, arm in found.items() if isinstance(arm, ArmClass)}
+        fourth = {4: False} if (name, (4,)) in FOURTH else {}
+        assert degree_two == dict.fromkeys(joints, True) | fourth
     singular = arm_class(hk.load("iiwa14"), (3,))
     assert isinstance(singular, NoClass) and "singular" in singular.reason
 
@@ -68,7 +71,7 @@ def test_other_arms_have_no_class_whichever_joint_is_held(name):
     assert not any(isinstance(arm_class(hk.load(name), (k,)), ArmClass) for k in range(7))
 
 
-@pytest.mark.parametrize(("name", "held"), PAIRS + SIX)
+@pytest.mark.parametrize(("name", "held"), PAIRS + SIX + FOURTH)
 def test_every_posture_is_found_again_every_answer_has_the_pose_and_the_signs_are_those_of_the_determinant(name, held):
     robot = hk.load(name)
     q, poses = poses_of(robot, 200, 1)
@@ -114,9 +117,12 @@ def check_with_eaik(name: str, held: tuple[int, ...], count: int) -> None:
     rest = [i for i in range(robot.n) if i not in held]
     compared = 0
     for i in range(count):
-        theirs = solver.IK(turned[i])
-        Q = np.asarray(theirs.Q)[~np.asarray(theirs.is_LS, dtype=bool)]
-        Q = Q[:, rest] if Q.shape[1] == robot.n else Q
+        Q, theirs = np.asarray(solver.IK(turned[i]).Q), np.repeat(q[:1], 0, axis=0)
+        if len(Q):
+            theirs = np.repeat(q[:1], len(Q), axis=0)
+            theirs[:, rest] = Q[:, rest] if Q.shape[1] == robot.n else Q
+        # What EAIK offers for a step of degree four has some that miss the pose by centimetres.
+        Q = theirs[np.abs(robot.pose(theirs) - poses[i]).max(axis=(1, 2)) < 1e-6][:, rest]
         ours = found[i][answers[i, :, REAL] > 0][:, rest]
         if (np.abs(answers[i, :, REAL]) < 1e-6).any():
             continue  # two postures meet
@@ -126,13 +132,13 @@ def check_with_eaik(name: str, held: tuple[int, ...], count: int) -> None:
     assert compared > 0.9 * count
 
 
-@pytest.mark.parametrize(("name", "held"), [("panda", (6,)), ("iiwa14", (2,)), ("xarm7", (5,)), ("ur5e", ())])
+@pytest.mark.parametrize(("name", "held"), [("panda", (6,)), ("iiwa14", (2,)), ("xarm7", (5,)), ("ur5e", ()), *FOURTH])
 def test_postures_and_their_number_are_those_of_eaik(name, held):
     check_with_eaik(name, held, 40)
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize(("name", "held"), PAIRS + SIX[:3])
+@pytest.mark.parametrize(("name", "held"), PAIRS + SIX[:3] + FOURTH)
 def test_postures_and_their_number_are_those_of_eaik_for_every_arm(name, held):
     check_with_eaik(name, held, 1000)
 
@@ -164,6 +170,8 @@ def random_arm(rng: np.random.Generator, kind: str, slip: float = 0.0) -> Robot:
         steps += [place(parallel, anywhere()), place(turn(), anywhere())]
     elif kind == "inner pair":
         steps += [place(turn(), anywhere()), place(turn(), along())]
+    elif kind == "three meet":
+        steps += [place(turn(), anywhere()), place(turn(), anywhere())]
     if kind == "three parallel":
         steps += [place(turn(), anywhere()), place(parallel, anywhere()), place(parallel, anywhere())]
         steps += [place(turn(), anywhere()), place(turn(), along())]
@@ -174,22 +182,24 @@ def random_arm(rng: np.random.Generator, kind: str, slip: float = 0.0) -> Robot:
     return Robot(kind, coordinates, tuple(joints), (Tip("tool", 5, place(turn(), anywhere())),))
 
 
-KINDS = ("pair meets", "pair parallel", "inner pair", "three parallel")
+KINDS = ("pair meets", "pair parallel", "inner pair", "three parallel", "three meet")
 
 
 def check_random_arms(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     for i in range(count):
-        robot = random_arm(rng, KINDS[i % 4])
+        robot = random_arm(rng, KINDS[i % 5])
         q, poses = poses_of(robot, 20, i)
         found, answers = postures_of(inverse_of(robot, ()), q, poses)
         real = answers[:, :, REAL] > 1e-8
-        assert np.where(real, apart(found, q[:, None]), np.inf).min(axis=1).max() < 1e-4
+        clear = (np.abs(answers[:, :, REAL]) > 1e-7).all(axis=1)  # elsewhere two postures nearly meet
+        assert np.where(real, apart(found, q[:, None]), np.inf).min(axis=1)[clear].max() < 1e-4
+        assert clear.mean() > 0.9
         assert np.abs(robot.pose(found[real]) - np.repeat(poses, real.sum(axis=1), axis=0)).max() < 1e-9
 
 
 def test_random_arms_of_each_class_are_recognised_and_solved_whatever_their_frames():
-    check_random_arms(12, 3)
+    check_random_arms(15, 3)
 
 
 @pytest.mark.campaign
@@ -199,7 +209,7 @@ def test_many_random_arms_of_each_class_are_recognised_and_solved():
 
 def test_near_misses_are_refused_with_their_distance_and_slips_of_a_file_are_snapped_and_polished():
     rng = np.random.default_rng(5)
-    for kind in KINDS[:3]:
+    for kind in (*KINDS[:3], KINDS[4]):
         missed = arm_class(random_arm(rng, kind, slip=3e-3), ())
         assert isinstance(missed, NoClass) and 1e-4 < missed.miss < 5e-3, kind
     panda = hk.load("panda")

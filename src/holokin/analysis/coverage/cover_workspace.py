@@ -35,7 +35,7 @@ from ...base.types import (
 )
 from ...motion.checks import Clear
 from ...motion.ik import InverseStatus, ik, leaf_value
-from ...motion.ik.inverse_function import leads_to
+from ...motion.ik.inverse_function import ends_of_paths, leads_to
 from ...motion.ik.leaf import leaf_step
 from ...motion.ik.pose_paths import nearest_postures
 from ...path.path import turn_between
@@ -289,8 +289,8 @@ def coverage(
         raise ShapeError("the reach", (len(poses),), reach.within.shape, "give that of the same poses")
     _check_planar(task, start, poses)
     # Where the leaf leads at each of them, on the straight path from the start
-    q, last, ends = _on_straight_paths(strategy, start, poses)
-    on_leaf = ends == InverseStatus.REACHED
+    q, last, ends = _on_straight_paths(strategy, start, poses, limits)
+    on_leaf = np.isin(ends, (InverseStatus.REACHED, InverseStatus.LIMIT))
     rcond, margins = np.full(len(poses), np.nan), np.full(q.shape, np.nan)
     if on_leaf.any():
         rcond[on_leaf] = strategy.gain.batch(q[on_leaf])[1]
@@ -321,16 +321,19 @@ def coverage(
     )  # fmt: skip
 
 
-def _on_straight_paths(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
-    """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its paths end (k, n), statuses."""
-    solver, parts, piece = ik(strategy, q0, limits=False), [], 256
+def _on_straight_paths(
+    strategy: HolonomicStrategy, q0: Vector, poses: Array, limits: bool
+) -> tuple[Matrix, Matrix, Indices]:
+    """Where the leaf through a posture leads at poses (k, 4, 4): its postures (k, n), also those beyond a limit, NaN
+    where there is none; where its paths end (k, n); statuses."""
+    solver, parts, piece = ik(strategy, q0, limits), [], 256
     with progress(f"coverage: {strategy.name}", len(poses)) as report:
         for first in range(0, len(poses), piece):
-            solutions = solver.batch(poses[first : first + piece])
-            parts.append((solutions.q, solutions.last, solutions.status))
+            parts.append(ends_of_paths(solver, poses[first : first + piece]))
             report(min(first + piece, len(poses)))
-    q, last, status = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return q, last, status
+    last, status = (np.concatenate(part) for part in zip(*parts, strict=True))
+    on_leaf = np.isin(status, (InverseStatus.REACHED, InverseStatus.LIMIT))
+    return np.where(on_leaf[:, None], last, np.nan), last, status
 
 
 @typed

@@ -11,6 +11,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, HolokinError
 from ...base.types import ArrayLike, Matrix, NoTruthValue, Result, Value, Vector, positive
 from ...motion.ik import ik, move_to_leaf
+from ...motion.ik.inverse_function import closed_postures
 from ...path.workspaces import Workspace
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy
@@ -212,7 +213,8 @@ def level_range(
     """The levels c of a constraint of one row whose leaves serve a whole workspace.
 
     `ik(pose, level=c)` is asked for the poses, at levels from that of q0 outwards, until none is served, or an angle
-    has gone half round. The ends of the intervals are then halved. A level in between may fail at poses between those
+    has gone half round. The ends of the intervals are then halved, to a thousandth of the step, or to 1e-7 where a
+    closed form gives the postures. A level in between may fail at poses between those
     asked; `unique_region(strategy, found.q0, workspace)` proves one.
 
     Args:
@@ -255,7 +257,8 @@ def level_range(
     levels = np.array(sorted(known))
     shares = np.array([known[c] for c in levels])
     # The intervals that serve all, and the middle of the longest
-    intervals = _intervals(levels, shares, share, 1e-3 * step)
+    exact = 1e-7 if closed_postures(solver) else 1e-3 * step
+    intervals = _intervals(levels, shares, share, exact)
     longest = max(intervals, key=lambda ends: ends[1] - ends[0], default=None)
     best = float(levels[np.argmax(shares)]) if longest is None else (longest[0] + longest[1]) / 2
     q = move_to_leaf(strategy, start, best, limits=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
@@ -82,7 +82,8 @@ def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Hel
         return None
     if held.follows is not None:
         return Following(_inverse(found, limits), _followed(strategy, limits), frozen(np.array(level, dtype=float)))
-    return _inverse(found, limits).at(held.at(level, 0.0))
+    leaf = _inverse(found, limits).at(held.at(level, 0.0))
+    return leaf if leaf.sound else None
 
 
 @kept
@@ -187,12 +188,13 @@ class Following(Value):
 class ClosedBranch(Value):
     """The postures of a closed leaf that have the signs of a start q0 (n,): one of each pose, but for whole turns.
 
-    row: which of the signs they are.
+    row: which of the signs they are; None where signs do not tell them, as after a step of degree four. Then only poses
+    that no posture has are known.
     """
 
     leaf: Held | Following
     q0: Vector
-    row: int
+    row: int | None
 
     @staticmethod
     def of(leaf: Held | Following | None, q0: Vector) -> ClosedBranch | None:
@@ -200,17 +202,33 @@ class ClosedBranch(Value):
         if leaf is None:
             return None
         arm = leaf.inverse.arm
+        if not arm.form.family.quadratic:
+            return ClosedBranch(leaf, q0, None)
         answers = leaf.one(arm.robot.pose(q0, arm.tip))
         gap = leaf.postures(answers) - q0
         gap -= 2 * np.pi * arm.robot.hinges * np.round(gap / (2 * np.pi))
         near = np.flatnonzero((np.abs(gap).max(axis=1) < SAME) & (answers[:, 9] > DOUBT))
         return ClosedBranch(leaf, q0, int(near[0])) if len(near) == 1 else None
 
+    def on(self, leaf: Held | Following | None) -> ClosedBranch | None:
+        """The postures that have the same signs on the leaf of another level."""
+        return None if leaf is None else replace(self, leaf=leaf)
+
     @cached_property
     def single(self) -> bool:
-        """Whether no joint has two turns within its limits."""
+        """Whether a pose has at most one posture: signs tell it, and no joint has two turns within its limits.
+
+        Not where a held joint is beyond its own.
+        """
         robot, inverse = self.leaf.inverse.arm.robot, self.leaf.inverse
-        return inverse.limits and bool(((robot.upper - robot.lower)[inverse.others] < 2 * np.pi).all())
+        if self.row is None or not inverse.limits:
+            return False
+        narrow = bool(((robot.upper - robot.lower)[inverse.others] < 2 * np.pi).all())
+        if isinstance(self.leaf, Following):  # which tells of each pose how far its held joints are within
+            return narrow
+        held, values = list(inverse.arm.held), self.leaf.values
+        beyond = np.maximum(robot.lower[held] - values, values - robot.upper[held])
+        return narrow and bool((beyond <= TOLERANCES.limit).all())
 
     def one(self, pose: Matrix) -> Vector | None:
         """The posture (n,) of a pose, an array (4, 4) of floats; None where there is none, or more is to be asked."""
@@ -224,7 +242,9 @@ class ClosedBranch(Value):
         A pose without a posture has the status LEAF_ENDS, and NaN. Where a joint has several turns within its limits,
         the straight way from the start has to tell which.
         """
-        answers = self.leaf.answers(pose_from(p, R), threads)[:, self.row]
+        every = self.leaf.answers(pose_from(p, R), threads)
+        nearest = every[:, :, 9].argmax(axis=1) if self.row is None else self.row
+        answers = every[np.arange(len(every)), nearest]
         real = answers[:, 9] > DOUBT
         known = (real & self.single) | (answers[:, 9] < -DOUBT)
         q = self.leaf.postures(answers)

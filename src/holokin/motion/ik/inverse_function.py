@@ -16,6 +16,7 @@ from ...base.types import (
     Array,
     ArrayLike,
     Flags,
+    Indices,
     Matrix,
     NoTruthValue,
     Value,
@@ -664,6 +665,21 @@ def how_far(ik: InverseKinematics, pose: PoseLike, q: ArrayLike) -> tuple[Vector
     """
     p, R = ik._given_poses.one(pose)
     return ik._paths.go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
+
+
+def closed_postures(ik: InverseKinematics) -> bool:
+    """Whether a closed form gives the postures of all poses."""
+    return ik._paths.closed is not None and ik._paths.closed.single
+
+
+def ends_of_paths(ik: InverseKinematics, poses: Array) -> tuple[Matrix, Indices]:
+    """`last` and `status` of `ik.batch(poses)`; where a closed form found no posture `last` is where a path ends."""
+    found = ik.batch(poses)
+    last = found.last.copy()
+    untold = (found.status == InverseStatus.LEAF_ENDS) & np.isnan(last).any(axis=1)
+    if untold.any():
+        last[untold] = ik._paths.go_paths(*ik._given_poses.places(poses[untold]), None)[0]
+    return last, found.status
 
 
 def leads_to(ik: InverseKinematics, pose: PoseLike, begin: ArrayLike, q: ArrayLike) -> bool:

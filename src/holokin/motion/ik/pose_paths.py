@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...base.errors import BranchError, OutOfReachError, posture_text
+from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...robot.chains import longest_span
@@ -247,7 +248,7 @@ class PosePaths(Value):
         context = self.context.copy()
         context[first : first + n] = level
         other = replace(self, level=frozen(level))
-        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side, closed=None)
+        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side, _first=self._first)
         return other
 
     def reach(self, p: Vector, R: Matrix, begin: Vector, search: bool = False) -> Vector:
@@ -257,7 +258,7 @@ class PosePaths(Value):
         reached.
         """
         strategy, (q, status) = self.strategy, self.go(p, R, begin)
-        if status is InverseStatus.LEAF_ENDS and self._cold(begin) and self.closed is not None and q is begin:
+        if status is InverseStatus.LEAF_ENDS and begin is self.q0 and self.closed is not None and q is begin:
             raise self.closed.problem(p, R)
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
@@ -278,7 +279,9 @@ class PosePaths(Value):
 
     def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the path from a posture was gone, what became of it); a closed form goes none."""
-        if self._cold(begin) and self.closed is not None:
+        if begin is self.q0 and self.closed is not None:
+            if self.closed.single and (q := self.closed.one(pose_from(p, R))) is not None:
+                return q, InverseStatus.REACHED
             postures, statuses, known = self.closed.reach(p[None], R[None], 1)
             if known[0]:
                 status = InverseStatus(int(statuses[0]))
@@ -291,14 +294,15 @@ class PosePaths(Value):
 
     def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
         """The same from the start to many poses (k, 3F), (k, 3F, 3), none of which is bad."""
-        if self._on_leaf and self.closed is not None:
+        if self.closed is not None:
             q, status, known = self.closed.reach(p, R, threads)
             if not known.all():
-                q[~known], status[~known] = self._go_paths(p[~known], R[~known], threads)
+                q[~known], status[~known] = self.go_paths(p[~known], R[~known], threads)
             return q, status
-        return self._go_paths(p, R, threads)
+        return self.go_paths(p, R, threads)
 
-    def _go_paths(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
+    def go_paths(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
+        """The same by paths, also where there is a closed form."""
         if self.kernel is None:
             return self._walk_each(p, R, [self.q0] * len(p))
         q = np.tile(self.q0, (len(p), 1))
@@ -328,7 +332,15 @@ class PosePaths(Value):
         """The closed form of the leaf's postures, of the start's branch; None where there is none, or g may jump."""
         if may_jump(self.strategy):
             return None
+        if self._first is not self:
+            branch = self._first.closed
+            return None if branch is None else branch.on(closed_leaf(self.strategy, self.level, self.limits))
         return ClosedBranch.of(closed_leaf(self.strategy, self.level, self.limits), self.q0)
+
+    @cached_property
+    def _first(self) -> PosePaths:
+        """Those to the level of the start."""
+        return self
 
     @cached_property
     def kernel(self) -> InverseKernel | None:

@@ -97,7 +97,7 @@ def links_of(robot: Robot, tip: str | None) -> list[Link]:
 
 
 def _exact_links(links: Sequence[Link], digits: int, along: Sequence[Fraction]) -> list[Link]:
-    """The links as fractions. What is rounded is where a place on each axis, so far along it, is from the one before."""
+    """The links as fractions. What is rounded is where a place on each axis, so far along it, is from the last one."""
     out: list[Link] = []
     back, before = np.array([Fraction(0)] * 3), np.zeros(3)
     for link, t in zip(links, along, strict=True):
@@ -184,16 +184,18 @@ def _miss_of_parallel(three: Sequence[Screw]):
 FORMS = (
     *(Form(Family.PAIR, backward, inner) for backward in (False, True) for inner in (False, True)),
     *(Form(Family.PARALLEL, backward) for backward in (False, True)),
+    *(Form(Family.SPHERE, backward) for backward in (False, True)),
 )
+"""In the order in which they are looked for."""
 
 
 def _zeros(form: Form, axes: Sequence[Screw]) -> list | None:
     """The numbers that vanish where six axes have a form; None where they cannot have it."""
     a = axes[::-1] if form.reversed else axes
-    if form.family is Family.PAIR:
+    if form.family is not Family.PARALLEL:
         meeting = miss_of_point(a[3:])
-        pair = a[1:3] if form.inner else a[:2]
-        return None if meeting is None else [*np.concatenate(meeting[0]), _miss_of_plane(*pair)]
+        pair = [] if form.family is Family.SPHERE else [_miss_of_plane(*(a[1:3] if form.inner else a[:2]))]
+        return None if meeting is None else [*np.concatenate(meeting[0]), *pair]
     across = np.cross(a[4][0], a[5][0])
     if not np.dot(across, across) > SNAP * SNAP:
         return None
@@ -261,7 +263,8 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
     fixed = [i for i, link in enumerate(links) if link.coordinate in held]
     # Candidates by numbers at one place of the held joints, then in exact arithmetic at as many as a polynomial needs.
     place = {i: (0.3,) if links[i].slides else (0.8, 0.6) for i in fixed}
-    near, best = [], np.inf
+    near: dict[bool, list[Form]] = {True: [], False: []}
+    best = np.inf
     axes = screws(links, place)[0]
     for form in FORMS:
         if (zeros := _zeros(form, axes)) is None:
@@ -269,12 +272,14 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
         miss = float(np.abs(np.asarray(zeros, dtype=float)).max())
         best = min(best, miss)
         if miss < SNAP:
-            near.append(form)
+            near[form.family.quadratic].append(form)
     # The frames as they are; then seen from where axes meet, which no short numbers may tell.
     origins = [Fraction(0)] * len(links)
-    tries = [(near, origins, digits) for digits in DIGITS]
-    tries += [([form], _places_to_meet(links, place, form), digits) for form in near for digits in (12, *DIGITS)]
-    for forms, along, digits in tries if near else ():
+    tries = []
+    for forms in near.values():
+        tries += [(forms, origins, digits) for digits in DIGITS if forms]
+        tries += [([form], _places_to_meet(links, place, form), digits) for form in forms for digits in (12, *DIGITS)]
+    for forms, along, digits in tries:
         exact = _exact_links(links, digits, along)
         choices = [_samples(links[i].slides, DEGREE if len(fixed) == 1 else 7) for i in fixed]
         left = list(forms)
@@ -288,9 +293,9 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
                 return NoClass(held, "every posture of what is left is singular", best, singular=True)
             angle, distance = frames_apart(links, exact)
             return ArmClass(robot, robot._find_tip(tip).name, held, left[0], tuple(exact), angle, distance)
-    if near:
+    if any(near.values()):
         return NoClass(held, "its axes meet or are parallel only nearly, and in no exact model at hand", best)
-    return NoClass(held, "no three of its axes meet or are parallel beside a pair in one plane", best)
+    return NoClass(held, "no three of its axes meet, and none are parallel beside a pair that meets", best)
 
 
 def _holds(form: Form, axes: Sequence[Screw]) -> bool:

@@ -25,6 +25,9 @@ SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
 """The signs (8, 3) of the three slopes."""
 
 
+_PROBE = np.array([0.4, 0.7, -1.1, 1.3, 0.8, -0.5])
+"""Angles [rad] of no special posture."""
+
 Axis = tuple[SX, SX]
 """Direction and point (3,) of an axis."""
 
@@ -46,7 +49,7 @@ def _geometry(arm: ArmClass, links: Sequence[Link], held: SX) -> SX:
         p, R = (p + axis * value, R) if link.slides else (p, R @ rotation_about(link.axis, value))
     # The point in which some meet, and a normal.
     ordered = axes[::-1] if arm.form.reversed else axes
-    if arm.form.family is Family.PAIR:
+    if arm.form.family is not Family.PARALLEL:
         center = _meeting_point(ordered[3:], held)
         normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), others, held)
     else:
@@ -206,6 +209,17 @@ class Held(Value):
     @cached_property
     def _call(self) -> tuple[SignsKernel | None, Matrix]:
         return self.inverse.kernel, self.inverse.joints
+
+    @cached_property
+    def sound(self) -> bool:
+        """Whether a posture is found again from its pose: not where every posture is singular at this value, and where
+        two axes meet, or are parallel, that are not elsewhere."""
+        arm, others = self.inverse.arm, self.inverse.others
+        q = self._others.copy()
+        q[others] = _PROBE
+        answers = self.one(arm.robot.pose(q, arm.tip))
+        gap = np.abs((answers[:, :6] - _PROBE + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
+        return bool(((gap < 1e-9) & (answers[:, 9] > 0)).any())
 
     def postures(self, answers: Array) -> Array:
         """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""

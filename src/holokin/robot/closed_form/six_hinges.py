@@ -1,9 +1,12 @@
-"""All postures of six hinges at a tool pose, in steps of degree two, with the signs that tell the postures apart.
+"""All postures of six hinges at a tool pose, in steps of degree two or four, and the signs that number them.
 
 The chain is T = E_1(q_1) ... E_6(q_6) M with E_i the turn about axis i, which has direction h_i and holds point p_i at
 q = 0, and M the tool's pose there. Each step gives a root of a cos q + b sin q = d. Its slope s = -a sin q + b cos q
 has s^2 = a^2 + b^2 - d^2, so the sign of s tells the two roots apart. And det J = +- s_1 s_2 s_3: steps and angles are
 coordinates of the pose, as of a point |x|^2 / 2, height and azimuth are, whose volume is d(|x|^2 / 2) dz dphi.
+
+Three axes that meet, and no two others in one plane, leave a step of degree four. Then det J = +- G' s_3, G' the slope
+of that step, and of its four roots two have the same sign of G': signs number the postures, and tell nothing more.
 """
 
 from __future__ import annotations
@@ -19,14 +22,20 @@ from ...symbolic import (
     SX,
     Function,
     atan2,
+    copysign,
+    cos,
     cross,
     dot,
+    exp,
     fabs,
     floor,
     fmax,
     fmin,
     horzcat,
     horzsplit,
+    if_else,
+    log,
+    sin,
     sqrt,
     symbol,
     vec,
@@ -40,6 +49,12 @@ class Family(Enum):
 
     PAIR = "three axes that meet in a point, and two others, next to each other, in one plane"
     PARALLEL = "three parallel axes, and the two at their end meet"
+    SPHERE = "three axes that meet in a point"
+
+    @property
+    def quadratic(self) -> bool:
+        """Whether every step is of degree two: then the signs of its slopes tell postures of one pose apart."""
+        return self is not Family.SPHERE
 
 
 @dataclass(frozen=True)
@@ -95,10 +110,36 @@ def _root(a: SX, b: SX, d: SX, sign: SX) -> Root:
     return Root(Turn((a * d + b * s) / square, (b * d - a * s) / square), s, share)
 
 
+class Wave(NamedTuple):
+    """mean + a cos q + b sin q."""
+
+    mean: SX
+    a: SX
+    b: SX
+
+    def at(self, turn: Turn) -> SX:
+        """Its value."""
+        return self.mean + self.a * turn.cos + self.b * turn.sin
+
+    def slope(self, turn: Turn) -> SX:
+        """Its derivative by q."""
+        return self.b * turn.cos - self.a * turn.sin
+
+    def mapped(self, shift: SX, factor: SX) -> Wave:
+        """factor (shift - its value)."""
+        return Wave(factor * (shift - self.mean), -factor * self.a, -factor * self.b)
+
+
+def _projection(u: SX, h: SX, v: SX) -> Wave:
+    """u . R_h(q) v."""
+    along = dot(u, h) * dot(h, v)
+    return Wave(along, dot(u, v) - along, dot(u, cross(h, v)))
+
+
 def _projected(u: SX, h: SX, v: SX, d: SX, sign: SX) -> Root:
     """The root of u . R_h(q) v = d."""
-    along = dot(u, h) * dot(h, v)
-    return _root(dot(u, v) - along, dot(u, cross(h, v)), d - along, sign)
+    mean, a, b = _projection(u, h, v)
+    return _root(a, b, d - mean, sign)
 
 
 def _between(h: SX, v: SX, w: SX) -> Turn:
@@ -163,6 +204,107 @@ def _to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs
     return [first, second.turn, third.turn], [third, second]
 
 
+def _to_point_in_space(h: list[SX], p: list[SX], normal: SX, start: SX, goal: SX, signs: list[SX]) -> Posture:
+    """The turns of joints 1, 2, 3 with E_1 E_2 E_3 start = goal, of axes 1 and 2 that pass each other; one root.
+
+    Step 1, joint 3: x, from the foot on axis 2 to the point that joint 3 turned, and v, from that on axis 1 to the
+    goal, have R_1 (d n + R_2 x) = v, d n the common perpendicular. So |v|^2 and h_1 . v tell the parts y, z of R_2 x
+    along n and h_2 x n, and y^2 + z^2 + (h_2 . x)^2 = |x|^2 is a polynomial of degree two in cos q_3 and sin q_3.
+    Then joint 2 turns x there, and joint 1 brings it to the goal.
+    """
+    # The feet of the common perpendicular.
+    across, gap = cross(h[1], normal), p[1] - p[0]
+    sine, cosine, d = dot(cross(h[0], h[1]), normal), dot(h[0], h[1]), dot(gap, normal)
+    first_foot = p[0] + h[0] * (dot(gap, across) / sine)
+    second_foot = p[1] + h[1] * (dot(gap, cross(h[0], normal)) / sine)
+    # Step 1: joint 3.
+    base, lever, v = p[2] - second_foot, start - p[2], goal - first_foot
+    square = _projection(2 * base, h[2], lever)
+    square = square._replace(mean=square.mean + dot(base, base) + dot(lever, lever))
+    along = _projection(h[1], h[2], lever)
+    along = along._replace(mean=along.mean + dot(h[1], base))
+    y = square.mapped(dot(v, v) - d * d, 1 / (2 * d))
+    z = Wave(dot(h[0], v) - cosine * along.mean, -cosine * along.a, -cosine * along.b)
+    z = Wave(*(number / sine for number in z))
+    third = _root_of_degree_four([y, z, along], square, signs)
+    # Joints 2 and 1.
+    x = base + third.turn.about(h[2], lever)
+    second = _between(h[1], x, y.at(third.turn) * normal + z.at(third.turn) * across)
+    first = _between(h[0], d * normal + second.about(h[1], x), v)
+    third = third._replace(slope=d * sine * third.slope)
+    return [first, second, third.turn], [third, Root(second, SX(1), SX(1))]
+
+
+def _root_of_degree_four(squared: list[Wave], less: Wave, signs: list[SX]) -> Root:
+    """The root of (sum of squares of waves - a wave) / 2 = 0 of two signs, with its slope.
+
+    In the plane of (cos q, sin q) this is a conic; some pair of straight lines goes through the four points that it has
+    with the circle, and a line is a step of degree two. Signs: which of two lines, which of its points.
+    """
+    # The conic x^2 - y^2 + 2 g x + 2 f y + e = 0, in turned coordinates in which it has no product x y. Where it is a
+    # circle it is taken for a conic nearby.
+    every = [[w.a for w in squared], [w.b for w in squared], [w.mean for w in squared]]
+    cc, ss, square = (_sum_of_products(row, row) for row in every)
+    cs, c, s = (_sum_of_products(every[i], every[j]) for i, j in ((0, 1), (0, 2), (1, 2)))
+    size = sqrt((cc - ss) ** 2 / 4 + cs * cs + (1e-9 * (cc + ss)) ** 2)
+    half = atan2(2 * cs, cc - ss) / 2
+    turned = Turn(cos(half), sin(half))
+    c, s = c - less.a / 2, s - less.b / 2
+    g, f = (turned.cos * c + turned.sin * s) / size, (turned.cos * s - turned.sin * c) / size
+    e = (square - less.mean + (cc + ss) / 2) / size
+    # With t of the circle it is a pair of lines: (1 + t) x^2 - (1 - t) y^2 + ... = (r x + u)^2 - (s y - v)^2 = 0.
+    t = _cubic_root_within(-e, f * f + g * g - 1, e + f * f - g * g)
+    r, s, rest = sqrt(1 + t), sqrt(1 - t), e - t
+    u, v = g / fmax(r, 0.5), f / fmax(s, 0.5)
+    u, v = (
+        if_else(t >= 0, u, copysign(sqrt(fmax(v * v + rest, 0)), g)),
+        if_else(t >= 0, copysign(sqrt(fmax(u * u - rest, 0)), f), v),
+    )
+    # One of u + v and u - v may be what is left of large numbers: their product is not.
+    larger = u + copysign(v, u)
+    shift = if_else(signs[0] * u * v >= 0, larger, rest / larger)
+    point = _root(r, -signs[0] * s, -shift, signs[1])
+    # Newton's method on the polynomial itself.
+    turn = _plus(point.turn, turned)
+    for _ in range(2):
+        here = [w.at(turn) for w in squared]
+        value = (_sum_of_products(here, here) - less.at(turn)) / 2
+        slope = _slope(squared, less, turn)
+        more = -value * slope / (slope * slope + 1e-16 * size * size)
+        more = if_else(fabs(more) < 0.01, more, 0)
+        turn = _plus(turn, Turn(1 - more * more / 2, more))
+    return Root(turn, _slope(squared, less, turn), point.share)
+
+
+def _slope(squared: list[Wave], less: Wave, turn: Turn) -> SX:
+    """The derivative by q of (sum of squares of waves - a wave) / 2."""
+    return _sum_of_products([w.at(turn) for w in squared], [w.slope(turn) for w in squared]) - less.slope(turn) / 2
+
+
+def _sum_of_products(u: list[SX], v: list[SX]) -> SX:
+    return sum((a * b for a, b in zip(u, v, strict=True)), SX(0))
+
+
+def _cubic_root_within(b: SX, c: SX, d: SX) -> SX:
+    """A root in [-1, 1] of t^3 + b t^2 + c t + d, which has an odd number there; of three the most apart."""
+    p, q = c - b * b / 3, 2 * b**3 / 27 - b * c / 3 + d
+    square = q * q / 4 + p**3 / 27
+    # One real root: Cardano's formula.
+    cube = fabs(q) / 2 + sqrt(fmax(square, 0))
+    w = -copysign(exp(log(fmax(cube, 1e-300)) / 3), q)
+    single = w - p / (3 * w) - b / 3
+    # Three: the largest and the least of them, of which the others may be outside.
+    radius, angle = 2 * sqrt(fmax(-p, 0) / 3), atan2(sqrt(fmax(-square, 0)), -q / 2) / 3
+    largest, least = radius * cos(angle) - b / 3, -radius * cos(np.pi / 3 - angle) - b / 3
+    over, under = (fmax(fabs(x) - 1 - 1e-9, 0) for x in (largest, least))
+    extreme = if_else(over - under + copysign(1e-12, q) < 0, largest, least)
+    t = if_else(square > 0, single, extreme)
+    for _ in range(2):
+        slope = (3 * t + 2 * b) * t + c
+        t = t - if_else(slope == 0, 0, (((t + b) * t + c) * t + d) / slope)
+    return fmin(fmax(t, -1), 1)
+
+
 def _wrist(h: list[SX], to_last: SX, from_first: SX, sign: SX) -> Posture:
     """The turns with R_4 R_5 R_6 = W, given W h_6 and W^T h_4, and the root of joint 5."""
     fifth = _projected(h[3], h[4], h[5], dot(h[3], to_last), sign)
@@ -188,16 +330,19 @@ class Chain(NamedTuple):
         return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift))
 
 
-def _pair_and_wrist(chain: Chain, inner: bool, signs: list[SX]) -> Posture:
+def _arm_and_wrist(chain: Chain, form: Form, signs: list[SX]) -> Posture:
     """Axes 4, 5, 6 meet in the center: joints 1, 2, 3 bring that to its place, the others turn the tool."""
     h, p = chain.h, chain.p
     goal = chain.rotation @ chain.center + chain.shift
     arm, points, start = (h[:3], p[:3], chain.center)
-    if inner:  # E_3^-1 E_2^-1 E_1^-1 goal = center
+    if form.inner:  # E_3^-1 E_2^-1 E_1^-1 goal = center
         arm, points, start, goal = [-axis for axis in arm[::-1]], points[::-1], goal, start
-    plane = _plane_of(arm[0], points[0], arm[1], points[1], chain.normal)
-    turns, steps = _to_point(arm, points, plane, start, goal, signs)
-    first = turns[::-1] if inner else turns
+    if form.family is Family.PAIR:
+        plane = _plane_of(arm[0], points[0], arm[1], points[1], chain.normal)
+        turns, steps = _to_point(arm, points, plane, start, goal, signs)
+    else:
+        turns, steps = _to_point_in_space(arm, points, chain.normal, start, goal, signs)
+    first = turns[::-1] if form.inner else turns
     to_last, from_first = chain.rotation @ h[5], h[3]
     for turn, axis in zip(first, h, strict=False):
         to_last = turn.about(axis, to_last, back=True)
@@ -279,7 +424,7 @@ def _corrections(family: Family, chain: Chain, turns: list[Turn]) -> list[SX]:
     place = R @ chain.center + t
     shift = chain.rotation @ chain.center + chain.shift - place
     moves = [cross(axis, place - point) for axis, point in zip(axes, points, strict=True)]
-    if family is Family.PAIR:
+    if family is not Family.PARALLEL:
         first = _combined(*moves[:3], shift)
         last = _combined(
             *axes[3:], turn - sum((d * axis for d, axis in zip(first, axes, strict=False)), SX.zeros(3, 1))
@@ -325,9 +470,7 @@ def answer(form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joi
     if form.reversed:
         chain, own = chain.backward(), own.backward()
     sign = [signs[i] for i in range(3)]
-    turns, steps = (
-        _pair_and_wrist(chain, form.inner, sign) if form.family is Family.PAIR else _parallel_axes(chain, sign)
-    )
+    turns, steps = _parallel_axes(chain, sign) if form.family is Family.PARALLEL else _arm_and_wrist(chain, form, sign)
     if polish:
         first = _corrections(form.family, own, turns)
         turns = [_plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
