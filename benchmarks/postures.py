@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from benchmarks.speed import in_turns, processor, repeated
+from benchmarks.speed import environment, in_turns, processor, repeated
 from holokin.motion.ik.closed_leaf import DOUBT, closed_leaf
 from holokin.robot import to_urdf
 from holokin.robot.closed_form import ClosedInverse
@@ -51,7 +51,7 @@ TURN = 2 * np.pi
 
 @dataclass(frozen=True)
 class Asked:
-    """A way to ask for postures: `call` takes a pose, or with `many` all of them; `postures` makes (k, n) of answers."""
+    """How to ask for postures: `call` takes a pose, or with `many` all; `postures` makes (k, n) of answers."""
 
     name: str
     call: Callable[[Any], Any]
@@ -157,9 +157,9 @@ def holokin(arm: Arm) -> Iterator[Asked]:
     yield Asked("`ik.all(pose)`", unlimited.all, arm.poses, lambda found: found.q)
     yield Asked("one: `ik(pose)`", one, arm.poses, lambda q: q)
     yield Asked("one: `ik.batch(poses)`", lambda P: ik.batch(P, 1), arm.poses, each, True)
-    machine = ClosedInverse(leaf.inverse.arm, False)
-    vars(machine)["kernel"] = None  # as without a compiler
-    slow = machine.at(leaf.values)
+    with environment(HOLOKIN_NATIVE="0"):
+        slow = ClosedInverse(leaf.inverse.arm, False).at(leaf.values)
+        slow.one(arm.poses[0])
     yield Asked("no compiler: the closed form alone", slow.one, arm.poses, real)
     yield Asked(
         "no compiler: the closed form alone, batch",

@@ -339,7 +339,7 @@ class InverseKinematics(Value):
         Raises:
             ShapeError, NotFiniteError, ArgumentError: as `all_postures`.
         """
-        c = leaf_value(self.strategy, self.q0) if level is None else level
+        c = self._paths.level if level is None else level
         return all_postures(self.strategy, pose, c, limits=self.limits, near=self.q0 if near is None else near)
 
     def agrees(self, q: ArrayLike, level: ArrayLike | None = None) -> bool:
