@@ -244,8 +244,8 @@ def all_postures(
 ) -> Postures:
     """All postures with f(q) = x and g(q) = c, the branches of a leaf: by a closed form, or from many starts.
 
-    Where joints are held on an arm whose other six have a closed inverse these are all, in microseconds. Else they are
-    those that Newton's method finds.
+    Where joints are held on an arm whose other six have a closed inverse, these are all, and there is no search. Else
+    they are those that Newton's method finds.
 
     A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
     ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `ik` keeps to the one that
