@@ -422,3 +422,9 @@ def test_the_changelog_begins_with_this_version_and_only_known_sections() -> Non
     assert re.fullmatch(r"unreleased|\d{4}-\d\d-\d\d", versions[0][1])
     kinds = set(re.findall(r"^### (.+)$", text, re.MULTILINE))
     assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+
+
+def test_a_task_in_the_place_of_a_strategy_says_what_makes_one_where_a_joint_is_redundant_and_where_none_is():
+    for robot, maker in ((hk.load("panda"), "hk.holonomic(task, constraint)"), (hk.load("ur5e"), "hk.moore_penrose")):
+        with pytest.raises(ArgumentError, match=re.escape(maker)):
+            hk.ik(hk.pose(robot), np.zeros(robot.n))  # type: ignore[arg-type]

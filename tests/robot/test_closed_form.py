@@ -11,6 +11,7 @@ from holokin.base.types import Array
 from holokin.robot import Robot
 from holokin.robot.closed_form import ArmClass, ClosedInverse, NoClass, arm_class
 from holokin.robot.joints import Coordinate, Joint, Tip
+from holokin.symbolic.native import compiler
 
 REAL = 9
 """The column of an answer that says how real it is."""
@@ -238,3 +239,20 @@ def test_a_mounting_a_tool_and_names_change_nothing():
     found, answers = postures_of(inverse_of(held, (6,)), q, poses)
     real = answers[:, :, REAL] > 1e-9
     assert np.where(real, apart(found, q[:, None]), np.inf).min(axis=1).max() < 1e-5
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+@pytest.mark.parametrize(("name", "held"), [("panda", (3,)), ("panda", (6,)), ("iiwa14", (2,)), *SIX])
+def test_answers_without_a_compiler_are_those_of_native_code(name, held, monkeypatch):
+    q, poses = poses_of(hk.load(name), 40, 8)
+    native = inverse_of(hk.load(name), held)
+    many, one = postures_of(native, q, poses)[1], native.at(q[0, list(held)]).one(poses[0])
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    machine = inverse_of(hk.load(name), held)
+    assert machine.kernel is None and native.kernel is None
+    for same, answers in ((many, postures_of(machine, q, poses)[1]), (one, machine.at(q[0, list(held)]).one(poses[0]))):
+        real = answers[..., REAL] > 1e-3  # nearer to 0 two postures meet, and round-off counts more
+        assert apart(answers[real][:, :6], same[real][:, :6]).max() < 1e-12
+        assert np.abs(answers[real][:, 6:9] - same[real][:, 6:9]).max() < 1e-12
+        assert np.abs(answers[..., [REAL, 11]] - same[..., [REAL, 11]]).max() < 1e-12
+        assert real.sum() >= (1 if real.ndim == 1 else 80)

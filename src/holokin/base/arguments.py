@@ -162,7 +162,10 @@ def _advice(test: Test, kind: Any, value: Any) -> str:
     for name in ("robot", "task", "strategy"):
         if (part := getattr(value, name, None)) is not None and test(part):
             return f": its .{name} is one"
-    maker = MAKERS.get(getattr(kind, "__name__", ""))
+    name = getattr(kind, "__name__", "")
+    if name == "Strategy" and getattr(value, "m", None) == getattr(value, "n", 0):
+        return ", as hk.moore_penrose(task) makes it: nothing is redundant here"
+    maker = MAKERS.get(name)
     return f", as {maker} makes it" if maker else ""
 
 

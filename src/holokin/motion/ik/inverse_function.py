@@ -288,6 +288,10 @@ class InverseKinematics(Value):
 
     Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
 
+    Where single joints are held on an arm whose other six have a closed inverse, `ik(pose)` and `ik.batch(poses)` go no
+    path: of all postures of the pose they give the one that has the start's signs of the three factors of the
+    determinant. `ik.all(pose)` gives all of them.
+
     What the task leaves free of a pose, as the spin of an "axis" task, is no demand: it is taken from the posture at
     which a path begins, so that poses which the task cannot tell apart have the same joints.
 
@@ -333,6 +337,8 @@ class InverseKinematics(Value):
     def all(self, pose: PoseLike, level: ArrayLike | None = None, *, near: ArrayLike | None = None) -> Postures:
         """All postures of a tool pose (4, 4) on the leaf, whatever their branch; see `all_postures`.
 
+        By a closed form, and then there are no others (`closed` is True), or as far as a search finds them.
+
         Args:
             level: c (r,), or one number for all rows; by default that of the start.
             near: of whole turns those nearest to this posture (n,) are given; by default to the start.
@@ -340,7 +346,7 @@ class InverseKinematics(Value):
         Raises:
             ShapeError, NotFiniteError, ArgumentError: as `all_postures`.
         """
-        c = leaf_value(self.strategy, self.q0) if level is None else level
+        c = self._paths.level if level is None else level
         return all_postures(self.strategy, pose, c, limits=self.limits, near=self.q0 if near is None else near)
 
     def agrees(self, q: ArrayLike, level: ArrayLike | None = None) -> bool:

@@ -262,7 +262,7 @@ class PosePaths(Value):
             raise self.closed.problem(p, R)
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
-        if search and status in FAILED:
+        if search and status in FAILED and self.closed is None:  # a closed form has told that there is a posture
             nearest = nearest_postures(strategy.task, p[None], R[None], q[None], limits=self.limits)
             if nearest.ended[0] and not nearest.reached[0]:
                 fact = f"the pose is out of reach of {strategy.task.robot.name!r}: no search came closer than"

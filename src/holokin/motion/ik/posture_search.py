@@ -12,7 +12,20 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, ShapeError
 from ...base.poses import PoseLike, given_pose
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Result, Value, Vector, finite, tool_pose, whole
+from ...base.types import (
+    ROTATION,
+    Array,
+    ArrayLike,
+    Flags,
+    Indices,
+    Matrix,
+    Result,
+    Value,
+    Vector,
+    finite,
+    tool_pose,
+    whole,
+)
 from ...path.workspaces import sobol
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy
@@ -231,8 +244,8 @@ def all_postures(
 ) -> Postures:
     """All postures with f(q) = x and g(q) = c, the branches of a leaf: by a closed form, or from many starts.
 
-    Where joints are held on an arm whose other six have a closed inverse these are all, in microseconds. Else they are
-    those that Newton's method finds.
+    Where joints are held on an arm whose other six have a closed inverse, these are all, and there is no search. Else
+    they are those that Newton's method finds.
 
     A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
     ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `ik` keeps to the one that
@@ -256,26 +269,31 @@ def all_postures(
     of_one_tool(task, "all_postures")
     if count > MOST_STARTS:
         raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
-    wanted = tool_pose("a tool pose", given_pose("a tool pose", pose))
-    p, R = wanted[:3, 3], wanted[:3, :3]
+    wanted = given_pose("a tool pose", pose)
     given, r = finite("the leaf", level), strategy.constraint.rows
     if given.shape not in ((), (r,)):
         raise ShapeError("the leaf", (r,), given.shape)
     c = np.broadcast_to(given, (r,))
     check_levels(strategy, c)
-    robot, bounded = task.robot, limits & np.isfinite(task.robot.lower) & np.isfinite(task.robot.upper)
-    with np.errstate(invalid="ignore"):
-        aim = np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)
-    aim = aim if near is None else robot.checked(near, "near")
+    robot = task.robot
+    if near is None:
+        bounded = limits & np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        with np.errstate(invalid="ignore"):
+            aim = np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)
+    else:
+        aim = robot.checked(near, "near")
     if (leaf := closed_leaf(strategy, c, limits)) is not None:
         answers = leaf.one(wanted)
+        if not answers[0, 11] < ROTATION:
+            tool_pose("a tool pose", wanted)
         real, doubtful = answers[:, 9] > DOUBT, np.abs(answers[:, 9]) <= DOUBT
-        free = ~np.isin(np.arange(task.n), leaf.inverse.arm.held)
         low, high = (robot.lower, robot.upper) if limits else (np.full(task.n, -np.inf), np.full(task.n, np.inf))
-        q = leaf.postures(answers[real])
-        q = np.where(free, _turns(q, aim, low - TOLERANCES.limit, high + TOLERANCES.limit), q)
+        q, turning = leaf.postures(answers[real]), leaf.inverse.others
+        low, high = low[turning] - TOLERANCES.limit, high[turning] + TOLERANCES.limit
+        q[:, turning] = _turns(q[:, turning], aim[turning], low, high)
         inside = (robot.beyond(q) <= TOLERANCES.limit).all(axis=1) | (not limits)
         return _postures(strategy, wanted, c, q[inside], np.ones(len(q))[inside], 0, int(doubtful.any()), inside)
+    p, R = tool_pose("a tool pose", wanted)[:3, 3], wanted[:3, :3]
     # Newton's method from starts over the joint ranges; singular postures are counted apart.
     free = free_hinges(strategy, spread(task.robot, SAMPLED))
     begun = spread(task.robot, count, ~free & task.robot.hinges)
@@ -304,7 +322,7 @@ def _postures(
 ) -> Postures:
     """Postures q (k, n) in the order of their joints, with their rcond."""
     order = np.lexsort(np.round(q, 6).T[::-1])
-    rcond = strategy.gain.batch(q[order])[1].ravel() if len(q) else np.zeros(0)
+    rcond = np.array([strategy.gain(posture)[1] for posture in q[order]])  # one by one: so few cost less than a batch
     return Postures(q[order], pose, level.copy(), counts[order], rcond, starts, singular, int(np.sum(~inside)))
 
 

@@ -38,10 +38,16 @@ def _exact_rotation(R: Matrix) -> Array:
     right = np.round(R)
     if abs(np.abs(right).sum() - 3) < 0.5 and np.abs(R - right).max() < SNAP:
         return np.array([[Fraction(int(x)) for x in row] for row in right], dtype=object)
-    from scipy.spatial.transform import Rotation
-
-    quaternion = Rotation.from_matrix(R).as_quat()
-    x, y, z, w = (Fraction(float(v)).limit_denominator(10**12) for v in quaternion)
+    # The quaternion, but for its length: the row of 4 q q^T whose square is the greatest.
+    (a, b, c), (d, e, f), (g, h, i) = R
+    outer = [
+        [1 + a - e - i, b + d, c + g, h - f],
+        [b + d, 1 - a + e - i, f + h, c - g],
+        [c + g, f + h, 1 - a - e + i, d - b],
+        [h - f, c - g, d - b, 1 + a + e + i],
+    ]
+    quaternion = outer[int(np.argmax(np.diagonal(outer)))]
+    x, y, z, w = (Fraction(float(v) / 4).limit_denominator(10**12) for v in quaternion)
     square = x * x + y * y + z * z + w * w
     rows = [
         [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],

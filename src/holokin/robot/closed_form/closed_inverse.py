@@ -10,9 +10,9 @@ from itertools import combinations, product
 import numpy as np
 
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Matrix, Value, Vector, frozen
+from ...base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, frozen
 from ...symbolic import SX, Function, cross, densify, dot, horzcat, norm_2, substitute, symbol, vec, vertcat, vertsplit
-from ...symbolic.native import SignsKernel, signs_kernel
+from ...symbolic.native import SignsKernel, enabled, signs_kernel
 from ...symbolic.rotations import rotation_about
 from .arm_classes import ArmClass, Link, links_of
 from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
@@ -127,10 +127,10 @@ class ClosedInverse(Value):
         ]
         return frozen(np.array([np.broadcast_to(row, (6,)) for row in rows]))
 
-    @cached_property
+    @property
     def kernel(self) -> SignsKernel | None:
         """Native code, the same for all arms of the form; None without a compiler."""
-        return _kernel(self.arm.form)
+        return _kernel(self.arm.form) if enabled() else None
 
     def at(self, held: ArrayLike) -> Held:
         """The inverse at one value (r,) of the held joints; the last one is kept."""
@@ -223,14 +223,18 @@ class Held(Value):
 
     def postures(self, answers: Array) -> Array:
         """The postures (..., n) of answers (..., 12); other coordinates than those of the arm are 0."""
-        q = np.empty((*answers.shape[:-1], len(self._others)))
-        q[...] = self._others
-        q[..., self.inverse.others] = answers[..., :6]
+        columns, others, values = self._coordinates
+        q = answers.take(columns, axis=-1)
+        q[..., others] = values
         return q
 
     @cached_property
-    def _others(self) -> Vector:
-        """A posture (n,) with the held joints at their values, and zeros."""
-        q = np.zeros(self.inverse.arm.robot.n)
-        q[list(self.inverse.arm.held)] = self.values
-        return frozen(q)
+    def _coordinates(self) -> tuple[Indices, Indices | slice, Vector]:
+        """(columns of an answer that are a posture (n,), where others than the six joints are in it, their values)."""
+        robot, joints = self.inverse.arm.robot, self.inverse.others
+        columns, values = np.zeros(robot.n, dtype=np.intp), np.zeros(robot.n)
+        columns[joints] = np.arange(6)
+        values[list(self.inverse.arm.held)] = self.values
+        others = np.setdiff1d(np.arange(robot.n), joints)
+        at = slice(int(others[0]), int(others[0]) + 1) if len(others) == 1 else others
+        return columns, at, frozen(values[others])
