@@ -97,7 +97,7 @@ def links_of(robot: Robot, tip: str | None) -> list[Link]:
 
 
 def _exact_links(links: Sequence[Link], digits: int, along: Sequence[Fraction]) -> list[Link]:
-    """The links as fractions. What is rounded is where a place on each axis, so far along it, is from the one before."""
+    """The links as fractions. What is rounded is where a place on each axis, so far along, is from the one before."""
     out: list[Link] = []
     back, before = np.array([Fraction(0)] * 3), np.zeros(3)
     for link, t in zip(links, along, strict=True):
