@@ -38,7 +38,7 @@ PROVEN = {name: (3, 5, 6) if name in PANDAS else (0, 1, 2, 4, 5, 6) for name in 
 PAIRS = [(name, k) for name, joints in PROVEN.items() for k in joints]
 
 
-def lock(robot: Robot | str, *joints: int) -> hk.Strategy:
+def lock(robot: Robot | str, *joints: int) -> Any:
     robot = hk.load(robot) if isinstance(robot, str) else robot
     return hk.holonomic(hk.pose(robot), hk.lock(*joints)) if joints else hk.moore_penrose(hk.pose(robot))
 
@@ -65,8 +65,8 @@ def slopes(family: Family, inner: bool, h: Array, p: Array) -> Array:
     last = 3 if family is Family.PAIR else 4
     # The point with the least distances to the last axes; they meet where these are 0.
     off = [np.eye(3) - h[i][:, :, None] * h[i][:, None, :] for i in range(last, 6)]
-    right = sum(np.einsum("kij,kj->ki", m, p[i]) for m, i in zip(off, range(last, 6), strict=True))
-    C = np.linalg.solve(sum(off), right[:, :, None])[:, :, 0]
+    right = np.sum([np.einsum("kij,kj->ki", m, p[i]) for m, i in zip(off, range(last, 6), strict=True)], axis=0)
+    C = np.linalg.solve(np.sum(off, axis=0), right[:, :, None])[:, :, 0]
     miss = max(np.abs(np.einsum("kij,kj->ki", m, C - p[i])).max() for m, i in zip(off, range(last, 6), strict=True))
     assert miss < 1e-7, miss
     if family is Family.PARALLEL:
@@ -147,7 +147,8 @@ def test_what_is_no_lock_no_whole_pose_or_no_class_is_refused_with_the_reason_an
     spun = hk.holonomic(hk.pose(panda, "axis"), hk.lock(5, 6))
     fails(NoProofError, "does not ask for the whole pose", lambda: hk.certify(spun))
     fails(ArgumentError, "leaves", lambda: hk.certify(hk.moore_penrose(twist)))
-    fails(ArgumentError, "q0 is not given", lambda: hk.certify(lock(panda, 6), hk.circle([0.5, 0, 0.5], [0.4, 0, 0.5])))
+    circle: Any = hk.circle([0.5, 0, 0.5], [0.4, 0, 0.5])
+    fails(ArgumentError, "q0 is not given", lambda: hk.certify(lock(panda, 6), *[circle]))
     # A scaled and shifted coordinate is held all the same
     assert hk.certify(hk.holonomic(twist, hk.linear([0, 0, 0, 0, 0, 0, -3]))).held == ("panda_joint7",)
 
@@ -644,8 +645,8 @@ def test_certify_a_job_on_the_whole_arm_asks_each_of_its_strategies(tmp_path: Pa
     [
         (("panda", "--whole-arm"), "--strategy is not given"),
         (("panda", "--whole-arm", "--strategy", "lock 9"), "unknown index of a joint"),
-        (("panda-circle", "--whole-arm", "--workspace"), "leave one out"),
-        (("panda-circle", "--whole-arm", "--sample", "0.1"), "no cells"),
+        (("panda-circle", "--whole-arm", "--workspace"), "leave it out"),
+        (("panda-circle", "--whole-arm", "--budget", "9"), "no cells"),
         (("panda-circle", "--strategy", "lock 3"), "--whole-arm"),
         (("nothing", "--whole-arm"), "unknown robot"),
     ],
