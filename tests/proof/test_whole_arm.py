@@ -26,7 +26,7 @@ from holokin.base.types import Array
 from holokin.proof import WholeArm
 from holokin.proof.recheck import Outcome, ask_checker, recheck
 from holokin.robot import Robot
-from holokin.robot.closed_form import ArmClass, NoClass, arm_class
+from holokin.robot.closed_form import ArmClass, NoClass, arm_class, arm_classes
 from holokin.robot.closed_form.six_hinges import Family
 from holokin.robot.joints import Coordinate, Joint, Tip
 
@@ -38,7 +38,7 @@ PROVEN = {name: (3, 5, 6) if name in PANDAS else (0, 1, 2, 4, 5, 6) for name in 
 PAIRS = [(name, k) for name, joints in PROVEN.items() for k in joints]
 
 
-def lock(robot: Robot | str, *joints: int) -> hk.Strategy:
+def lock(robot: Robot | str, *joints: int) -> Any:
     robot = hk.load(robot) if isinstance(robot, str) else robot
     return hk.holonomic(hk.pose(robot), hk.lock(*joints)) if joints else hk.moore_penrose(hk.pose(robot))
 
@@ -65,8 +65,8 @@ def slopes(family: Family, inner: bool, h: Array, p: Array) -> Array:
     last = 3 if family is Family.PAIR else 4
     # The point with the least distances to the last axes; they meet where these are 0.
     off = [np.eye(3) - h[i][:, :, None] * h[i][:, None, :] for i in range(last, 6)]
-    right = sum(np.einsum("kij,kj->ki", m, p[i]) for m, i in zip(off, range(last, 6), strict=True))
-    C = np.linalg.solve(sum(off), right[:, :, None])[:, :, 0]
+    right = np.sum([np.einsum("kij,kj->ki", m, p[i]) for m, i in zip(off, range(last, 6), strict=True)], axis=0)
+    C = np.linalg.solve(np.sum(off, axis=0), right[:, :, None])[:, :, 0]
     miss = max(np.abs(np.einsum("kij,kj->ki", m, C - p[i])).max() for m, i in zip(off, range(last, 6), strict=True))
     assert miss < 1e-7, miss
     if family is Family.PARALLEL:
@@ -147,7 +147,8 @@ def test_what_is_no_lock_no_whole_pose_or_no_class_is_refused_with_the_reason_an
     spun = hk.holonomic(hk.pose(panda, "axis"), hk.lock(5, 6))
     fails(NoProofError, "does not ask for the whole pose", lambda: hk.certify(spun))
     fails(ArgumentError, "leaves", lambda: hk.certify(hk.moore_penrose(twist)))
-    fails(ArgumentError, "q0 is not given", lambda: hk.certify(lock(panda, 6), hk.circle([0.5, 0, 0.5], [0.4, 0, 0.5])))
+    circle: Any = hk.circle([0.5, 0, 0.5], [0.4, 0, 0.5])
+    fails(ArgumentError, "q0 is not given", lambda: hk.certify(lock(panda, 6), *[circle]))
     # A scaled and shifted coordinate is held all the same
     assert hk.certify(hk.holonomic(twist, hk.linear([0, 0, 0, 0, 0, 0, -3]))).held == ("panda_joint7",)
 
@@ -246,10 +247,10 @@ KINDS = ("pair meets", "pair parallel", "inner pair", "three parallel", "no clas
 
 
 def random_arm(rng: np.random.Generator, kind: str, held: str, slip: float = 0.0) -> tuple[Robot, tuple[int, ...]]:
-    """(an arm of a class in frames of any direction, from base to tool or back, where no number need be short; the joints to hold).
+    """(an arm of a class in frames of any direction, from base to tool or back; the joints to hold).
 
-    Turns have two decimals and shifts are in millimetres; `slip` [m] parts two axes that should meet. held: a
-    hinge or a slide at any place in front of the six, between the first three or behind the six; "" for none.
+    Turns have two decimals and shifts are in millimetres, but where the frames are those of the way back. `slip` [m]
+    parts two axes that should meet. held: a hinge or a slide in front of the six or behind them; "" for none.
     """
 
     def place(turned: bool, shift: Array) -> Array:
@@ -296,7 +297,7 @@ def check_random_arms(count: int, seed: int, tmp_path: Path) -> dict[str, int]:
     rng, outcomes = np.random.default_rng(seed), {"proven": 0, "refused": 0}
     for i in range(count):
         kind, held = KINDS[i % 5], ("", "revolute", "prismatic")[i % 3]
-        slip = (0.0, 0.0, 10 ** rng.uniform(-6, -2))[i // 15 % 3]
+        slip = 10 ** rng.uniform(-6, -2) if i % 4 == 3 else 0.0
         robot, fixed = random_arm(rng, kind, held, slip)
         try:
             proof = proof_of(robot, *fixed)
@@ -314,14 +315,15 @@ def check_random_arms(count: int, seed: int, tmp_path: Path) -> dict[str, int]:
 
 
 def test_random_arms_are_proven_where_the_product_holds_and_near_misses_are_not(tmp_path: Path) -> None:
-    outcomes = check_random_arms(45, 1, tmp_path)
-    assert outcomes["proven"] > 20 and outcomes["refused"] > 9
+    outcomes = check_random_arms(20, 1, tmp_path)
+    assert outcomes["proven"] > 10 and outcomes["refused"] > 4
 
 
 @pytest.mark.campaign
-def test_no_false_proof_in_a_thousand_random_arms(tmp_path: Path) -> None:
-    outcomes = check_random_arms(1000, 2, tmp_path)
-    assert outcomes["proven"] > 500 and outcomes["refused"] > 200
+@pytest.mark.parametrize("seed", range(2, 12))
+def test_no_false_proof_in_a_thousand_random_arms(seed: int, tmp_path: Path) -> None:
+    outcomes = check_random_arms(100, seed, tmp_path)
+    assert outcomes["proven"] > 50 and outcomes["refused"] > 20
 
 
 # --- Held joints between the axes that meet, or are parallel.
@@ -526,24 +528,47 @@ def test_two_thousand_forged_files_of_each_arm(name: str, held: tuple[int, ...],
     assert check_forgeries(name, held, 2_000, 7, tmp_path)["rejected"] > 500
 
 
+MIRROR = [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "-1"]]
+SHEAR = [["1", "0", "0"], ["0", "1", "0"], ["0", "1/9", "1"]]
+
+
 @pytest.mark.parametrize(
-    "change",
+    ("change", "words"),
     [
-        lambda d: d["form"].update(reversed="yes"), lambda d: d["links"][2].update(slides=1),
-        lambda d: d["links"][2].update(axis=["0", "0", "2"]), lambda d: d.update(held=[6.0]),
-        lambda d: d["links"][2].update(rotation=[["1", "0", "0"], ["0", "1", "0"], ["0", "0", "-1"]]),
-        lambda d: d["links"][2].update(rotation=[["1", "0", "0"], ["0", "1", "0"], ["0", "1/9", "1"]]),
-        lambda d: d["center"]["vector"].__setitem__(0, "1e999999999"), lambda d: d["normal"].update(vector=["0"] * 3),
-        lambda d: d["center"].update(link=True), lambda d: d.update(links=d["links"] * 6, held=list(range(6, 42))),
-        lambda d: d["center"].update(vector=[[["0"]], "0", "0"]), lambda d: d.update(held=[5, 6]),
+        (lambda d: d["form"].update(reversed="yes"), "does not say its direction"),
+        (lambda d: d["links"][2].update(slides=1), "does not say whether it slides"),
+        (lambda d: d["links"][2].update(slides=True), "not six hinges"),
+        (lambda d: d.update(held=[5, 6]), "not six hinges"),
+        (lambda d: d.update(held=[6.0]), "held joints are missing"),
+        (lambda d: d["links"][2].update(axis=["0", "0", "2"]), "has not length 1"),
+        (lambda d: d["links"][0].update(rotation=MIRROR), "rotation of link 0 is none"),
+        (lambda d: d["links"][6].update(rotation=MIRROR), "rotation of link 6 is none"),
+        (lambda d: d["links"][2].update(rotation=SHEAR), "rotation of link 2 is none"),
+        (lambda d: d["center"]["vector"].__setitem__(0, "1e999999999"), "no short fraction"),
+        (lambda d: d["center"].update(vector=[[["0"]], "0", "0"]), "no short fraction"),
+        (lambda d: d["center"].update(link=True), "'center' is missing"),
+        (lambda d: d["normal"].update(vector=["0"] * 3), "the normal is none"),
+        (lambda d: d["normal"].update(vector=["1", "2", "3"]), "another normal"),
+        (lambda d: d.update(links=d["links"] * 6, held=list(range(6, 42))), "too many"),
     ],
 )  # fmt: skip
-def test_what_is_no_arm_is_rejected_at_once(change: Callable[[Data], Any], tmp_path: Path) -> None:
+def test_what_is_no_arm_is_rejected_at_once(change: Callable[[Data], Any], words: str, tmp_path: Path) -> None:
     data = copy.deepcopy(proof_of("panda", 6).data)
     change(data)
+    (tmp_path / "f.json").write_text(json.dumps(data), "utf-8")
     began = time.process_time()
-    assert outcome_of(data, tmp_path / "f.json") == "rejected"
+    with pytest.raises(checker.RejectedError, match=words):
+        checker.check(str(tmp_path / "f.json"))
     assert time.process_time() - began < 2
+
+
+def test_an_arm_that_is_singular_everywhere_is_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With joint 4 of an iiwa held shoulder and wrist keep their distance: the axes are those of a class."""
+    monkeypatch.setattr(arm_classes, "_always_singular", lambda *_: False)
+    found = arm_class(hk.load("iiwa14"), (3,))
+    assert isinstance(found, ArmClass)
+    file = WholeArm(lock("iiwa14", 3), found, 0.0).save(tmp_path / "whole.json")
+    assert recheck(file) == (True, "REJECTED: every posture is singular.")
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"format": ' + "[" * 50_000, "", "[]", "{}", "\x00", " " * 2_000_000])
@@ -620,8 +645,8 @@ def test_certify_a_job_on_the_whole_arm_asks_each_of_its_strategies(tmp_path: Pa
     [
         (("panda", "--whole-arm"), "--strategy is not given"),
         (("panda", "--whole-arm", "--strategy", "lock 9"), "unknown index of a joint"),
-        (("panda-circle", "--whole-arm", "--workspace"), "leave one out"),
-        (("panda-circle", "--whole-arm", "--sample", "0.1"), "no cells"),
+        (("panda-circle", "--whole-arm", "--workspace"), "leave it out"),
+        (("panda-circle", "--whole-arm", "--budget", "9"), "no cells"),
         (("panda-circle", "--strategy", "lock 3"), "--whole-arm"),
         (("nothing", "--whole-arm"), "unknown robot"),
     ],

@@ -24,6 +24,7 @@ import re
 import sys
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import flint
 
@@ -50,13 +51,13 @@ class Ring:
         names = [name for i, slide in enumerate(slides) for name in ([f"x{i}"] if slide else [f"c{i}", f"s{i}"])]
         self.context = flint.fmpq_mpoly_ctx.get(names, "degrevlex")
         generators = dict(zip(names, self.context.gens(), strict=True))
-        self.motion = [
+        self.motion: list[Any] = [
             (generators[f"x{i}"],) if slide else (generators[f"c{i}"], generators[f"s{i}"])
             for i, slide in enumerate(slides)
         ]
         self.circles = [(names.index(str(m[1])), 1 - m[0] * m[0]) for m in self.motion if len(m) == 2]
 
-    def number(self, text: object) -> object:
+    def number(self, text: object) -> Any:
         """A rational number, written as "3/8"."""
         parts = RATIONAL.fullmatch(text) if isinstance(text, str) else None
         over = 1 if parts is None or parts[2] is None else int(parts[2])
@@ -64,7 +65,7 @@ class Ring:
             raise RejectedError("a number is no short fraction of whole numbers")
         return self.context.constant(flint.fmpq(int(parts[1]), over))
 
-    def reduced(self, p: object) -> object:
+    def reduced(self, p: Any) -> Any:
         """A polynomial with at most the first power of each sine. Raises: RejectedError: it is too long."""
         for place, square in self.circles:
             while len(p) <= MOST_TERMS and p.degrees()[place] > 1:
@@ -78,7 +79,7 @@ class Ring:
         return p
 
 
-def dot(a: list, b: list) -> object:
+def dot(a: Any, b: Any) -> Any:
     """a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -88,7 +89,7 @@ def cross(a: list, b: list) -> list:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def plus(a: list, b: list, factor: object = 1) -> list:
+def plus(a: list, b: list, factor: Any = 1) -> list:
     """a + factor b."""
     return [x + factor * y for x, y in zip(a, b, strict=True)]
 
@@ -109,9 +110,9 @@ def transposed(A: list) -> list:
     return [list(column) for column in zip(*A, strict=True)]
 
 
-def determinant(columns: list, reduce) -> object:
+def determinant(columns: list, reduce: Any) -> Any:
     """Of a square matrix, by the minors of its first columns."""
-    minors = {(): 1}
+    minors: dict[tuple[int, ...], Any] = {(): 1}
     for k, column in enumerate(columns):
         larger = {}
         for rows in combinations(range(len(columns)), k + 1):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,17 +70,19 @@ def certify(
             raise ArgumentError(option, given, "it is about the box of the workspace: say --workspace, too")
     if sample is not None and not 0 < sample <= 1:
         raise ArgumentError("--sample", sample, "give the share of the cells that is verified, as 0.01")
-    for option, given, cure in (("--workspace", workspace, "leave one out"), ("--sample", sample, "it has no cells")):
+    for option, given in (("--workspace", workspace), ("--sample", sample), ("--budget", budget)):
         if whole_arm and given:
-            raise ArgumentError(f"{option} beside --whole-arm", given, cure)
+            raise ArgumentError(
+                f"{option} beside --whole-arm", given, "leave it out: the proof has no cells and no box"
+            )
     of_robot = whole_arm and not is_job(job)
     if not of_robot and (given := [word for word in (strategy, tip, base) if word is not None] + [True] * trust_units):
         raise ArgumentError("--strategy, --tip, --base or --trust-units", given[0], "they are of a robot, --whole-arm")
     if of_robot:
-        name, title, proofs = _of_robot(job, strategy, tip, base, trust_units)
+        name, title, prove = _of_robot(job, strategy, tip, base, trust_units)
     else:
         name, opened, file = open_one_job(job)
-        title = opened.title
+        title, prove = opened.title, partial(certify_job, opened, file)
     check_folder(out, f"{name}-proof")
     cells = CellsFiles(out / f"{name}-proof", resume) if workspace else None
     more = {} if cells is None else {"cells_file": cells.of}
@@ -95,7 +99,7 @@ def certify(
                 "progress": say,
                 **more,
             }
-            for label, certificate in proofs if of_robot else certify_job(opened, file, **asked):
+            for label, certificate in prove(**asked):
                 certificates[label] = certificate
                 if not isinstance(certificate, str):
                     say(f"{label}: the checker")
@@ -120,8 +124,8 @@ def certify(
 
 def _of_robot(
     name: str, strategy: str | None, tip: str | None, base: str | None, trust_units: bool
-) -> tuple[str, str, list[tuple[str, WholeArm | str]]]:
-    """(name for files, title, [(strategy, certificate or why there is none)]) of a robot and a strategy in words."""
+) -> tuple[str, str, Callable[..., list[tuple[str, WholeArm | str]]]]:
+    """(name for files, title, what makes [(strategy, certificate or why there is none)]) of a robot and a strategy."""
     import numpy as np
 
     from ...analysis.coverage.pose_postures import chain_to_tool
@@ -138,11 +142,14 @@ def _of_robot(
         raise ArgumentError("--strategy", None, EXAMPLE)
     # Of strategies that hold joints no start matters.
     law = moore_penrose(task) if strategy is None else leaf_of_words(strategy, task, np.zeros(task.n))
-    try:
-        proof: WholeArm | str = prove(law)
-    except NoProofError as problem:
-        proof = problem.cure
-    return free_name(f"{chain.robot.name} {words}", "", ()), task.name, [(words, proof)]
+
+    def proofs(**_options: object) -> list[tuple[str, WholeArm | str]]:
+        try:
+            return [(words, prove(law))]
+        except NoProofError as problem:
+            return [(words, problem.cure)]
+
+    return free_name(f"{chain.robot.name} {words}", "", ()), task.name, proofs
 
 
 def check_certificate(

@@ -106,10 +106,11 @@ def write_page(certificate: Certificate | WholeArm, file: FilePath, word: Checke
     if word.sha256 != digest(certificate.data):
         raise ArgumentError("what the checker says", word.outcome.value, "ask it about this certificate")
     target = file.with_suffix(".html")
-    write_text(
-        target,
-        (_whole_arm_page if isinstance(certificate, WholeArm) else _page)(certificate, file, word, datetime.now(UTC)),
-    )
+    now = datetime.now(UTC)
+    if isinstance(certificate, WholeArm):
+        write_text(target, _whole_arm_page(certificate, file, word, now))
+    else:
+        write_text(target, _page(certificate, file, word, now))
     return target
 
 

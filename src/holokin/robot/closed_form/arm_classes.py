@@ -103,15 +103,17 @@ def links_of(robot: Robot, tip: str | None) -> list[Link]:
 
 
 def _exact_links(links: Sequence[Link], digits: int, along: Sequence[Fraction]) -> list[Link]:
-    """The links as fractions. What is rounded is where a place on each axis, so far along it, is from the last one."""
+    """The links as fractions. What is rounded is where a place on each axis, so far along, is from the one before."""
     out: list[Link] = []
-    back, before = np.array([Fraction(0)] * 3), np.zeros(3)
+    none: Array = np.array([Fraction(0)] * 3)
+    back, before = none, np.zeros(3)
     for link, t in zip(links, along, strict=True):
-        axis = _exact_direction(link.axis) if link.coordinate >= 0 else link.axis
+        axis: Array = _exact_direction(link.axis) if link.coordinate >= 0 else link.axis
         R, ahead = _exact_rotation(link.rotation), link.rotation @ link.axis * float(t)
         position = _exact_point(link.position + ahead - before, digits) + back
-        out.append(replace(link, rotation=R, position=position - R @ axis * t if t else position, axis=axis))
-        back, before = axis * t if t else 0 * back, link.axis * float(t)
+        shift: Array = np.array([x * t for x in axis]) if t else none
+        out.append(replace(link, rotation=R, position=position - R @ shift, axis=axis))
+        back, before = shift, link.axis * float(t)
     return out
 
 
