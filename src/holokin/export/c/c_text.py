@@ -19,8 +19,8 @@ from ...base.types import ROTATION, Vector
 from ...motion import has_leaf, step_function
 from ...motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
 from ...motion.ik import leaf_value
-from ...motion.ik.closed_leaf import DOUBT, posture_of_signs
 from ...motion.ik.branch import branch_code, extended_jacobian, rays_code
+from ...motion.ik.closed_leaf import DOUBT, posture_of_signs
 from ...motion.ik.edge import free_code
 from ...motion.ik.leaf import ALMOST, DONE, NEWTONS, leaf_step, with_leaves
 from ...motion.ik.pose_paths import PosePaths
@@ -214,7 +214,8 @@ class Source:
             "leaf_words": "and the leaf of the start" if r else "no leaf",
             "c_given": f"const {self.name}_real c[{r}], " if r else "", "c_taken": "c" if r else "0",
             "on_leaf": " on the leaf c" if r else "", "leaf_given": ", const Leaf &c" if r else "",
-            "leaf_data": "c.data(), " if r else "", "row": self.row, "doubt": _c(DOUBT), "doubt_float": _c(DOUBT_FLOAT), "n8": 8 * task.n,
+            "leaf_data": "c.data(), " if r else "", "row": self.row,
+            "doubt": _c(DOUBT), "doubt_float": _c(DOUBT_FLOAT), "n8": 8 * task.n,
             "postures_within": "postures beyond a joint limit are left out" if self.limits
             else "joint limits are not looked at",
         }  # fmt: skip
