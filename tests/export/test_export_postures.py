@@ -15,6 +15,7 @@ from exported import STRICT
 from holokin.base.errors import ExportError
 from holokin.export import check, export_c
 from holokin.motion.ik import InverseKinematics
+from holokin.motion.ik.closed_leaf import closed_leaf
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 
@@ -86,6 +87,9 @@ def test_all_postures_are_those_of_python_on_random_poses(case: str, single: boo
         if not single:
             assert count == len(python.q) >= 1 and np.abs(q[order] - python.q).max() < 1e-9
             assert np.abs(robot.pose(q) - pose).max() < 1e-10
+            rows = closed_leaf(solver.strategy, level, True).one(pose)  # in the order of the signs + + +, + + -, ...
+            assert signs.tolist() == np.flatnonzero((rows[:, 9] > 1e-10) & (rows[:, 10] >= 0)).tolist()
+            assert (np.sign(rows[signs, 6:9]) == 1 - 2 * (signs[:, None] >> np.arange(2, -1, -1) & 1)).all()
         else:
             gaps = np.abs(q[:, None] - python.q[None]).max(axis=2)
             assert gaps.min(axis=0).max() < 5e-3 and gaps.min(axis=1).max() < 5e-3
