@@ -12,7 +12,10 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START
 from exported import STRICT
+from holokin.base.errors import ExportError
 from holokin.export import check, export_c
+from holokin.motion.ik import InverseKinematics
+from holokin.motion.ik.closed_leaf import closed_leaf
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 
@@ -56,7 +59,7 @@ class Compiled:
 
 
 @pytest.fixture(scope="module")
-def panda(tmp_path_factory: pytest.TempPathFactory) -> tuple[Compiled, hk.motion.ik.InverseKinematics, hk.Robot]:
+def panda(tmp_path_factory: pytest.TempPathFactory) -> tuple[Compiled, InverseKinematics, hk.Robot]:
     """A Panda whose joint 7 follows the tool, in double precision; its inverse kinematics in Python; the arm."""
     strategy = hk.holonomic(hk.pose(hk.load("panda")), CASES["follows"][1])
     code = Compiled(strategy, PANDA_START, tmp_path_factory.mktemp("panda"), False)
@@ -72,10 +75,10 @@ def test_all_postures_are_those_of_python_on_random_poses(case: str, single: boo
     code, solver = Compiled(strategy, q0, tmp_path, single), hk.ik(strategy, q0)
     rng = np.random.default_rng(0)
     low, high = np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0)
-    compared = 0
+    compared, level = 0, np.zeros(0)
     for posture in rng.uniform(low, high, (200, robot.n)):
         pose = robot.pose(posture)
-        level = np.zeros(0) if rule is None else np.atleast_1d(strategy.constraint_value(posture))
+        level = np.zeros(0) if rule is None else solver.strategy.g(posture)
         python = solver.all(pose, level if len(level) else None, near=(robot.lower + robot.upper) / 2)
         count, q, signs = code.postures(pose, level)
         if single and (count != len(python.q) or not len(python.q) or python.rcond.min() < 0.02):
@@ -84,6 +87,9 @@ def test_all_postures_are_those_of_python_on_random_poses(case: str, single: boo
         if not single:
             assert count == len(python.q) >= 1 and np.abs(q[order] - python.q).max() < 1e-9
             assert np.abs(robot.pose(q) - pose).max() < 1e-10
+            rows = closed_leaf(solver.strategy, level, True).one(pose)  # in the order of the signs + + +, + + -, ...
+            assert signs.tolist() == np.flatnonzero((rows[:, 9] > 1e-10) & (rows[:, 10] >= 0)).tolist()
+            assert (np.sign(rows[signs, 6:9]) == 1 - 2 * (signs[:, None] >> np.arange(2, -1, -1) & 1)).all()
         else:
             gaps = np.abs(q[:, None] - python.q[None]).max(axis=2)
             assert gaps.min(axis=0).max() < 5e-3 and gaps.min(axis=1).max() < 5e-3
@@ -133,7 +139,7 @@ def test_the_self_test_of_the_export_asks_for_all_postures_and_notices_a_wrong_o
     broken = right.replace("q[count * HK_N + i] = y[i];", "q[count * HK_N + i] = y[i] + HK_C(1e-6) * (i == 3);")
     assert broken != right and "arm_postures(target, c, found, signs)" in (tmp_path / "arm_selftest.c").read_text()
     file.write_text(broken)
-    with pytest.raises(hk.base.errors.ExportError, match="postures"):
+    with pytest.raises(ExportError, match="postures"):
         check(made)
 
 

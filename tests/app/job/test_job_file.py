@@ -127,9 +127,21 @@ def test_a_locked_joint_is_held_at_its_level(tmp_path: Path, level: str) -> None
     assert result.q0[2] == PANDA_START[2]
 
 
+def test_a_joint_follows_formulas_of_the_tools_pose(tmp_path: Path) -> None:
+    keys = 'kind = "lock"\njoints = ["panda_joint3"]\nfollows = ["0.5 * y + 0.2 * r12"]'
+    result = run_job(*panda_job(tmp_path, keys))
+    robot = hk.load("panda")
+    for walk in result.strategies[0].trajectories().values():
+        poses = robot.pose(walk.q)
+        away = walk.q[:, 2] - 0.5 * poses[:, 1, 3] - 0.2 * poses[:, 0, 1]
+        assert np.ptp(walk.q[:, 2]) > 1e-3 > 1e-9 > np.ptp(away)
+
+
 @pytest.mark.parametrize(
     ("strategy", "words"),
     [
+        ('kind = "lock"\njoints = ["q3"]\nfollows = ["x", "y"]\n', "what 'lock' follows has shape (2, 1)"),
+        ('kind = "lock"\njoints = ["q3"]\nfollows = ["q1"]\n', "q1"),
         ('kind = "moore-penrose"\nlevel = 0\n', "does not use level; leave it out"),
         ('kind = "lock"\njoints = ["q3"]\nleaf = 0.1\n', "did you mean 'level'? known"),
         ('kind = "impedance"\n', "needs preferred"),

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.base.errors import ArgumentError, BranchError, ShapeError
+from holokin.base.errors import ArgumentError, BranchError, JointLimitError, ShapeError
 from holokin.base.types import Array
+from holokin.motion.ik import InverseKinematics, InverseStatus
 from holokin.motion.ik.closed_leaf import ClosedBranch, Following, closed_leaf
-from holokin.motion.ik.inverse_function import InverseKinematics
 from holokin.robot import Robot
+from holokin.strategies import HolonomicStrategy
 from holokin.strategies.constraints import stack, tilted, total
 
 READY = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
@@ -40,7 +41,7 @@ class Smooth:
         return x @ self.a + np.einsum("ki,ij,kj->k", x, self.B, x) + 0.3 * np.sin(x @ self.b)
 
 
-def following(name: str, seed: int) -> tuple[Robot, Smooth, hk.Strategy, Array, int]:
+def following(name: str, seed: int) -> tuple[Robot, Smooth, HolonomicStrategy, Array, int]:
     robot, h, (q0, k) = hk.load(name), Smooth(seed), ARMS[name]
     return robot, h, hk.holonomic(hk.pose(robot), hk.lock(robot.joint_names[k], follows=h)), q0, k
 
@@ -120,14 +121,16 @@ def test_a_search_from_many_starts_finds_the_postures_of_the_closed_form_and_no_
 
 
 def test_the_followed_value_must_lie_within_the_limits():
-    panda = hk.load("panda")
-    G = hk.holonomic(hk.pose(panda), hk.lock("panda_joint7", follows=lambda p, _R: 40 * p[1]))
-    ik, pose = hk.ik(G, READY), panda.pose(READY)
-    pose[1, 3] += 0.1  # 4 rad on from 0.785, of which 2.9 are allowed
-    assert ik.batch(pose[None]).status[0] == hk.motion.ik.InverseStatus.LIMIT
-    with pytest.raises(hk.base.errors.JointLimitError, match="panda_joint7"):
+    panda, q = hk.load("panda"), READY.copy()
+    q[6] = 3.2  # of which 2.8973 are allowed; the other joints stay
+    pose, slope = panda.pose(q), (3.2 - READY[6]) / (panda.pose(q)[0, 0] - panda.pose(READY)[0, 0])
+    G = hk.holonomic(hk.pose(panda), hk.lock("panda_joint7", follows=lambda _p, R: slope * R[0, 0]))
+    ik = hk.ik(G, READY)
+    assert ik.batch(pose[None]).status[0] == InverseStatus.LIMIT
+    with pytest.raises(JointLimitError, match="panda_joint7"):
         ik(pose)
-    assert hk.ik(G, READY, limits=False)(pose)[6] == pytest.approx(0.785 + 4, abs=1e-12)
+    assert not len(ik.all(pose).q) and ik.all(pose).outside
+    assert np.abs(hk.ik(G, READY, limits=False)(pose) - q).max() < 1e-9
 
 
 def test_a_rail_follows_the_tools_x():

@@ -21,7 +21,21 @@ from ...strategies import HolonomicStrategy, Strategy, constraints
 from ...strategies.constraints import Constraint
 from ...strategies.tasks.task import Task
 from ...symbolic import Function, symbol
-from .tables import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, by_kind, column, filled, matrix
+from .tables import (
+    Few,
+    Formulas,
+    Joints,
+    Length,
+    Number,
+    Numbers,
+    Positive,
+    Table,
+    by_kind,
+    column,
+    filled,
+    matrix,
+    of_pose,
+)
 
 # Runge-Kutta steps of a radial strategy: each lengthens the expressions; beyond these the error is round-off
 MOST_RADIAL_STEPS = 100
@@ -189,14 +203,15 @@ class Linear(ConstraintTable):
 
 
 class Lock(ConstraintTable):
-    """Joints that stay where they are."""
+    """Joints that stay where they are, or follow the tool's pose."""
 
     kind: Literal["lock"]
     joints: Joints
+    follows: Formulas | None = None
 
     def constraint(self, task: Task) -> Constraint:
         """As `lock`."""
-        return constraints.lock(*self.joints)
+        return constraints.lock(*self.joints, follows=None if self.follows is None else of_pose(self.follows))
 
 
 class Coupled(ConstraintTable):

@@ -42,7 +42,7 @@ from ...robot import (
 from ...strategies.tasks.frame_task import Orientation, stacked
 from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
-from ...symbolic import SX, horzcat, parse, vertcat
+from ...symbolic import SX, horzcat, parse, vertcat, vertsplit
 
 # --- What the tables of a job share: numbers and lists of a bounded size, and formulas of the joints.
 
@@ -149,6 +149,17 @@ def _joint_symbols(q: SX, robot: Robot) -> dict[str, SX]:
 def column(rows: list[Formula], robot: Robot) -> Callable[[SX], SX]:
     """q -> the values (k,) of formulas."""
     return lambda q: vertcat(*(parse(row, _joint_symbols(q, robot)) for row in rows))
+
+
+def of_pose(rows: list[Formula]) -> Callable[[SX, SX], SX]:
+    """(position (3,), rotation (3, 3)) -> the values (k,) of formulas of x, y, z and r11, r12, ..., r33."""
+
+    def values(position: SX, rotation: SX) -> SX:
+        names = dict(zip("xyz", vertsplit(position), strict=True))
+        names |= {f"r{i + 1}{j + 1}": rotation[i, j] for i in range(3) for j in range(3)}
+        return vertcat(*(parse(row, names) for row in rows))
+
+    return values
 
 
 def matrix(rows: list[list[Formula]], robot: Robot) -> Callable[[SX], SX]:

@@ -214,8 +214,8 @@ class Source:
             "leaf_words": "and the leaf of the start" if r else "no leaf",
             "c_given": f"const {self.name}_real c[{r}], " if r else "", "c_taken": "c" if r else "0",
             "on_leaf": " on the leaf c" if r else "", "leaf_given": ", const Leaf &c" if r else "",
-            "leaf_data": "c.data(), " if r else "",
-            "row": self.row, "doubt": _c(DOUBT), "doubt_float": _c(DOUBT_FLOAT), "n8": 8 * task.n,
+            "leaf_data": "c.data(), " if r else "", "row": self.row,
+            "doubt": _c(DOUBT), "doubt_float": _c(DOUBT_FLOAT), "n8": 8 * task.n,
             "postures_within": "postures beyond a joint limit are left out" if self.limits
             else "joint limits are not looked at",
         }  # fmt: skip
