@@ -420,6 +420,23 @@ def test_a_panda_s_elbow_may_go_so_far_while_its_tool_works_in_a_box() -> None:
         assert reached.all() == all_of_it
 
 
+def test_where_a_closed_form_gives_the_postures_a_range_of_levels_ends_where_a_joint_is_at_its_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Joint 7 of a Panda held. Referee: the limits themselves, and the share of poses to both sides of each end."""
+    monkeypatch.setattr(nearby_cusps, "LEVEL_POSES", 64)
+    robot = hk.load("panda")
+    law, tool = hk.holonomic(hk.pose(robot), hk.lock(6)), robot.pose(READY)
+    space = hk.workspace(box=(tool[:3, 3], [0.05, 0.05, 0.05]), rotation=tool[:3, :3], tilt=0.3)
+    found, ik = level_range(law, space, READY, step=0.2), hk.ik(law, READY)
+    ((low, high),) = found.intervals
+    for end, out in ((low, -1e-6), (high, 1e-6)):
+        inside = ik.batch(space.poses(64), level=end)
+        assert inside.reached.all() and not ik.batch(space.poses(64), level=end + out).reached.all()
+        to_limit = np.minimum(inside.q - robot.lower, robot.upper - inside.q)
+        assert np.abs(to_limit).min() < 1e-5
+
+
 @pytest.mark.campaign
 def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
     """Referee: inverse kinematics of that law, within the limits, begun on leaves inside and outside the interval."""
