@@ -425,6 +425,7 @@ def test_where_a_closed_form_gives_the_postures_a_range_of_levels_ends_where_a_j
 ) -> None:
     """Joint 7 of a Panda held. Referee: the limits themselves, and the share of poses to both sides of each end."""
     monkeypatch.setattr(nearby_cusps, "LEVEL_POSES", 64)
+    monkeypatch.setattr(nearby_cusps, "STARTS", 10)
     robot = hk.load("panda")
     law, tool = hk.holonomic(hk.pose(robot), hk.lock(6)), robot.pose(READY)
     space = hk.workspace(box=(tool[:3, 3], [0.05, 0.05, 0.05]), rotation=tool[:3, :3], tilt=0.3)
