@@ -256,3 +256,43 @@ def test_answers_without_a_compiler_are_those_of_native_code(name, held, monkeyp
         assert np.abs(answers[real][:, 6:9] - same[real][:, 6:9]).max() < 1e-12
         assert np.abs(answers[..., [REAL, 11]] - same[..., [REAL, 11]]).max() < 1e-12
         assert real.sum() >= (1 if real.ndim == 1 else 80)
+
+
+def with_spin(robot: Robot, axis: Array) -> Robot:
+    """The robot with a hinge more, about an axis (3,) of its tool: a task that does not see the spin leaves it free."""
+    tip = robot.tips[0]
+    spin = Joint("spin", "revolute", tip.joint, tip.placement, axis, robot.n)
+    tips = (Tip("spinning tool", len(robot.joints), np.eye(4)),)
+    return replace(
+        robot, coordinates=(*robot.coordinates, Coordinate("spin", "revolute")), joints=(*robot.joints, spin), tips=tips
+    )
+
+
+SPINS = [
+    ("ur5e", 0.0, {5: True, 6: True}),
+    ("ur5e", 0.6, {4: True, 6: True}),
+    ("irb140", 0.0, {5: True, 6: True}),
+    ("irb140", 0.6, {6: True}),
+]
+
+
+@pytest.mark.parametrize(("name", "tilt", "classes"), SPINS)
+def test_a_free_spin_is_a_last_hinge_about_the_tools_axis(name, tilt, classes):
+    """The spin itself is held, or the last joint if the tool is straight, or joint 5 of a UR with a bent tool."""
+    robot = with_spin(hk.load(name), np.array([np.sin(tilt), 0.0, np.cos(tilt)]))
+    found = {k: arm_class(robot, (k,)) for k in range(robot.n)}
+    assert {k: arm.form.family.quadratic for k, arm in found.items() if isinstance(arm, ArmClass)} == classes
+    q, poses = poses_of(robot, 30, 8)
+    for k in classes:
+        postures, answers = postures_of(inverse_of(robot, (k,)), q, poses)
+        gap = np.where(answers[:, :, REAL] > 1e-9, apart(postures, q[:, None]), np.inf).min(axis=1)
+        assert gap.max() < 1e-6
+
+
+def test_an_arm_on_a_rail_with_a_free_spin_has_a_class_with_both_held():
+    robot = with_spin(hk.load("rail-ur10e"), np.array([0.0, 0.6, 0.8]))
+    q, poses = poses_of(robot, 30, 9)
+    postures, answers = postures_of(inverse_of(robot, (0, 7)), q, poses)
+    gap = np.where(answers[:, :, REAL] > 1e-9, apart(postures, q[:, None]), np.inf).min(axis=1)
+    assert gap.max() < 1e-6
+    assert isinstance(arm_class(robot, (0,)), NoClass)

@@ -420,6 +420,48 @@ def test_a_panda_s_elbow_may_go_so_far_while_its_tool_works_in_a_box() -> None:
         assert reached.all() == all_of_it
 
 
+def test_where_a_closed_form_gives_the_postures_a_range_of_levels_ends_where_a_joint_is_at_its_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Joint 7 of a Panda held. Referee: the limits themselves, and the share of poses to both sides of each end."""
+    monkeypatch.setattr(nearby_cusps, "LEVEL_POSES", 64)
+    monkeypatch.setattr(nearby_cusps, "STARTS", 10)
+    robot = hk.load("panda")
+    law, tool = hk.holonomic(hk.pose(robot), hk.lock(6)), robot.pose(READY)
+    space = hk.workspace(box=(tool[:3, 3], [0.05, 0.05, 0.05]), rotation=tool[:3, :3], tilt=0.3)
+    found, ik = level_range(law, space, READY, step=0.2), hk.ik(law, READY)
+    ((low, high),) = found.intervals
+    for end, out in ((low, -1e-6), (high, 1e-6)):
+        inside = ik.batch(space.poses(64), level=end)
+        assert inside.reached.all() and not ik.batch(space.poses(64), level=end + out).reached.all()
+        to_limit = np.minimum(inside.q - robot.lower, robot.upper - inside.q)
+        assert np.abs(to_limit).min() < 1e-5
+
+
+def test_a_range_of_levels_with_a_gap_narrower_than_a_step_is_two_ranges(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A joint of a Panda turns back on the self-motion of one pose; its limit is set 1e-5 rad before it does."""
+    monkeypatch.setattr(nearby_cusps, "LEVEL_POSES", 4)
+    monkeypatch.setattr(nearby_cusps, "STARTS", 10)
+    robot = hk.load("panda")
+    tool, levels = robot.pose(READY), np.linspace(0.3, 1.3, 4001)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock(6)), READY)
+    Q = np.array([ik(tool, level=c) for c in levels[::40]])
+    joint, i = next((j, i) for j in range(6) for i in [int(Q[:, j].argmax())] if 5 < i < len(Q) - 5)
+    fine = np.array([ik(tool, level=c)[joint] for c in levels[40 * i - 40 : 40 * i + 41]])
+    turns_back, top = levels[40 * i - 40 + fine.argmax()], fine.max() - 1e-5
+    limits = [replace(c, upper=top) if j == joint else c for j, c in enumerate(robot.coordinates)]
+    narrow = replace(robot, coordinates=tuple(limits))
+    law = hk.holonomic(hk.pose(narrow), hk.lock(6))
+    q0 = ik(tool, level=turns_back + 0.27)
+    space = hk.workspace(box=(tool[:3, 3], [1e-9, 1e-9, 1e-9]), rotation=tool[:3, :3])
+    found = level_range(law, space, q0, step=0.2)
+    assert (found.shares[np.abs(found.levels - turns_back) < 0.25] == 1.0).all()  # the levels tried do not see it
+    before, after = sorted(found.intervals)[-2:]
+    assert turns_back - 0.05 < before[1] < turns_back < after[0] < turns_back + 0.05
+    for end in (before[1], after[0]):
+        assert abs(ik(tool, level=end)[joint] - top) < 1e-6
+
+
 @pytest.mark.campaign
 def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
     """Referee: inverse kinematics of that law, within the limits, begun on leaves inside and outside the interval."""

@@ -152,6 +152,15 @@ def test_a_slide_is_held_with_a_joint_of_the_arm_and_not_left_among_the_six():
     assert isinstance(left, NoClass) and "slide" in left.reason
 
 
+def test_a_rail_square_to_two_parallel_axes_does_not_change_the_arm():
+    """A rail along x, square to axes 2 and 3. Referee: the arm itself, its poses moved by the slide."""
+    arm = hk.load("irb140")
+    moved, q = on_rail(arm, [1.0, 0.0, 0.0]), np.array([0.2, -0.4, 0.3, 0.5, 0.6, -0.3])
+    found = all_postures(lock(moved, 0), moved.pose(np.array([0.35, *q])), 0.35, limits=False)
+    alone = all_postures(hk.moore_penrose(hk.pose(arm)), arm.pose(q), limits=False)
+    assert found.closed and len(found) == len(alone) > 1 and np.abs(found.q[:, 1:] - alone.q).max() < 1e-12
+
+
 def test_after_a_step_of_degree_four_the_path_tells_the_posture_and_no_proof_is_given():
     """Joint 5 of a Panda held: signs do not tell postures apart there. Referee: paths alone."""
     robot = hk.load("panda")

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, HolokinError
-from ...base.types import ArrayLike, Matrix, NoTruthValue, Result, Value, Vector, positive
+from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Result, Value, Vector, positive
 from ...motion.ik import ik, move_to_leaf
-from ...motion.ik.inverse_function import closed_postures
+from ...motion.ik.inverse_function import level_margins
 from ...path.workspaces import Workspace
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy
@@ -213,9 +213,9 @@ def level_range(
     """The levels c of a constraint of one row whose leaves serve a whole workspace.
 
     `ik(pose, level=c)` is asked for the poses, at levels from that of q0 outwards, until none is served, or an angle
-    has gone half round. The ends of the intervals are then halved, to a thousandth of the step, or to 1e-7 where a
-    closed form gives the postures. A level in between may fail at poses between those
-    asked; `unique_region(strategy, found.q0, workspace)` proves one.
+    has gone half round. The ends of the intervals are then halved, to a thousandth of the step. Where a closed form
+    gives the postures, to 1e-7, and gaps between levels are looked for, too. A level in between may fail at poses
+    between those asked; `unique_region(strategy, found.q0, workspace)` proves one.
 
     Args:
         q0: posture (n,) that the straight paths to the poses begin at.
@@ -256,14 +256,35 @@ def level_range(
                 break
     levels = np.array(sorted(known))
     shares = np.array([known[c] for c in levels])
-    # The intervals that serve all, and the middle of the longest
-    exact = 1e-7 if closed_postures(solver) else 1e-3 * step
-    intervals = _intervals(levels, shares, share, exact)
+    # The intervals that serve all, and the middle of the longest; a closed form tells of gaps between two levels, too
+    every, exact = known.copy(), 1e-3 * step
+    if (margins := level_margins(solver)) is not None:
+        every |= {c: share(c) for c in _dips(margins, poses, levels[shares == 1.0], step)}
+        exact = 1e-7
+    tried = np.array(sorted(every))
+    intervals = _intervals(tried, np.array([every[c] for c in tried]), share, exact)
     longest = max(intervals, key=lambda ends: ends[1] - ends[0], default=None)
     best = float(levels[np.argmax(shares)]) if longest is None else (longest[0] + longest[1]) / 2
     q = move_to_leaf(strategy, start, best, limits=False)
     near = cusps_near(strategy, q, workspace)
     return LevelRange(strategy, workspace, level, levels, shares, intervals, best, q, near)
+
+
+def _dips(margins: Callable[[Array, Vector], Vector], poses: Array, levels: Vector, step: float) -> Sequence[float]:
+    """Levels between some that serve all poses (k, 4, 4) at which a pose is not served: where its margin is least."""
+    if len(levels) < 3:
+        return ()
+    k, count = len(poses), len(levels)
+    M = margins(np.repeat(poses, count, axis=0), np.tile(levels, k)).reshape(k, count)
+    lowest = (M[:, 1:-1] <= M[:, :-2]) & (M[:, 1:-1] <= M[:, 2:]) & (levels[2:] - levels[:-2] < 2.5 * step)
+    pose, place = np.nonzero(lowest)
+    low, high, some = levels[place], levels[place + 2], poses[pose]
+    for _ in range(40):  # thirds of an interval: to 1e-7 of a step
+        a, b = low + (high - low) / 3, high - (high - low) / 3
+        falls = margins(some, a) > margins(some, b)
+        low, high = np.where(falls, a, low), np.where(falls, high, b)
+    least = (low + high) / 2
+    return np.unique(least[margins(some, least) < 0].round(9)).tolist()
 
 
 def _intervals(

@@ -254,6 +254,14 @@ class ClosedBranch(Value):
         status = np.where(real, np.where(within, InverseStatus.REACHED, InverseStatus.LIMIT), InverseStatus.LEAF_ENDS)
         return q, status.astype(np.intp), known
 
+    def margins(self, poses: Array, held: Matrix) -> Vector:
+        """How far (k,) the postures at poses (k, 4, 4) and values (k, r) of the held joints are from ceasing to serve.
+
+        Of how real they are and of their distance to the joint limits the lesser; below 0 they do not serve.
+        """
+        answers = self.leaf.inverse.answers(poses, held)[:, self.row]
+        return np.minimum(answers[:, 9] - DOUBT, answers[:, 10])
+
     def problem(self, p: Vector, R: Matrix) -> HolokinError:
         """Why a pose has no posture of the branch."""
         arm = self.leaf.inverse.arm

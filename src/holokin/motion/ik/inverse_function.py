@@ -30,6 +30,7 @@ from ...base.types import (
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy, may_jump
 from ...symbolic.native import LARGEST, EdgeKernel, enabled, engine, tell, weak
+from .closed_leaf import held_joints
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function, inverse_code, stretch_code
 from .leaf import TRIES, leaf_step, leaf_value, level_towards, with_leaves
@@ -673,9 +674,14 @@ def how_far(ik: InverseKinematics, pose: PoseLike, q: ArrayLike) -> tuple[Vector
     return ik._paths.go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
 
 
-def closed_postures(ik: InverseKinematics) -> bool:
-    """Whether a closed form gives the postures of all poses."""
-    return ik._paths.closed is not None and ik._paths.closed.single
+def level_margins(ik: InverseKinematics) -> Callable[[Array, Vector], Vector] | None:
+    """(poses (k, 4, 4), levels (k,) of one held joint) -> how far the postures are from ceasing to serve, as
+    `ClosedBranch.margins`; None where no closed form gives the postures of all poses."""
+    branch, held = ik._paths.closed, held_joints(ik.strategy)
+    if branch is None or not branch.single or isinstance(held, str):
+        return None
+    _, factors, shifts = held
+    return lambda poses, levels: branch.margins(poses, (levels[:, None] - shifts) / factors)
 
 
 def ends_of_paths(ik: InverseKinematics, poses: Array) -> tuple[Matrix, Indices]:

@@ -37,21 +37,23 @@ def _geometry(arm: ArmClass, links: Sequence[Link], held: SX) -> SX:
     # The axes with the six joints at 0.
     R, p = SX.eye(3), SX.zeros(3, 1)
     axes: list[Axis] = []
-    others: list[Axis] = []
+    between: list[Axis] = []  # held axes between the pair
+    first = 2 if arm.form.inner else 1
+    first = 6 - first if arm.form.reversed else first
     for link in links:
         p, R = p + R @ SX(link.position), R @ SX(link.rotation)
         axis = R @ SX(link.axis)
         if link.coordinate not in arm.held:
             axes += [(axis, p)] if link.coordinate >= 0 else []
             continue
-        others.append((axis, p))
+        between += [(axis, p)] if len(axes) == first else []
         value = link.multiplier * held[arm.held.index(link.coordinate)] + link.offset
         p, R = (p + axis * value, R) if link.slides else (p, R @ rotation_about(link.axis, value))
     # The point in which some meet, and a normal.
     ordered = axes[::-1] if arm.form.reversed else axes
     if arm.form.family is not Family.PARALLEL:
         center = _meeting_point(ordered[3:], held)
-        normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), others, held)
+        normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), between, held)
     else:
         center = _meeting_point(ordered[4:], held)
         (along, first), (_, second) = ordered[1:3]
@@ -76,9 +78,9 @@ def _meeting_point(axes: Sequence[Axis], held: SX) -> SX:
     raise ValueError
 
 
-def _normal(first: Axis, second: Axis, others: Sequence[Axis], held: SX) -> SX:
-    """A normal (3,) of the plane of two axes; along a held axis that is square to both, so that its sign stays."""
-    for axis, _ in others:
+def _normal(first: Axis, second: Axis, between: Sequence[Axis], held: SX) -> SX:
+    """A normal (3,) of the plane of two axes: along a held axis between them that is square to both, or of them."""
+    for axis, _ in between:
         if _vanishes(vertcat(dot(axis, first[0]), dot(axis, second[0])), held):
             return axis
     normal = cross(first[0], second[0])
@@ -215,8 +217,8 @@ class Held(Value):
         """Whether a posture is found again from its pose: not where every posture is singular at this value, and where
         two axes meet, or are parallel, that are not elsewhere."""
         arm, others = self.inverse.arm, self.inverse.others
-        q = self._others.copy()
-        q[others] = _PROBE
+        q = np.zeros(arm.robot.n)
+        q[list(arm.held)], q[others] = self.values, _PROBE
         answers = self.one(arm.robot.pose(q, arm.tip))
         gap = np.abs((answers[:, :6] - _PROBE + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
         return bool(((gap < 1e-9) & (answers[:, 9] > 0)).any())
