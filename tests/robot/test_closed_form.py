@@ -246,3 +246,15 @@ def test_answers_without_a_compiler_are_those_of_native_code(name, held, monkeyp
         assert np.abs(answers[real][:, 6:9] - same[real][:, 6:9]).max() < 1e-12
         assert np.abs(answers[..., [REAL, 11]] - same[..., [REAL, 11]]).max() < 1e-12
         assert real.sum() >= (1 if real.ndim == 1 else 80)
+
+
+def test_a_matrix_that_is_no_pose_is_refused_by_a_closed_form_too():
+    panda, start = hk.load("panda"), [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+    pose = panda.pose(start)
+    mirrored, lost = pose @ np.diag([1.0, 1.0, -1.0, 1.0]), pose.copy()
+    lost[0, 3] = np.nan
+    ik = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(6)), start)
+    assert ik.all(pose.astype(np.float32)).closed and len(ik.all(pose)) > 1
+    for bad in (mirrored, 1.01 * pose, pose.T, lost):
+        with pytest.raises(hk.HolokinError, match="a tool pose"):
+            ik.all(bad)
