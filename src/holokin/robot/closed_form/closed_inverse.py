@@ -12,7 +12,7 @@ import numpy as np
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, frozen
 from ...symbolic import SX, Function, cross, densify, dot, horzcat, norm_2, substitute, symbol, vec, vertcat, vertsplit
-from ...symbolic.native import SignsKernel, enabled, signs_kernel
+from ...symbolic.native import SignsKernel, allowed, signs_kernel
 from ...symbolic.rotations import rotation_about
 from .arm_classes import ArmClass, Link, links_of
 from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
@@ -127,7 +127,7 @@ class ClosedInverse(Value):
     @property
     def kernel(self) -> SignsKernel | None:
         """Native code, the same for all arms of the form; None without a compiler."""
-        return _kernel(self.arm.form) if enabled() else None
+        return _kernel(self.arm.form) if allowed() else None
 
     def at(self, held: ArrayLike) -> Held:
         """The inverse at one value (r,) of the held joints; the last one is kept."""
@@ -164,13 +164,13 @@ def _kernel(form: Form) -> SignsKernel | None:
 
 def _answers(inverse: ClosedInverse, chain: Array, own: Array, poses: Array, threads: int | None) -> Array:
     """Those of many poses (k, 4, 4); chain, own: (58,) for all, or (k, 58)."""
-    k, joints = len(poses), inverse._joints
+    k, joints, kernel = len(poses), inverse._joints, inverse.kernel
     poses = np.ascontiguousarray(poses, dtype=float)
-    if inverse.kernel is not None:
+    if kernel is not None:
         out = np.empty((k, len(SIGNS), COLUMNS))
         every = [np.ascontiguousarray(chain), poses, np.ascontiguousarray(own), joints]
         shapes = [(k, GEOMETRY), (k, 4, 4), (k, GEOMETRY), (k, 5, 6)]
-        inverse.kernel([np.broadcast_to(x, shape) for x, shape in zip(every, shapes, strict=True)], [out], threads)
+        kernel([np.broadcast_to(x, shape) for x, shape in zip(every, shapes, strict=True)], [out], threads)
         return out
     chains = [np.repeat(x, len(SIGNS), axis=0) if x.ndim == 2 else x for x in (chain, own)]
     rows = solver(inverse.arm.form, True).batch(
