@@ -296,3 +296,15 @@ def test_an_arm_on_a_rail_with_a_free_spin_has_a_class_with_both_held():
     gap = np.where(answers[:, :, REAL] > 1e-9, apart(postures, q[:, None]), np.inf).min(axis=1)
     assert gap.max() < 1e-6
     assert isinstance(arm_class(robot, (0,)), NoClass)
+
+
+def test_a_matrix_that_is_no_pose_is_refused_by_a_closed_form_too():
+    panda, start = hk.load("panda"), [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+    pose = panda.pose(start)
+    mirrored, lost = pose @ np.diag([1.0, 1.0, -1.0, 1.0]), pose.copy()
+    lost[0, 3] = np.nan
+    ik = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(6)), start)
+    assert ik.all(pose.astype(np.float32)).closed and len(ik.all(pose)) + ik.all(pose).outside == 8
+    for bad in (mirrored, 1.01 * pose, pose.T, lost):
+        with pytest.raises(hk.HolokinError, match="a tool pose"):
+            ik.all(bad)

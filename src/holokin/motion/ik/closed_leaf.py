@@ -242,12 +242,14 @@ class ClosedBranch(Value):
         A pose without a posture has the status LEAF_ENDS, and NaN. Where a joint has several turns within its limits,
         the straight way from the start has to tell which.
         """
-        every = self.leaf.answers(pose_from(p, R), threads)
+        poses = pose_from(p, R)
+        every = self.leaf.one(poses[0])[None] if len(poses) == 1 else self.leaf.answers(poses, threads)
         nearest = every[:, :, 9].argmax(axis=1) if self.row is None else self.row
         answers = every[np.arange(len(every)), nearest]
-        real = answers[:, 9] > DOUBT
-        known = (real & self.single) | (answers[:, 9] < -DOUBT)
-        q = self.leaf.postures(answers)
+        real, none = answers[:, 9] > DOUBT, answers[:, 9] < -DOUBT
+        if not self.single:  # the path tells the turn, or the branch, where there is a posture
+            return np.full((len(p), len(self.q0)), np.nan), np.full(len(p), int(InverseStatus.LEAF_ENDS)), none
+        known, q = real | none, self.leaf.postures(answers)
         q[~real] = np.nan
         robot = self.leaf.inverse.arm.robot
         within = (robot.beyond(q) <= TOLERANCES.limit).all(axis=1) | (not self.leaf.inverse.limits)

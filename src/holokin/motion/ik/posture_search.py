@@ -222,7 +222,7 @@ class Postures(Result, Value):
         leaf = " on this leaf" if len(self.level) else ""
         if self.closed:
             meet = "; two postures meet here, at a singular one, and are not counted" if self.singular else ""
-            return f"{many} at this tool pose{leaf} by a closed form, and no others{left}{meet}"
+            return f"{many} at this tool pose{leaf}, by a closed form{left}; there are no others{meet}"
         return (
             f"{many} at this tool pose{leaf} found by Newton's method from {self.starts} starts spread over the "
             f"joint ranges{least}{left}{more}; a search, no proof that there are no others"

@@ -12,7 +12,7 @@ import numpy as np
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, frozen
 from ...symbolic import SX, Function, cross, densify, dot, horzcat, norm_2, substitute, symbol, vec, vertcat, vertsplit
-from ...symbolic.native import SignsKernel, enabled, signs_kernel
+from ...symbolic.native import SignsKernel, allowed, signs_kernel
 from ...symbolic.rotations import rotation_about
 from .arm_classes import ArmClass, Link, links_of
 from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
@@ -132,7 +132,7 @@ class ClosedInverse(Value):
     @property
     def kernel(self) -> SignsKernel | None:
         """Native code, the same for all arms of the form; None without a compiler."""
-        return _kernel(self.arm.form) if enabled() else None
+        return _kernel(self.arm.form) if allowed() else None
 
     def at(self, held: ArrayLike) -> Held:
         """The inverse at one value (r,) of the held joints; the last one is kept."""

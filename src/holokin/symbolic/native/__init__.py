@@ -24,7 +24,7 @@ from .kernel import (
     signs_kernel,
     weak,
 )
-from .toolchain import compiler, enabled, engine, tell
+from .toolchain import allowed, compiler, enabled, engine, tell
 
 __all__ = [
     "LARGEST",
@@ -37,6 +37,7 @@ __all__ = [
     "StepKernel",
     "StepMemory",
     "VelocityRules",
+    "allowed",
     "code_file",
     "compiler",
     "enabled",
