@@ -16,7 +16,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.errors import NoProofError
 from ..base.files import write_text
-from ..base.types import Array, NoTruthValue, Value
+from ..base.types import Array, NoTruthValue, Value, kept
 from ..motion.ik.closed_leaf import held_joints, leaf_class
 from ..robot.closed_form import ArmClass, NoClass
 from ..robot.closed_form.arm_classes import miss_of_point, screws
@@ -167,6 +167,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
         return FilePath(file)
 
 
+@kept
 def _center_and_normal(arm: ArmClass) -> dict[str, Any]:
     """The point in which axes meet, and a normal of the plane of two, each in a link in which it is fixed.
 
