@@ -95,9 +95,9 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
         six = "What the held joints leave of the arm" if self.held else "The arm"
         return (
             f"{six} is a chain of six hinges: {FACTORS[self.arm.form.family]}. So its inverse takes "
-            "three steps, each a root of a cos q + b sin q = d; det [J; J_g] is plus or minus the product of their "
-            "slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While [J; J_g] is regular no sign "
-            "changes."
+            "three steps, each a root of a cos q + b sin q = d. The determinant of the Jacobian of the six is plus or "
+            "minus the product of the slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While "
+            "[J; J_g] is regular no sign changes."
         )
 
     unsaid = (
