@@ -147,6 +147,7 @@ def test_what_is_no_lock_no_whole_pose_or_no_class_is_refused_with_the_reason_an
     fails(NoProofError, "does not ask for the whole pose", lambda: hk.certify(point))
     spun = hk.holonomic(hk.pose(panda, "axis"), hk.lock(5, 6))
     fails(NoProofError, "does not ask for the whole pose", lambda: hk.certify(spun))
+    fails(NoProofError, "a slide is left", lambda: proof_of("rail-ur10e", 3))
     fails(ArgumentError, "leaves", lambda: hk.certify(hk.moore_penrose(twist)))
     circle: Any = hk.circle([0.5, 0, 0.5], [0.4, 0, 0.5])
     fails(ArgumentError, "q0 is not given", lambda: hk.certify(lock(panda, 6), *[circle]))

@@ -16,7 +16,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.errors import NoProofError
 from ..base.files import write_text
-from ..base.types import Array, NoTruthValue, Value
+from ..base.types import Array, NoTruthValue, Value, kept
 from ..motion.ik.closed_leaf import held_joints, leaf_class
 from ..robot.closed_form import ArmClass, NoClass
 from ..robot.closed_form.arm_classes import miss_of_point, screws
@@ -102,9 +102,9 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
         six = "What the held joints leave of the arm" if self.held else "The arm"
         return (
             f"{six} is a chain of six hinges: {FACTORS[self.arm.form.family]}. So its inverse takes "
-            "three steps, each a root of a cos q + b sin q = d; det [J; J_g] is plus or minus the product of their "
-            "slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While [J; J_g] is regular no sign "
-            "changes."
+            "three steps, each a root of a cos q + b sin q = d. The determinant of the Jacobian of the six is plus or "
+            "minus the product of the slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While "
+            "[J; J_g] is regular no sign changes."
             + " A pose tells h, and det [J; e_k - h' J] = det [J; e_k], so this is as if joint k were held."
             * self.follows
         )
@@ -177,6 +177,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
         return FilePath(file)
 
 
+@kept
 def _center_and_normal(arm: ArmClass) -> dict[str, Any]:
     """The point in which axes meet, and a normal of the plane of two, each in a link in which it is fixed.
 

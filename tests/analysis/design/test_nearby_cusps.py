@@ -53,8 +53,10 @@ def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_a
 
 def test_where_none_is_found_or_none_is_looked_for_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nearby_cusps, "STARTS", 60)
-    law = strategy(hk.lock(6))
+    law = strategy(hk.linear([0, 0, 0, 1, 0, 0, 1]))
     space = hk.workspace(box=(law.task.pose(PANDA)[:3, 3], [0.05] * 3))
+    proven = cusps_near(strategy(hk.lock(6)), PANDA, space)
+    assert proven.clear and proven.sentence.startswith("its leaf has no cusp: proven on the whole arm")
     said = cusps_near(law, PANDA, space)
     assert said.clear and said.away == np.inf and "no cusp was found" in said.sentence and not said.loop
     flat, q0 = hk.position(hk.from_dh(BARS, name="planar")), np.array([-0.6, 1.0, 0.8])

@@ -324,7 +324,7 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
 
     @property
     def cuspidal(self) -> bool:
-        """True where a loop was followed that does not bring the joints back; False is no proof that there is none."""
+        """True where a loop was followed that does not bring the joints back; False alone is no proof of none."""
         return bool(self.witnesses)
 
     @property
@@ -424,7 +424,8 @@ def cusps(
     Newton's method on g(q) = c, det [J; J_g] = 0 and its cusp condition begins at `starts` postures spread over the
     joint ranges, hinges without a range over one turn; exact slopes come from the formulas. Loops about the cusps
     nearest to q0 are followed by `follow`: only where one ends at another posture is the leaf called cuspidal. The leaf
-    may have several sheets, and the cusps may lie on others than that of q0.
+    may have several sheets, and the cusps may lie on others than that of q0. Where it is proven that there are none, on
+    the whole arm, none is looked for: `excluded` says so.
 
     Args:
         strategy: with leaves; any one where nothing is redundant, n = m. Or an inverse kinematics, for its leaf: what
