@@ -130,7 +130,7 @@ def check_with_eaik(name: str, held: tuple[int, ...], count: int) -> None:
         if (np.abs(answers[i, :, REAL]) < 1e-6).any():
             continue  # two postures meet
         assert len(ours) == len(Q), (i, len(ours), len(Q))
-        assert apart(ours[:, None], Q[None]).min(axis=0).max() < 1e-10
+        assert apart(ours[:, None], Q[None]).min(axis=0).max() < 1e-8
         compared += 1
     assert compared > 0.9 * count
 
@@ -318,6 +318,6 @@ def test_all_real_roots_of_the_step_of_degree_four_are_found(kind):
         assert all(apart(ours[:, None], np.array([angle])).min() < 1e-9 for angle in theirs)
         angles = np.arctan2(sine, cosine)
         apart_on_line = np.sin((angles[[0, 2]] - angles[[1, 3]]) / 2) ** 2
-        assert np.abs(np.where(share > 0, np.repeat(apart_on_line, 2) - share, 0)).max() < 1e-9
+        assert np.abs(np.where(share > 0, np.repeat(apart_on_line, 2) - share, 0)).max() < 1e-8
         counts.add(len(ours))
     assert counts == ({0, 2} if "circle" in kind else {0, 2, 4})
