@@ -10,8 +10,11 @@ import holokin as hk
 from holokin.base.types import Array
 from holokin.robot import Robot
 from holokin.robot.closed_form import ArmClass, ClosedInverse, NoClass, arm_class
+from holokin.robot.closed_form.closed_inverse import SIGNS
+from holokin.robot.closed_form.six_hinges import Wave, _root_of_degree_four
 from holokin.robot.joints import Coordinate, Joint, Tip
 from holokin.symbolic.native import compiler
+from holokin.symbolic import Function, symbol, vertcat
 
 REAL = 9
 """The column of an answer that says how real it is."""
@@ -308,3 +311,43 @@ def test_a_matrix_that_is_no_pose_is_refused_by_a_closed_form_too():
     for bad in (mirrored, 1.01 * pose, pose.T, lost):
         with pytest.raises(hk.HolokinError, match="a tool pose"):
             ik.all(bad)
+
+
+WAVES = {
+    "general": lambda W: W,
+    "a circle, so two lines are one at infinity": lambda W: (
+        W * [[1, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 1]] + [[0, 0.7, 0], [0, 0, 0.7], [0, 0, 0], [0, 0, 0]]
+    ),
+    "nearly one wave": lambda W: W * [[1, 1, 1], [1, 1e-3, 1e-3], [1, 1e-3, 1e-3], [1, 1, 1]],
+    "roots in pairs q and -q": lambda W: W * [[1, 1, 0]] * np.ones((4, 1)),
+    "roots in pairs q and pi - q": lambda W: W * [[1, 0, 1]] * np.ones((4, 1)),
+}
+
+
+@pytest.mark.parametrize("kind", WAVES)
+def test_all_real_roots_of_the_step_of_degree_four_are_found(kind):
+    """u^2 + v^2 + w^2 = k, each mean + a cos q + b sin q. Referee: NumPy's roots of the polynomial in exp(i q)."""
+    waves, signs = symbol("waves", 12), symbol("signs", 2)
+    every = [Wave(*(waves[3 * i + j] for j in range(3))) for i in range(4)]
+    root = _root_of_degree_four(every[:3], every[3], [signs[0], signs[1]])
+    solve = Function("root", {"w": waves, "s": signs}, {"y": vertcat(root.turn.cos, root.turn.sin, root.share)})
+    rng, counts = np.random.default_rng(6), set()
+    for trial in range(100):
+        W, q = WAVES[kind](rng.normal(size=(4, 3))), rng.uniform(-3, 3)
+        values = W @ [1, np.cos(q), np.sin(q)]
+        if trial % 2:
+            W[3, 0] += np.sum(values[:3] ** 2) - values[3]  # q is a root
+        cosine, sine, share = np.array([solve(W.ravel(), s[1:]) for s in SIGNS[:4]]).reshape(4, 3).T
+        powers = np.column_stack([(W[:, 1] - 1j * W[:, 2]) / 2, W[:, 0], (W[:, 1] + 1j * W[:, 2]) / 2])
+        polynomial = sum(np.convolve(row, row) for row in powers[:3]) - np.pad(powers[3], 1)
+        z = np.roots(polynomial)
+        if np.abs(share).min() < 1e-6:
+            continue  # two roots meet
+        theirs, ours = np.angle(z[np.abs(np.abs(z) - 1) < 1e-6]), np.arctan2(sine, cosine)[share > 0]
+        assert len(ours) == len(theirs)
+        assert all(apart(ours[:, None], np.array([angle])).min() < 1e-9 for angle in theirs)
+        angles = np.arctan2(sine, cosine)
+        apart_on_line = np.sin((angles[[0, 2]] - angles[[1, 3]]) / 2) ** 2
+        assert np.abs(np.where(share > 0, np.repeat(apart_on_line, 2) - share, 0)).max() < 1e-8
+        counts.add(len(ours))
+    assert counts == ({0, 2} if "circle" in kind else {0, 2, 4})

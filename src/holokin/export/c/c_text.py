@@ -163,7 +163,7 @@ class Source:
         if self.holonomic is None or not self.closed:
             return -1
         branch = PosePaths(self.holonomic, self.q0, self.leaf, self.limits).closed
-        return branch.row if branch is not None and branch.single else -1
+        return -1 if branch is None or branch.row is None or not branch.single else branch.row
 
     @cached_property
     def words(self) -> dict[str, Any]:

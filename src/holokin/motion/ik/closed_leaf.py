@@ -198,12 +198,11 @@ class ClosedBranch(Value):
 
     @staticmethod
     def of(leaf: Held | Following | None, q0: Vector) -> ClosedBranch | None:
-        """That of a start on the leaf; None where no answer at its tool pose is the start, as at a singular posture."""
-        if leaf is None:
+        """That of a start on the leaf; None where signs tell no postures apart, and where no answer at its tool pose is
+        the start, as at a singular posture."""
+        if leaf is None or not leaf.inverse.arm.form.family.quadratic:
             return None
         arm = leaf.inverse.arm
-        if not arm.form.family.quadratic:
-            return ClosedBranch(leaf, q0, None)
         answers = leaf.one(arm.robot.pose(q0, arm.tip))
         gap = leaf.postures(answers) - q0
         gap -= 2 * np.pi * arm.robot.hinges * np.round(gap / (2 * np.pi))

@@ -678,10 +678,9 @@ def level_margins(ik: InverseKinematics) -> Callable[[Array, Vector], Vector] | 
     """(poses (k, 4, 4), levels (k,) of one held joint) -> how far the postures are from ceasing to serve, as
     `ClosedBranch.margins`; None where no closed form gives the postures of all poses."""
     branch, held = ik._paths.closed, held_joints(ik.strategy)
-    if branch is None or not branch.single or isinstance(held, str):
+    if branch is None or not branch.single or isinstance(held, str) or held.follows is not None:
         return None
-    _, factors, shifts = held
-    return lambda poses, levels: branch.margins(poses, (levels[:, None] - shifts) / factors)
+    return lambda poses, levels: branch.margins(poses, held.at(levels[:, None], 0.0))
 
 
 def ends_of_paths(ik: InverseKinematics, poses: Array) -> tuple[Matrix, Indices]:

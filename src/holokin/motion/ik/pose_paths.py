@@ -248,7 +248,7 @@ class PosePaths(Value):
         context = self.context.copy()
         context[first : first + n] = level
         other = replace(self, level=frozen(level))
-        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side, _first=self._first)
+        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side, _first=self._first or self)
         return other
 
     def reach(self, p: Vector, R: Matrix, begin: Vector, search: bool = False) -> Vector:
@@ -332,15 +332,20 @@ class PosePaths(Value):
         """The closed form of the leaf's postures, of the start's branch; None where there is none, or g may jump."""
         if may_jump(self.strategy):
             return None
-        if self._first is not self:
-            branch = self._first.closed
-            return None if branch is None else branch.on(closed_leaf(self.strategy, self.level, self.limits))
-        return ClosedBranch.of(closed_leaf(self.strategy, self.level, self.limits), self.q0)
+        first = self._first
+        if first is not None and first.closed is None:
+            return None
+        leaf = closed_leaf(self.strategy, self.level, self.limits)
+        if first is not None:
+            return first.closed.on(leaf)
+        if leaf is not None and not leaf.inverse.arm.form.family.quadratic:
+            return ClosedBranch(leaf, self.q0, None)
+        return ClosedBranch.of(leaf, self.q0)
 
     @cached_property
-    def _first(self) -> PosePaths:
-        """Those to the level of the start."""
-        return self
+    def _first(self) -> PosePaths | None:
+        """Those to the level of the start; None where these are they."""
+        return None
 
     @cached_property
     def kernel(self) -> InverseKernel | None:

@@ -255,10 +255,10 @@ def _root_of_degree_four(squared: list[Wave], less: Wave, signs: list[SX]) -> Ro
     # With t of the circle it is a pair of lines: (1 + t) x^2 - (1 - t) y^2 + ... = (r x + u)^2 - (s y - v)^2 = 0.
     t = _cubic_root_within(-e, f * f + g * g - 1, e + f * f - g * g)
     r, s, rest = sqrt(1 + t), sqrt(1 - t), e - t
-    u, v = g / fmax(r, 0.5), f / fmax(s, 0.5)
+    u, v = g / fmax(r, 0.01), f / fmax(s, 0.01)
     u, v = (
-        if_else(t >= 0, u, copysign(sqrt(fmax(v * v + rest, 0)), g)),
-        if_else(t >= 0, copysign(sqrt(fmax(u * u - rest, 0)), f), v),
+        if_else(r > 0.01, u, copysign(sqrt(fmax(v * v + rest, 0)), g)),
+        if_else(s > 0.01, v, copysign(sqrt(fmax(u * u - rest, 0)), f)),
     )
     # One of u + v and u - v may be what is left of large numbers: their product is not.
     larger = u + copysign(v, u)
