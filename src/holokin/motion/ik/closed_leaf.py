@@ -15,7 +15,7 @@ from ...base.types import ROTATION, Array, ArrayLike, Flags, Indices, Matrix, Va
 from ...robot import Kinematics
 from ...robot.closed_form import ArmClass, ClosedInverse, Held, NoClass, arm_class
 from ...robot.closed_form.six_hinges import COLUMNS, answer
-from ...strategies import HolonomicStrategy
+from ...strategies import HolonomicStrategy, may_jump
 from ...strategies.constraints.constraint import Tilt
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import TipFrame
@@ -73,6 +73,20 @@ def leaf_class(strategy: HolonomicStrategy) -> ArmClass | NoClass:
     """The class of the arm that the held joints of a strategy leave."""
     held = held_joints(strategy)
     return NoClass((), held) if isinstance(held, str) else arm_class(strategy.task.robot, held[0], strategy.task.tip)
+
+
+def closed_branch(strategy: HolonomicStrategy, q0: Vector, level: Vector, limits: bool) -> ClosedBranch | None:
+    """The closed form of the postures of a leaf on the branch of a start (n,); None where there is none.
+
+    Where g may jump the paths from the start decide.
+    """
+    if may_jump(strategy):
+        return None
+    tilt, turn = strategy.constraint.tilt, np.inf
+    if tilt is not None:
+        p, R = strategy.task._place(q0)
+        turn = float(tilt.turn(strategy.task, Kinematics(SX(p), SX(R), SX(6, 0), {})))
+    return ClosedBranch.of(closed_leaf(strategy, level, limits), q0, turn) if turn > 0 else None
 
 
 def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Held | Following | None:
@@ -187,24 +201,28 @@ class Following(Value):
 class ClosedBranch(Value):
     """The postures of a closed leaf that have the signs of a start q0 (n,): one of each pose, but for whole turns.
 
-    row: which of the signs they are.
+    row: which of the signs they are. turn: from which angle [rad] to the start's rotation (3, 3) on the straight path
+    has to tell, since joints follow coordinates of the pose that may jump there; see `Tilt`.
     """
 
     leaf: Held | Following
     q0: Vector
     row: int
+    rotation: Matrix
+    turn: float = np.inf
 
     @staticmethod
-    def of(leaf: Held | Following | None, q0: Vector) -> ClosedBranch | None:
+    def of(leaf: Held | Following | None, q0: Vector, turn: float = np.inf) -> ClosedBranch | None:
         """That of a start on the leaf; None where no answer at its tool pose is the start, as at a singular posture."""
         if leaf is None:
             return None
         arm = leaf.inverse.arm
-        answers = leaf.one(arm.robot.pose(q0, arm.tip))
+        pose = arm.robot.pose(q0, arm.tip)
+        answers = leaf.one(pose)
         gap = leaf.postures(answers) - q0
         gap -= 2 * np.pi * arm.robot.hinges * np.round(gap / (2 * np.pi))
         near = np.flatnonzero((np.abs(gap).max(axis=1) < SAME) & (answers[:, 9] > DOUBT))
-        return ClosedBranch(leaf, q0, int(near[0])) if len(near) == 1 else None
+        return ClosedBranch(leaf, q0, int(near[0]), frozen(pose[:3, :3]), turn) if len(near) == 1 else None
 
     @cached_property
     def single(self) -> bool:
@@ -212,10 +230,17 @@ class ClosedBranch(Value):
         robot, inverse = self.leaf.inverse.arm.robot, self.leaf.inverse
         return inverse.limits and bool(((robot.upper - robot.lower)[inverse.others] < 2 * np.pi).all())
 
+    @cached_property
+    def least_trace(self) -> float:
+        """The trace of R^T R_0 from which a rotation R is less than `turn` away from the start's."""
+        return 1 + 2 * float(np.cos(self.turn)) if self.turn < np.inf else -np.inf
+
     def one(self, pose: Matrix) -> Vector | None:
         """The posture (n,) of a pose, an array (4, 4) of floats; None where there is none, or more is to be asked."""
         answer = self.leaf.one(pose)[self.row]
         sound = answer[9] > DOUBT and answer[10] >= 0 and answer[11] < ROTATION
+        if sound and self.turn < np.inf:
+            sound = float(np.vdot(pose[:3, :3], self.rotation)) > self.least_trace
         return self.leaf.postures(answer) if sound else None
 
     def reach(self, p: Matrix, R: Array, threads: int | None = None) -> tuple[Matrix, Indices, Flags]:
@@ -227,6 +252,7 @@ class ClosedBranch(Value):
         answers = self.leaf.answers(pose_from(p, R), threads)[:, self.row]
         real = answers[:, 9] > DOUBT
         known = (real & self.single) | (answers[:, 9] < -DOUBT)
+        known &= np.einsum("kij,ij->k", R, self.rotation) > self.least_trace
         q = self.leaf.postures(answers)
         q[~real] = np.nan
         robot = self.leaf.inverse.arm.robot

@@ -20,7 +20,7 @@ from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic.native import InverseKernel
 from .branch import on_ray
-from .closed_leaf import ClosedBranch, closed_leaf
+from .closed_leaf import ClosedBranch, closed_branch
 from .edge import inverse_code, stretch_code
 from .leaf import (
     REGULAR,
@@ -325,10 +325,8 @@ class PosePaths(Value):
 
     @cached_property
     def closed(self) -> ClosedBranch | None:
-        """The closed form of the leaf's postures, of the start's branch; None where there is none, or g may jump."""
-        if may_jump(self.strategy):
-            return None
-        return ClosedBranch.of(closed_leaf(self.strategy, self.level, self.limits), self.q0)
+        """The closed form of the leaf's postures, of the start's branch; None where there is none."""
+        return closed_branch(self.strategy, self.q0, self.level, self.limits)
 
     @cached_property
     def kernel(self) -> InverseKernel | None:
