@@ -252,7 +252,8 @@ class ClosedBranch(Value):
         answers = self.leaf.answers(pose_from(p, R), threads)[:, self.row]
         real = answers[:, 9] > DOUBT
         known = (real & self.single) | (answers[:, 9] < -DOUBT)
-        known &= np.einsum("kij,ij->k", R, self.rotation) > self.least_trace
+        if self.turn < np.inf:
+            known &= np.einsum("kij,ij->k", R, self.rotation) > self.least_trace
         q = self.leaf.postures(answers)
         q[~real] = np.nan
         robot = self.leaf.inverse.arm.robot
