@@ -16,6 +16,7 @@ from holokin.base.errors import ExportError
 from holokin.export import check, export_c
 from holokin.motion.ik import InverseKinematics
 from holokin.motion.ik.closed_leaf import closed_leaf
+from holokin.strategies.constraints import tilted
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 
@@ -87,7 +88,8 @@ def test_all_postures_are_those_of_python_on_random_poses(case: str, single: boo
         if not single:
             assert count == len(python.q) >= 1 and np.abs(q[order] - python.q).max() < 1e-9
             assert np.abs(robot.pose(q) - pose).max() < 1e-10
-            rows = closed_leaf(solver.strategy, level, True).one(pose)  # in the order of the signs + + +, + + -, ...
+            leaf = closed_leaf(solver.strategy, level, True) or pytest.fail("it has a closed inverse")
+            rows = leaf.one(pose)  # in the order of the signs + + +, + + -, ...
             assert signs.tolist() == np.flatnonzero((rows[:, 9] > 1e-10) & (rows[:, 10] >= 0)).tolist()
             assert (np.sign(rows[signs, 6:9]) == 1 - 2 * (signs[:, None] >> np.arange(2, -1, -1) & 1)).all()
         else:
@@ -129,6 +131,22 @@ def test_solve_answers_by_the_closed_form_what_python_does_and_needs_no_pieces(p
         status, own = code.solve(pose, 1)
         if reached:
             assert status == 0 and np.abs(own - q).max() < 1e-9
+
+
+def test_solve_goes_a_path_where_coordinates_that_a_joint_follows_may_jump(tmp_path: Path):
+    robot = hk.load("panda")
+    chart = hk.pose(robot, "rotation-vector", reference=robot.pose(PANDA_START)[:3, :3])
+    rule = tilted(hk.lock(6), lambda x: 0.2 * x[3] - 0.1 * x[0], chart=chart)
+    strategy = hk.holonomic(hk.pose(robot), rule)
+    code, solver = Compiled(strategy, PANDA_START, tmp_path, False), hk.ik(strategy, PANDA_START)
+    closed = solver._paths.closed
+    assert closed is not None and np.isfinite(closed.turn)
+    assert "target[10] > HK_C(" in (tmp_path / "arm.c").read_text()
+    poses = robot.pose(PANDA_START + np.random.default_rng(2).uniform(-0.3, 0.3, (20, 7)))
+    for pose in poses:
+        q = closed.one(pose)
+        status, own = code.solve(pose, 1)
+        assert q is None or (status == 0 and np.abs(own - q).max() < 1e-9)
 
 
 def test_the_self_test_of_the_export_asks_for_all_postures_and_notices_a_wrong_one(tmp_path: Path):

@@ -13,8 +13,8 @@ from holokin.robot.closed_form import ArmClass, ClosedInverse, NoClass, arm_clas
 from holokin.robot.closed_form.closed_inverse import SIGNS
 from holokin.robot.closed_form.six_hinges import Wave, _root_of_degree_four
 from holokin.robot.joints import Coordinate, Joint, Tip
-from holokin.symbolic.native import compiler
 from holokin.symbolic import Function, symbol, vertcat
+from holokin.symbolic.native import compiler
 
 REAL = 9
 """The column of an answer that says how real it is."""

@@ -14,10 +14,11 @@ from holokin.strategies import HolonomicStrategy
 from holokin.strategies.constraints import stack, tilted, total
 
 READY = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
+BENT = READY + [0.1, 0, 0.2, 0, -0.3, 0, 0]
 IIWA = np.array([0.1, 0.6, 0.2, -1.4, 0.3, 0.9, -0.2])
 ARMS = {
     "panda": (READY, 6),
-    "fr3": (READY + [0.1, 0, 0.2, 0, -0.3, 0, 0], 5),
+    "fr3": (BENT, 5),
     "iiwa14": (IIWA, 2),
     "openarm-left": (IIWA + 0.2, 4),
 }
@@ -86,6 +87,9 @@ def check_signs(name: str, count: int, seed: int) -> None:
         assert isinstance(leaf, Following)
         answers = leaf.one(pose)
         real = answers[:, 9] > 1e-7
+        if not real.any():  # two postures meet
+            assert (np.abs(answers[:, 9]) < 1e-7).any()
+            continue
         found = leaf.postures(answers[real])
         assert len({tuple(row) for row in np.sign(answers[real, 6:9])}) == len(found)
         gap = (found[:, None] - found[None] + np.pi) % (2 * np.pi) - np.pi
@@ -241,3 +245,25 @@ def test_without_a_compiler_the_answers_are_the_same(monkeypatch):
     real = natively[:, :, 9] > 1e-6
     for rows in (batch, leaf.answers(poses), np.array([leaf.one(pose) for pose in poses])):
         assert np.abs(rows - natively)[real].max() < 1e-9
+
+
+@pytest.mark.parametrize("orientation", ["rotation-vector", "twist", "zyz", "rpy"])
+def test_where_coordinates_of_the_pose_jump_paths_decide(orientation):
+    """Rotation vectors jump half a turn from their reference, three angles where they wrap."""
+    panda, start = hk.load("panda"), BENT + [0, 0, 0, 0, 0, 0, 1.0]
+    task = hk.pose(panda, orientation, reference=panda.pose(BENT + [0, 0, 0, 0, 0, 0, -1.0])[:3, :3])
+    ik = hk.ik(hk.holonomic(task, tilted(hk.lock(6), lambda x: 0.2 * x[3] + 0.1 * x[5])), start)
+    branch = ik._paths.closed
+    of_place = hk.holonomic(task, tilted(hk.lock(6), lambda x: 0.2 * x[1] ** 2))
+    free = hk.ik(of_place, start)._paths.closed
+    assert free is not None and free.turn == np.inf  # h takes nothing that jumps
+    if orientation in ("zyz", "rpy"):
+        assert branch is None
+        return
+    assert branch is not None  # 2 rad are used: 1.14 rad are left
+    for angle, told in ((0.2, True), (1.1, True), (-1.1, True), (1.2, False), (-1.2, False)):
+        pose = panda.pose(start + [0, 0, 0, 0, 0, 0, angle])
+        assert branch.reach(pose[None, :3, 3], pose[None, :3, :3])[2][0] == told
+        assert told or branch.one(pose) is None
+    pose = panda.pose(start + [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
+    assert branch.one(pose) is not None and np.abs(panda.pose(ik(pose)) - pose).max() < 1e-10

@@ -146,7 +146,7 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
             f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, in at most `most` pieces | "
             f"{operations['leaf']} a Newton step, {_look(source.holonomic)} for a look at a piece |"
         )
-        at_once = "; by the closed form, and only else by a path" if source.row >= 0 else ""
+        at_once = "; by the closed form, and only else by a path" if source.branch else ""
         functions.append(
             f"| `{name}_solve(q, target, most)` | the same from the start, on its leaf{at_once} | as many |"
         )

@@ -20,10 +20,9 @@ from ...motion import has_leaf, step_function
 from ...motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
 from ...motion.ik import leaf_value
 from ...motion.ik.branch import branch_code, extended_jacobian, rays_code
-from ...motion.ik.closed_leaf import DOUBT, posture_of_signs
+from ...motion.ik.closed_leaf import DOUBT, ClosedBranch, closed_branch, posture_of_signs
 from ...motion.ik.edge import free_code
 from ...motion.ik.leaf import ALMOST, DONE, NEWTONS, leaf_step, with_leaves
-from ...motion.ik.pose_paths import PosePaths
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task, poses_expression
 from ...symbolic import SX, Function
@@ -158,12 +157,12 @@ class Source:
         return "posture" in self.functions
 
     @cached_property
-    def row(self) -> int:
-        """Which of the signs the start has, where they alone tell the posture; -1 where paths are gone."""
+    def branch(self) -> ClosedBranch | None:
+        """The postures of the start's signs, where these alone tell the posture; None where paths are gone."""
         if self.holonomic is None or not self.closed:
-            return -1
-        branch = PosePaths(self.holonomic, self.q0, self.leaf, self.limits).closed
-        return -1 if branch is None or branch.row is None or not branch.single else branch.row
+            return None
+        branch = closed_branch(self.holonomic, self.q0, self.leaf, self.limits)
+        return branch if branch is not None and branch.single else None
 
     @cached_property
     def words(self) -> dict[str, Any]:
@@ -214,11 +213,20 @@ class Source:
             "leaf_words": "and the leaf of the start" if r else "no leaf",
             "c_given": f"const {self.name}_real c[{r}], " if r else "", "c_taken": "c" if r else "0",
             "on_leaf": " on the leaf c" if r else "", "leaf_given": ", const Leaf &c" if r else "",
-            "leaf_data": "c.data(), " if r else "", "row": self.row,
+            "leaf_data": "c.data(), " if r else "",
+            "row": self.branch.row if self.branch else -1, "turned": _turned(self.branch),
             "doubt": _c(DOUBT), "doubt_float": _c(DOUBT_FLOAT), "n8": 8 * task.n,
             "postures_within": "postures beyond a joint limit are left out" if self.limits
             else "joint limits are not looked at",
         }  # fmt: skip
+
+
+def _turned(branch: ClosedBranch | None) -> str:
+    """C that is true where a wanted pose is turned so little from the start's that the closed form decides."""
+    if branch is None or branch.turn == np.inf:
+        return "1"
+    terms = (f"HK_C({_c(x)}) * target[{4 * (i // 3) + i % 3}]" for i, x in enumerate(np.ravel(branch.rotation)))
+    return f"{' + '.join(terms)} > HK_C({_c(branch.least_trace)})"
 
 
 def _leaf_members(name: str, r: int) -> str:
@@ -351,7 +359,7 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
     if "#define HK_RAYS" not in branch:
         drivers["ray"] = ""
     drivers["branch"] = branch + drivers["branch"]
-    drivers["at_once"] = text("at_once.c", words) if source.row >= 0 else ""
+    drivers["at_once"] = text("at_once.c", words) if source.branch else ""
     leaf = text("closed.c", words) if source.closed else ""
     leaf += text("leaf.c", {**words, **drivers}) if source.holonomic else ""
     parts = {key: code_file(file) for key, file in _FILES.items()} | {"leaf": leaf}

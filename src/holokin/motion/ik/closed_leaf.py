@@ -15,7 +15,7 @@ from ...base.types import ROTATION, Array, ArrayLike, Flags, Indices, Matrix, Va
 from ...robot import Kinematics
 from ...robot.closed_form import ArmClass, ClosedInverse, Held, NoClass, arm_class
 from ...robot.closed_form.six_hinges import COLUMNS, answer
-from ...strategies import HolonomicStrategy
+from ...strategies import HolonomicStrategy, may_jump
 from ...strategies.constraints.constraint import Tilt
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import TipFrame
@@ -73,6 +73,23 @@ def leaf_class(strategy: HolonomicStrategy) -> ArmClass | NoClass:
     """The class of the arm that the held joints of a strategy leave."""
     held = held_joints(strategy)
     return NoClass((), held) if isinstance(held, str) else arm_class(strategy.task.robot, held[0], strategy.task.tip)
+
+
+def closed_branch(strategy: HolonomicStrategy, q0: Vector, level: Vector, limits: bool) -> ClosedBranch | None:
+    """The closed form of the postures of a leaf on the branch of a start (n,); None where there is none.
+
+    Where g may jump the paths from the start decide.
+    """
+    if may_jump(strategy):
+        return None
+    tilt, turn = strategy.constraint.tilt, np.inf
+    if tilt is not None:
+        p, R = strategy.task._place(q0)
+        turn = float(tilt.turn(strategy.task, Kinematics(SX(p), SX(R), SX(6, 0), {})))
+    leaf = closed_leaf(strategy, level, limits) if turn > 0 else None
+    if leaf is not None and not leaf.inverse.arm.form.family.quadratic:
+        return ClosedBranch(leaf, q0, None, frozen(strategy.task._place(q0)[1]), turn)
+    return ClosedBranch.of(leaf, q0, turn)
 
 
 def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Held | Following | None:
@@ -189,25 +206,29 @@ class ClosedBranch(Value):
     """The postures of a closed leaf that have the signs of a start q0 (n,): one of each pose, but for whole turns.
 
     row: which of the signs they are; None where signs do not tell them, as after a step of degree four. Then only poses
-    that no posture has are known.
+    that no posture has are known. turn: from which angle [rad] to the start's rotation (3, 3) on the straight path has
+    to tell, since joints follow coordinates of the pose that may jump there; see `Tilt`.
     """
 
     leaf: Held | Following
     q0: Vector
     row: int | None
+    rotation: Matrix
+    turn: float = np.inf
 
     @staticmethod
-    def of(leaf: Held | Following | None, q0: Vector) -> ClosedBranch | None:
+    def of(leaf: Held | Following | None, q0: Vector, turn: float = np.inf) -> ClosedBranch | None:
         """That of a start on the leaf; None where signs tell no postures apart, and where no answer at its tool pose is
         the start, as at a singular posture."""
         if leaf is None or not leaf.inverse.arm.form.family.quadratic:
             return None
         arm = leaf.inverse.arm
-        answers = leaf.one(arm.robot.pose(q0, arm.tip))
+        pose = arm.robot.pose(q0, arm.tip)
+        answers = leaf.one(pose)
         gap = leaf.postures(answers) - q0
         gap -= 2 * np.pi * arm.robot.hinges * np.round(gap / (2 * np.pi))
         near = np.flatnonzero((np.abs(gap).max(axis=1) < SAME) & (answers[:, 9] > DOUBT))
-        return ClosedBranch(leaf, q0, int(near[0])) if len(near) == 1 else None
+        return ClosedBranch(leaf, q0, int(near[0]), frozen(pose[:3, :3]), turn) if len(near) == 1 else None
 
     def on(self, leaf: Held | Following | None) -> ClosedBranch | None:
         """The postures that have the same signs on the leaf of another level."""
@@ -229,10 +250,17 @@ class ClosedBranch(Value):
         beyond = np.maximum(robot.lower[held] - values, values - robot.upper[held])
         return narrow and bool((beyond <= TOLERANCES.limit).all())
 
+    @cached_property
+    def least_trace(self) -> float:
+        """The trace of R^T R_0 from which a rotation R is less than `turn` away from the start's."""
+        return 1 + 2 * float(np.cos(self.turn)) if self.turn < np.inf else -np.inf
+
     def one(self, pose: Matrix) -> Vector | None:
         """The posture (n,) of a pose, an array (4, 4) of floats; None where there is none, or more is to be asked."""
         answer = self.leaf.one(pose)[self.row]
         sound = answer[9] > DOUBT and answer[10] >= 0 and answer[11] < ROTATION
+        if sound and self.turn < np.inf:
+            sound = float(np.vdot(pose[:3, :3], self.rotation)) > self.least_trace
         return self.leaf.postures(answer) if sound else None
 
     def reach(self, p: Matrix, R: Array, threads: int | None = None) -> tuple[Matrix, Indices, Flags]:
@@ -245,10 +273,11 @@ class ClosedBranch(Value):
         every = self.leaf.one(poses[0])[None] if len(poses) == 1 else self.leaf.answers(poses, threads)
         nearest = every[:, :, 9].argmax(axis=1) if self.row is None else self.row
         answers = every[np.arange(len(every)), nearest]
-        real, none = answers[:, 9] > DOUBT, answers[:, 9] < -DOUBT
+        near = np.einsum("kij,ij->k", R, self.rotation) > self.least_trace
+        real, none = answers[:, 9] > DOUBT, (answers[:, 9] < -DOUBT) & near
         if not self.single:  # the path tells the turn, or the branch, where there is a posture
             return np.full((len(p), len(self.q0)), np.nan), np.full(len(p), int(InverseStatus.LEAF_ENDS)), none
-        known, q = real | none, self.leaf.postures(answers)
+        known, q = (real & near) | none, self.leaf.postures(answers)
         q[~real] = np.nan
         robot = self.leaf.inverse.arm.robot
         within = (robot.beyond(q) <= TOLERANCES.limit).all(axis=1) | (not self.leaf.inverse.limits)

@@ -21,7 +21,7 @@ from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic.native import InverseKernel
 from .branch import on_ray
-from .closed_leaf import ClosedBranch, closed_leaf
+from .closed_leaf import ClosedBranch, closed_branch, closed_leaf
 from .edge import inverse_code, stretch_code
 from .leaf import (
     REGULAR,
@@ -329,18 +329,12 @@ class PosePaths(Value):
 
     @cached_property
     def closed(self) -> ClosedBranch | None:
-        """The closed form of the leaf's postures, of the start's branch; None where there is none, or g may jump."""
-        if may_jump(self.strategy):
-            return None
+        """The closed form of the leaf's postures, of the start's branch; None where there is none."""
         first = self._first
-        if first is not None and first.closed is None:
-            return None
-        leaf = closed_leaf(self.strategy, self.level, self.limits)
-        if first is not None:
-            return first.closed.on(leaf)
-        if leaf is not None and not leaf.inverse.arm.form.family.quadratic:
-            return ClosedBranch(leaf, self.q0, None)
-        return ClosedBranch.of(leaf, self.q0)
+        if first is None:
+            return closed_branch(self.strategy, self.q0, self.level, self.limits)
+        leaf = None if first.closed is None else closed_leaf(self.strategy, self.level, self.limits)
+        return None if first.closed is None else first.closed.on(leaf)
 
     @cached_property
     def _first(self) -> PosePaths | None:

@@ -15,7 +15,21 @@ from ...base.arguments import Made, made, typed
 from ...base.errors import ArgumentError, RowsError, ShapeError
 from ...base.types import Array, ArrayLike, ByValue, Value, Vector, finite, frozen, whole
 from ...robot import Kinematics
-from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vec, vertcat, wrapped, written
+from ...symbolic import (
+    SX,
+    Formula,
+    Transport,
+    as_expression,
+    fmin,
+    jacobian,
+    norm_2,
+    symbol,
+    vec,
+    vertcat,
+    wrapped,
+    written,
+)
+from ..tasks.frame_task import AxisDirection, FrameTask, RotationVector
 from ..tasks.task import Field, Task
 
 
@@ -40,10 +54,12 @@ class Tilt(Value):
     """g(q) = a(q) - h(x): the constraint a, and h (rows,), a function of the pose x of the task's frames.
 
     pose: (task, kinematics) -> h, an expression of the position and the rotation of the kinematics alone.
+    turn: the same of how far [rad] the tool may turn from there before coordinates that h takes may jump.
     """
 
     base: Constraint
     pose: Callable[[Task, Kinematics], SX]
+    turn: Callable[[Task, Kinematics], SX]
 
 
 class ChartFunction(Value, ABC):
@@ -181,8 +197,8 @@ def lock(
         return plain
     what = f"what {name!r} follows"
     if isinstance(follows, ChartFunction):
-        return _less(plain, what, follows, lambda _task, k: [follows.chart.value_expression(k)], name)
-    return _less(plain, what, follows, lambda _task, k: [k.position, k.rotation], name)
+        return _of_chart(plain, what, follows, follows.chart, name)
+    return _less(plain, what, follows, lambda _task, k: [k.position, k.rotation], lambda _task, _k: SX(np.inf), name)
 
 
 @made
@@ -238,7 +254,7 @@ def _combined(
 
     margins = [c.margin for c in constraints if c.margin is not None]
     bases = [c if c.tilt is None else c.tilt.base for c in constraints]
-    tilts = any(c.tilt is not None for c in constraints)
+    tilts = [c.tilt for c in constraints if c.tilt is not None]
     return Constraint(
         name,
         len(angular),
@@ -248,7 +264,7 @@ def _combined(
         places=tuple(place for c in constraints for place in c.places),
         implicit=joined(constraints, together),
         formulas=formulas_of(constraints),
-        tilt=Tilt(_combined(bases, name, angular, together), of_pose) if tilts else None,
+        tilt=Tilt(_combined(bases, name, angular, together), of_pose, _least_turn(tilts)) if tilts else None,
     )
 
 
@@ -270,9 +286,22 @@ def tilted(
         ShapeError (when bound): rho has another number of rows.
     """
 
-    what = f"the tilt of {constraint.name!r}"
-    coordinates = lambda task, k: [(chart or task).value_expression(k)]  # noqa: E731
-    return _less(constraint, what, rho, coordinates, name or f"tilted {constraint.name}")
+    return _of_chart(constraint, f"the tilt of {constraint.name!r}", rho, chart, name or f"tilted {constraint.name}")
+
+
+def _of_chart(constraint: Constraint, what: str, rho: Callable[[SX], Any], chart: Task | None, name: str) -> Constraint:
+    """A constraint less a function of the coordinates of a chart, by default of the task."""
+
+    def coordinates(task: Task, k: Kinematics) -> list[SX]:
+        return [(chart or task).value_expression(k)]
+
+    def turn(task: Task, k: Kinematics) -> SX:
+        x = symbol("x", (chart or task).m)
+        slopes = jacobian(written(what, rho, x), x)
+        turns = any(flag and not slopes[:, i].is_zero() for i, flag in enumerate((chart or task)._angular))
+        return _turn_before_jump(chart or task, k) if turns else SX(np.inf)
+
+    return _less(constraint, what, rho, coordinates, turn, name)
 
 
 def _less(
@@ -280,9 +309,10 @@ def _less(
     what: str,
     h: Callable[..., Any],
     coordinates: Callable[[Task, Kinematics], list[SX]],
+    turn: Callable[[Task, Kinematics], SX],
     name: str,
 ) -> Constraint:
-    """A constraint less a function h of coordinates of the pose; messages call it `what`."""
+    """A constraint less a function h of coordinates of the pose, `turn` as in `Tilt`; messages call it `what`."""
 
     # The tilt as an expression, with that of the constraint itself, its slope, and the formula in which it may jump.
     def tilt(task: Task, k: Kinematics) -> SX:
@@ -302,6 +332,8 @@ def _less(
         x = [symbol("x", *part.shape) for part in at]
         return Formula(written(what, h, *x), vertcat(*map(vec, x)), vertcat(*map(vec, at)), constraint.angular)
 
+    before = constraint.tilt
+    both = Tilt(constraint, whole, turn) if before is None else Tilt(before.base, whole, _least_turn([before], turn))
     return Constraint(
         name,
         constraint.rows,
@@ -309,13 +341,26 @@ def _less(
         constraint.angular,
         constraint.margin,
         slopes if constraint.derivative is not None else None,
-        constraint.looped and _less(constraint.looped, what, h, coordinates, name),
+        constraint.looped and _less(constraint.looped, what, h, coordinates, turn, name),
         constraint.transport,
         constraint.places,
         joined([constraint], lambda task, k, values: values[0] - tilt(task, k)),
         formulas_of([constraint], lambda task, k, _q: [formula(task, k)]),
-        Tilt(constraint if constraint.tilt is None else constraint.tilt.base, whole),
+        both,
     )
+
+
+def _turn_before_jump(chart: Task, k: Kinematics) -> SX:
+    """How far [rad] the tool may turn before coordinates jump: rotation vectors do half a turn from their reference."""
+    kind = chart.representation if isinstance(chart, FrameTask) else None
+    if isinstance(kind, RotationVector | AxisDirection):
+        return np.pi - norm_2(kind.value(k.rotation))
+    return SX(0)  # three angles wrap, wherever
+
+
+def _least_turn(tilts: Sequence[Tilt], *more: Callable[[Task, Kinematics], SX]) -> Callable[[Task, Kinematics], SX]:
+    turns = [*(tilt.turn for tilt in tilts), *more]
+    return lambda task, k: reduce(fmin, (turn(task, k) for turn in turns))
 
 
 def nothing_jumps(_task: Task, _k: Kinematics, _q: SX) -> list[Formula]:
