@@ -140,7 +140,8 @@ def holokin(arm: Arm) -> Iterator[Asked]:
     task = hk.pose(arm.robot)
     strategy = hk.holonomic(task, hk.lock(*arm.held)) if arm.held else hk.moore_penrose(task)
     ik, unlimited = hk.ik(strategy, arm.start), hk.ik(strategy, arm.start, limits=False)
-    leaf, nothing = closed_leaf(ik.strategy, arm.start[arm.held], False), np.zeros((0, arm.robot.n))
+    leaf: Any = closed_leaf(ik.strategy, arm.start[arm.held], False)
+    nothing = np.zeros((0, arm.robot.n))
 
     def real(answers: np.ndarray) -> np.ndarray:
         return leaf.postures(answers[answers[:, 9] > DOUBT])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from holokin.base.errors import BranchError, JointLimitError
 from holokin.base.types import Array
 from holokin.robot import Robot
 from holokin.robot.closed_form import ArmClass, ClosedInverse, NoClass, arm_class
@@ -351,3 +352,21 @@ def test_all_real_roots_of_the_step_of_degree_four_are_found(kind):
         assert np.abs(np.where(share > 0, np.repeat(apart_on_line, 2) - share, 0)).max() < 1e-8
         counts.add(len(ours))
     assert counts == ({0, 2} if "circle" in kind else {0, 2, 4})
+
+
+def test_where_a_closed_form_tells_that_a_posture_exists_a_refusal_searches_for_none(monkeypatch):
+    def search(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("holokin.motion.ik.pose_paths.nearest_postures", search)
+    robot, refused = hk.load("ur5e"), 0
+    ik = hk.ik(hk.moore_penrose(hk.pose(robot)), [0.0, -1.2, 1.5, -1.8, -1.5, 0.3])
+    for pose in poses_of(robot, 20, 9)[1]:
+        assert len(ik.all(pose))
+        try:
+            ik(pose)
+        except BranchError as problem:
+            refused += "ends" in str(problem)
+        except JointLimitError:
+            continue
+    assert refused > 3

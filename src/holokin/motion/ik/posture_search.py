@@ -291,7 +291,7 @@ def all_postures(
         q, turning = leaf.postures(answers[real]), leaf.inverse.others
         low, high = low[turning] - TOLERANCES.limit, high[turning] + TOLERANCES.limit
         q[:, turning] = _turns(q[:, turning], aim[turning], low, high)
-        inside = np.asarray((robot.beyond(q) <= TOLERANCES.limit).all(axis=1) | (not limits))
+        inside = np.all(robot.beyond(q) <= (TOLERANCES.limit if limits else np.inf), axis=1)
         return _postures(strategy, wanted, c, q[inside], np.ones(len(q))[inside], 0, int(doubtful.any()), inside)
     p, R = tool_pose("a tool pose", wanted)[:3, 3], wanted[:3, :3]
     # Newton's method from starts over the joint ranges; singular postures are counted apart.
