@@ -376,9 +376,10 @@ def test_a_hinge_held_between_two_parallel_axes_turns_their_plane() -> None:
         check_product(proof.arm, q)
 
 
-def test_parallel_axes_may_point_opposite_ways() -> None:
-    """A UR whose third axis is turned over: the same arm, whose joint counts the other way round."""
-    robot = hk.load("ur5e")
+@pytest.mark.parametrize("name", ["ur5e", "irb140"])
+def test_parallel_axes_may_point_opposite_ways(name: str) -> None:
+    """An arm whose third axis is turned over: the same arm, whose joint counts the other way round."""
+    robot = hk.load(name)
     over = np.diag([1.0, -1.0, -1.0, 1.0])
     joints = list(robot.joints)
     joints[2] = replace(joints[2], placement=joints[2].placement @ over)
