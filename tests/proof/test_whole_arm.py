@@ -317,8 +317,8 @@ def check_random_arms(count: int, seed: int, tmp_path: Path) -> dict[str, int]:
 
 
 def test_random_arms_are_proven_where_the_product_holds_and_near_misses_are_not(tmp_path: Path) -> None:
-    outcomes = check_random_arms(20, 1, tmp_path)
-    assert outcomes["proven"] > 10 and outcomes["refused"] > 4
+    outcomes = check_random_arms(15, 1, tmp_path)
+    assert outcomes["proven"] > 8 and outcomes["refused"] > 2
 
 
 @pytest.mark.campaign
@@ -377,9 +377,10 @@ def test_a_hinge_held_between_two_parallel_axes_turns_their_plane() -> None:
         check_product(proof.arm, q)
 
 
-def test_parallel_axes_may_point_opposite_ways() -> None:
-    """A UR whose third axis is turned over: the same arm, whose joint counts the other way round."""
-    robot = hk.load("ur5e")
+@pytest.mark.parametrize("name", ["ur5e", "irb140"])
+def test_parallel_axes_may_point_opposite_ways(name: str) -> None:
+    """An arm whose third axis is turned over: the same arm, whose joint counts the other way round."""
+    robot = hk.load(name)
     over = np.diag([1.0, -1.0, -1.0, 1.0])
     joints = list(robot.joints)
     joints[2] = replace(joints[2], placement=joints[2].placement @ over)
@@ -520,8 +521,8 @@ def check_forgeries(name: str, held: tuple[int, ...], count: int, seed: int, tmp
 
 @pytest.mark.parametrize(("name", "held"), [("panda", (6,)), ("panda", (3,)), ("iiwa14", (1,)), ("rail-ur10e", (0,))])
 def test_forged_files_are_rejected_or_true_all_the_same(name: str, held: tuple[int, ...], tmp_path: Path) -> None:
-    outcomes = check_forgeries(name, held, 60, 6, tmp_path)
-    assert outcomes["rejected"] > 20 and outcomes["verified"] > 2
+    outcomes = check_forgeries(name, held, 40, 6, tmp_path)
+    assert outcomes["rejected"] > 15 and outcomes["verified"] > 1
 
 
 @pytest.mark.campaign

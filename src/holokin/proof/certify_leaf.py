@@ -589,7 +589,8 @@ def certify(
         was proven up to there.
 
     Raises:
-        NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box;
+        NoProofError: a strategy without leaves, or whose leaves a differential equation carries; on the whole arm, one
+            that holds no single joints, or leaves an arm of no class, with the distance. ArgumentError: no box;
             shapes of which no proof can be; `keep_in` is of another question. WriteError: it cannot be written.
         ExpressionError: an operation without a rule for intervals. StartError, JointLimitError; of a leaf on which not
         even a first step is possible SingularityError, BranchError.
