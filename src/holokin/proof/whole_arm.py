@@ -143,7 +143,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
                 }
                 for link in links
             ],
-            "center": [str(x) for x in _meeting_point(meeting)],
+            "center": [str(x) for x in meeting_point(meeting)],
         }
         if form.family is Family.PAIR:
             first, second = (order[2], order[1]) if form.inner else (order[0], order[1])
@@ -179,7 +179,7 @@ def _seen_from(links: Sequence[Link], held: tuple[int, ...], carrier: int) -> Sc
     return out
 
 
-def _meeting_point(axes: Sequence[tuple[Array, Array]]) -> Array:
+def meeting_point(axes: Sequence[tuple[Array, Array]]) -> Array:
     """The point in which axes meet."""
     found = miss_of_point(axes if len(axes) == 3 else [*axes, axes[0]])
     if found is None:
