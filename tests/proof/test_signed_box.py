@@ -101,9 +101,9 @@ def check_random_arms(count: int, seed: int, budget: int) -> dict[Extent, int]:
         robot = random_arm(rng, KINDS[i // 2 % 4])
         q0 = rng.uniform(-3, 3, 6)
         if i % 2:
-            robot = limited(robot, q0, 10 ** rng.uniform(-1.3, 0.4))
-        half, tilt, spin = 10 ** rng.uniform(-4, -1), rng.choice([0.0, 0.01, 0.1]), rng.choice([0.0, 0.02])
-        away = rng.uniform(-0.2, 0.2, 3) * (rng.uniform() < 0.3)
+            robot = limited(robot, q0, 10 ** rng.uniform(-3, 0.4))
+        half, tilt, spin = 10 ** rng.uniform(-4, -1.5), rng.choice([0.0, 0.01, 0.1]), rng.choice([0.0, 0.02])
+        away = rng.uniform(-0.4, 0.4, 3) * rng.choice([0.0, 0.0, 0.01, 1.0])
         proof = hk.certify(
             holding(robot), box_about(robot, q0, half, tilt, spin, away), q0, limits=bool(i % 2), budget=budget
         )
@@ -114,7 +114,7 @@ def check_random_arms(count: int, seed: int, budget: int) -> dict[Extent, int]:
 
 
 def test_boxes_of_random_arms_hold_what_is_proven_of_them_and_where_a_proof_ends_there_is_no_posture():
-    ended = check_random_arms(24, 1, 20)
+    ended = check_random_arms(20, 1, 10)
     assert min(ended[k] for k in (Extent.WHOLE, Extent.END, Extent.LIMIT)) >= 2, ended
 
 

@@ -26,7 +26,7 @@ from ..motion.ik.leaf import leaf_step, leaf_stepper, leaf_value, newton_on_leaf
 from ..motion.ik.plan import Plan, check_start, make_plan, turned
 from ..path.editing import AnyPath
 from ..path.path import rotation_vector
-from ..path.workspaces import Workspace
+from ..path.workspaces import PoseRange, Workspace
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..strategies.tasks.frame_task import completing, leaves_free
@@ -606,7 +606,7 @@ def certify(
         raise ArgumentError(missing, None, f"give it beside {given}, or neither: then the proof is about the whole arm")
     strategy, start = provable(strategy), start_posture(strategy.task.robot, q0, limits)
     budget = whole("budget", budget)
-    if isinstance(where, Workspace) and scene is None and keep_in is None:
+    if isinstance(where, PoseRange) and scene is None and keep_in is None:
         branch = signed_branch(strategy, start, limits)
         if branch is not None:
             return signed_box(

@@ -568,20 +568,20 @@ def unique_region(
     if tilt or spin:
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
     if signed is not None:
-        box = signed_box(strategy, workspace, start, signed, asked.limits, budget, progress)
-        return UniqueRegion(strategy, start, workspace, box, box.region)
-    return region_by_cells(strategy, start, workspace, limits, scene, budget, keep_in, progress)
+        proof = signed_box(strategy, workspace, start, signed, asked.limits, budget, progress)
+        return UniqueRegion(strategy, start, workspace, proof, proof.region)
+    proof, cells = region_by_cells(strategy, start, workspace, limits, scene, budget, keep_in, progress)
+    return UniqueRegion(strategy, start, workspace, proof, cells)
 
 
 def region_by_cells(
     strategy: Strategy, q0: ArrayLike, workspace: PoseRange, limits: bool = True, scene: Scene | None = None,
     budget: int = 20_000, keep_in: str | FilePath | None = None, progress: Callable[[str], None] = lambda _text: None,
-) -> UniqueRegion:  # fmt: skip
+) -> tuple[Certificate, PoseRegion]:  # fmt: skip
     """The part of a workspace by cells of joints, whatever the strategy: its certificate can be saved, and verified."""
     began, strategy = time.perf_counter(), provable(strategy)
     start = start_posture(strategy.task.robot, q0, limits)
     asked = demands(strategy, start, limits, scene)
     cells = PoseRegion.of(strategy, workspace, start, partial=True)
     with KeptCells.opened(keep_in, lambda: question(cells, start, asked)) as kept_cells:
-        proof = certificate(workspace, cells, start, asked, budget, progress, began, kept_cells=kept_cells)
-    return UniqueRegion(strategy, start, workspace, proof, cells)
+        return certificate(workspace, cells, start, asked, budget, progress, began, kept_cells=kept_cells), cells

@@ -21,7 +21,7 @@ from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vec
 from ..base.units import at_least, share_text
 from ..motion.ik import InverseStatus
 from ..motion.ik.closed_leaf import ClosedBranch, closed_leaf, leaf_class
-from ..path.workspaces import Workspace
+from ..path.workspaces import PoseRange
 from ..robot.closed_form import ArmClass
 from ..robot.closed_form.arm_classes import screws
 from ..robot.closed_form.closed_inverse import SIGNS
@@ -127,14 +127,14 @@ class _Steps(Value):
 
     @cached_property
     def _ranges(self) -> tuple[Vector, Vector]:
-        """Of the turns (6,) the middle of what limits allow, and half of its width, less 1e-12 rad: 0 for no limits."""
+        """Of the turns (6,) the middle of what limits allow, and half of its width; 0 for no limits."""
         low, high = (np.where(self.single, side, 0.0) for side in self.limits)
         multiplier, offset = self.branch.leaf.inverse._joints[:2]
-        return offset + multiplier * (low + high) / 2, np.maximum((high - low) / 2 - 1e-12, 0.0)
+        return offset + multiplier * (low + high) / 2, (high - low) / 2
 
     @cached_property
     def _given(self) -> tuple[tuple[SX, SX], SX, Vector, Vector]:
-        """(shares; how far within limits, cosines and sines), the symbols, their numbers but for u, what they are off by."""
+        """(shares; how far within limits, cosines and sines), the symbols, numbers of all but u, their errors."""
         arm, leaf, region = self.branch.leaf.inverse.arm, self.branch.leaf, self.region
         # Numbers that are 0, 1 or -1 are put in as such, so that products with them go.
         exact, off = _exact_chain(arm, leaf.values, leaf.chain)
@@ -157,7 +157,7 @@ class _Steps(Value):
         within = []
         for turn, middle, half_range in zip(turns, *self._ranges, strict=True):
             x, y, length = turn.scaled
-            within.append(x * np.cos(middle) + y * np.sin(middle) - length * np.cos(half_range))
+            within.append(x * np.cos(middle) + y * np.sin(middle) - length * (np.cos(half_range) + 1e-15))
         outputs = shares, vertcat(*within, *each, *(turn.sin for turn in turns))
         numbers = np.concatenate([[float(exact[i]) for i in some], region.p0, region.R0.ravel(), region.half])
         skew = float(np.abs(region.R0.T @ region.R0 - np.eye(3)).max())
@@ -270,9 +270,10 @@ class _Search:
         """(k,) which cells are to be halved."""
         # Which have the three roots, and which surely lack one.
         shares, middles = self.steps.shares(low, high), (low + high) / 2
-        sound = shares.low > 0
-        real = sound.all(axis=0)
-        none = ((shares.high < 0) & np.vstack([np.ones_like(real), np.logical_and.accumulate(sound)[:2]])).any(axis=0)
+        none, real = np.zeros(len(low), dtype=bool), np.ones(len(low), dtype=bool)
+        for least, largest in zip(*shares, strict=True):
+            none |= real & (largest < 0)
+            real &= least > 0
         self.refuted += [(u, NO_POSTURE) for u in middles[none]]
         rows, failed = np.flatnonzero(real), ~(real | none)
         if not self.bounded or not len(rows):
@@ -283,8 +284,8 @@ class _Search:
         within, angles = self.steps.joints(low[rows], high[rows])
         single = self.steps.single[:, None]
         good = np.where(single, within.low > 0, angles.high - angles.low < np.pi)
-        beyond = single & (within.high < 0)
-        kept, lost = good.all(axis=0), beyond.any(axis=0)
+        beyond = np.logical_and(single, within.high < 0)
+        kept, lost = np.all(good, axis=0), np.any(beyond, axis=0)
         self.refuted += list(zip(middles[rows[lost]], beyond[:, lost].argmax(axis=0).tolist(), strict=True))
         joints = self._placed(Interval(angles.low[:, kept], angles.high[:, kept]))
         self._keep(low[rows[kept]], high[rows[kept]], joints.low.T, joints.high.T)
@@ -362,7 +363,7 @@ class SignedBox(NoTruthValue, Value, ask="`.whole`"):
 
     strategy: HolonomicStrategy
     q0: Vector
-    asked: Workspace
+    asked: PoseRange
     branch: ClosedBranch
     region: PoseRegion
     low: Matrix
@@ -545,7 +546,7 @@ def signed_branch(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Clos
 
 
 def signed_box(
-    strategy: HolonomicStrategy, space: Workspace, q0: Vector, branch: ClosedBranch, limits: Interval | None,
+    strategy: HolonomicStrategy, space: PoseRange, q0: Vector, branch: ClosedBranch, limits: Interval | None,
     budget: int, progress: Callable[[str], None],
 ) -> SignedBox:  # fmt: skip
     """What can be proven of a box by the signs. Raises: ArgumentError: no box."""

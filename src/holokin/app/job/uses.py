@@ -100,7 +100,7 @@ def certify_job(
                 if isinstance(domain, Path):
                     begin = build_entry(job, strategy, domain, begin).q0
                 if part and isinstance(domain, PoseRange):
-                    certificate = region_by_cells(strategy, begin, domain, **more).certificate
+                    certificate, _ = region_by_cells(strategy, begin, domain, **more)
                 else:
                     certificate = certify_cells(strategy, domain, begin, **more)
         except HolokinError as problem:
