@@ -204,7 +204,7 @@ MANY = 10
 REST = 0.005
 """Share of the box that may be left undecided where a part of it is refuted."""
 
-LEVER = 0.5
+LEVER = 0.35
 """Motion [m] that counts as much as a turn by 1 rad: cells are halved where they are widest by this."""
 
 NO_POSTURE = -1
@@ -230,7 +230,7 @@ class _Search:
         """Decide cells, until all are, or the budget is spent."""
         half = self.steps.region.half
         d, weights = len(half), half * np.where(np.arange(len(half)) < 3, 1.0, LEVER)
-        low, high = -np.ones((1, d)), np.ones((1, d))
+        low, high, real = -np.ones((1, d)), np.ones((1, d)), np.zeros(1, dtype=bool)
         while len(low):
             failed = []
             for first in range(0, len(low), PORTION):
@@ -239,18 +239,18 @@ class _Search:
                     self.undecided = (low[left] + high[left]) / 2
                     return
                 part = slice(first, first + PORTION)
-                failed.append(first + np.flatnonzero(self._decide(low[part], high[part])))
+                failed.append(first + np.flatnonzero(self._decide(low[part], high[part], real[part])))
                 self.spent += len(low[part])
                 self.progress(sum(len(cells[0]) for cells in self.proven), self.spent, self.share)
             # Halves across the widest side.
             rows = np.concatenate(failed)
-            low, high = low[rows], high[rows]
+            low, high, real = low[rows], high[rows], np.tile(real[rows], 2)
             place = np.arange(len(rows)), np.argmax((high - low) * weights, axis=1)
             upper, lower = low.copy(), high.copy()
             upper[place] = lower[place] = (low[place] + high[place]) / 2
             low, high = np.concatenate([low, upper]), np.concatenate([lower, high])
             inside = self._meets(low, high)
-            low, high = low[inside], high[inside]
+            low, high, real = low[inside], high[inside], real[inside]
 
     def _enough(self, low: Matrix, high: Matrix) -> bool:
         """Whether a part is refuted, and little else is left, in cells."""
@@ -266,14 +266,16 @@ class _Search:
         edge = (half[3] / 2) ** 2 / (1 + (half[5] / 2) ** 2)
         return ((near * half[3:5] / 2) ** 2).sum(axis=1) <= edge * (1 + spin**2) * (1 + 1e-9)
 
-    def _decide(self, low: Matrix, high: Matrix) -> Flags:
-        """(k,) which cells are to be halved."""
+    def _decide(self, low: Matrix, high: Matrix, real: Flags) -> Flags:
+        """(k,) which cells are to be halved. real: which are known to have the three roots; more become so."""
         # Which have the three roots, and which surely lack one.
-        shares, middles = self.steps.shares(low, high), (low + high) / 2
-        none, real = np.zeros(len(low), dtype=bool), np.ones(len(low), dtype=bool)
-        for least, largest in zip(*shares, strict=True):
-            none |= real & (largest < 0)
-            real &= least > 0
+        middles, none, new = (low + high) / 2, np.zeros(len(low), dtype=bool), np.flatnonzero(~real)
+        if len(new):
+            sound, lacking = np.ones(len(new), dtype=bool), np.zeros(len(new), dtype=bool)
+            for least, largest in zip(*self.steps.shares(low[new], high[new]), strict=True):
+                lacking |= sound & (largest < 0)
+                sound &= least > 0
+            real[new], none[new] = sound, lacking
         self.refuted += [(u, NO_POSTURE) for u in middles[none]]
         rows, failed = np.flatnonzero(real), ~(real | none)
         if not self.bounded or not len(rows):
@@ -285,7 +287,7 @@ class _Search:
         single = self.steps.single[:, None]
         good = np.where(single, within.low > 0, angles.high - angles.low < np.pi)
         beyond = np.logical_and(single, within.high < 0)
-        kept, lost = np.all(good, axis=0), np.any(beyond, axis=0)
+        kept, lost = np.asarray(good).all(axis=0), np.asarray(beyond).any(axis=0)
         self.refuted += list(zip(middles[rows[lost]], beyond[:, lost].argmax(axis=0).tolist(), strict=True))
         joints = self._placed(Interval(angles.low[:, kept], angles.high[:, kept]))
         self._keep(low[rows[kept]], high[rows[kept]], joints.low.T, joints.high.T)
