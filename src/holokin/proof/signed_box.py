@@ -85,17 +85,18 @@ def _exact_chain(arm: ArmClass, values: Vector, near: Vector) -> tuple[list[Frac
 def _angles(cosine: Taylor, sine: Taylor) -> Interval:
     """Angles (6, k) by their cosines and sines: from that in the middle of a cell, and by how much it changes."""
     middle = np.arctan2(sine.c, cosine.c)
-    c, s = np.cos(middle), np.sin(middle)  # another angle would do: these are off by less than _ROUND
+    cosines, sines = np.cos(middle), np.sin(middle)  # another angle would do: these are off by less than `wide`
     wide = 2.0**-45
 
     def turned(a: Taylor, b: Taylor, p: Array, q: Array) -> Interval:
         """p a + q b."""
-        both = Taylor(*(_times(p, x) + _times(q, y) for x, y in zip(a[:3], b[:3], strict=True)), a.r + b.r)
+        c, L, Q = (_times(p, x) + _times(q, y) for x, y in zip(a[:3], b[:3], strict=True))
+        both = Taylor(c, L, Q, a.r + b.r)
         size = np.abs(a.c) + np.abs(b.c) + np.abs(a.L).sum(axis=1) + np.abs(b.L).sum(axis=1) + a.bent + b.bent
         low, high = both.bounds
         return Interval(low - size * wide, high + size * wide)
 
-    change = iv.arctan2(turned(sine, cosine, c, -s), turned(cosine, sine, c, s))
+    change = iv.arctan2(turned(sine, cosine, cosines, -sines), turned(cosine, sine, cosines, sines))
     return iv.add(iv.point(middle), Interval(change.low - wide, change.high + wide))
 
 
