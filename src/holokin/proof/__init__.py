@@ -7,12 +7,14 @@ from .cell_search import Extent
 from .certificate import Certificate, JointRates, joint_rates
 from .certify_leaf import certify
 from .proven_region import UniqueRegion, region_of, unique_region
+from .signed_box import SignedBox
 from .whole_arm import WholeArm
 
 __all__ = [
     "Certificate",
     "Extent",
     "JointRates",
+    "SignedBox",
     "UniqueRegion",
     "WholeArm",
     "certify",

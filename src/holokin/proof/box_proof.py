@@ -84,6 +84,15 @@ PORTION = 10_000
 """Pairs of cells that are compared at a time."""
 
 
+def faces(low: Matrix, high: Matrix) -> Iterator[tuple[int, float, Indices, Indices]]:
+    """(axis, its value there, boxes, their neighbours above) of boxes (k, d) that have a part of a face in common."""
+    for axis in range(low.shape[1]):
+        across = [a for a in range(low.shape[1]) if a != axis]
+        for cut in np.unique(high[:, axis]).tolist():
+            below, above = np.flatnonzero(high[:, axis] == cut), np.flatnonzero(low[:, axis] == cut)
+            yield axis, cut, *overlapping(low[:, across], high[:, across], below, above)
+
+
 @dataclass(frozen=True, eq=False)
 class PoseRegion(Value, Domain):
     """p0 + P u, R0 C(W u), u in [-1, 1]^d, with half sides P (3,) [m] and W (3,) of the Cayley parameters.
@@ -105,11 +114,8 @@ class PoseRegion(Value, Domain):
     slack: float = 0.0
 
     @staticmethod
-    def of(strategy: HolonomicStrategy, space: Workspace, q0: Vector, partial: bool = False) -> PoseRegion:
-        """Raises: ArgumentError: no box; what `ik` raises where the leaf does not reach its middle.
-
-        partial: cells are sought all over it, continued from q0 where the box holds its tool pose.
-        """
+    def over(strategy: HolonomicStrategy, space: Workspace, q0: Vector, partial: bool = False) -> PoseRegion:
+        """The box, with q0 as the joints in its middle. Raises: ArgumentError: no box."""
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
         if strategy.task.frames > 1:
@@ -126,7 +132,15 @@ class PoseRegion(Value, Domain):
         half = np.concatenate([sides, turn]) if turning else sides
         equation = equation_of(strategy, PoseBox(turning))
         c, middle = np.atleast_1d(strategy.g(q0)), np.zeros(equation.d)
-        region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
+        return PoseRegion(equation, c, p0, R, half, q0, middle, partial)
+
+    @staticmethod
+    def of(strategy: HolonomicStrategy, space: Workspace, q0: Vector, partial: bool = False) -> PoseRegion:
+        """Raises: ArgumentError: no box; what `ik` raises where the leaf does not reach its middle.
+
+        partial: cells are sought all over it, continued from q0 where the box holds its tool pose.
+        """
+        region = PoseRegion.over(strategy, space, q0, partial)
         if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
             return replace(region, u0=at)
         try:
@@ -345,19 +359,15 @@ class PoseRegion(Value, Domain):
     def _faces(self, proven: Covered) -> Iterator[tuple[Indices, Indices, Flags]]:
         """(cells, their neighbours above along an axis, where they are not shown to share a root), in portions."""
         boxes, cells, findings = proven.boxes, proven.cells, proven.findings
-        for axis in range(self.equation.d):
-            across = [a for a in range(self.equation.d) if a != axis]
-            for cut in np.unique(boxes.high[:, axis]):
-                below, above = np.flatnonzero(boxes.high[:, axis] == cut), np.flatnonzero(boxes.low[:, axis] == cut)
-                ones, others = overlapping(boxes.low[:, across], boxes.high[:, across], below, above)
-                for first in range(0, len(ones), PORTION):
-                    # The predictors in the middles of the faces.
-                    i, j = ones[first : first + PORTION], others[first : first + PORTION]
-                    u = (np.maximum(boxes.low[i], boxes.low[j]) + np.minimum(boxes.high[i], boxes.high[j])) / 2
-                    u[:, axis] = cut
-                    q, q_other = (some(boxes, rows).predicted(some(cells, rows), u) for rows in (i, j))
-                    off = np.linalg.norm(q - q_other, axis=1) + cells.slip[i] + cells.slip[j]
-                    yield i, j, ~one_root(off, *(x for k in (i, j) for x in (findings.r[k], findings.alone[k])))
+        for axis, cut, ones, others in faces(boxes.low, boxes.high):
+            for first in range(0, len(ones), PORTION):
+                # The predictors in the middles of the faces.
+                i, j = ones[first : first + PORTION], others[first : first + PORTION]
+                u = (np.maximum(boxes.low[i], boxes.low[j]) + np.minimum(boxes.high[i], boxes.high[j])) / 2
+                u[:, axis] = cut
+                q, q_other = (some(boxes, rows).predicted(some(cells, rows), u) for rows in (i, j))
+                off = np.linalg.norm(q - q_other, axis=1) + cells.slip[i] + cells.slip[j]
+                yield i, j, ~one_root(off, *(x for k in (i, j) for x in (findings.r[k], findings.alone[k])))
 
     def place(self, proven: Covered) -> str:
         """The pose."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import write_text
-from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, number_or_none
+from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, number_or_none, some
 from ..base.units import at_least, share_text
 from ..path.editing import AnyPath
 from ..path.workspaces import Workspace
@@ -22,7 +22,7 @@ from ..symbolic import jacobian, symbol
 from ..symbolic.interval_function import IntervalFunction
 from ..symbolic.intervals import Interval
 from .binding import described, lowered_equation
-from .cell_search import COVERED, Covered, Demands, Extent
+from .cell_search import COVERED, Boxes, Covered, Demands, Extent
 from .equation import Equation, PoseBox
 from .tube import UP, Cells, Findings
 
@@ -278,6 +278,17 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         if self.whole:
             return ""
         return self.revisit.words(self.equation) if self.revisit is not None else self.extent.cause
+
+    @property
+    def boxes(self) -> Boxes:
+        """Those of the cells."""
+        return self.proven.boxes
+
+    def near(self, cell: Indices, u: Matrix) -> tuple[Matrix, Vector]:
+        """(postures (k, n) near those at parameters u (k, d) in some cells (k,), how far about them there are none but
+        these)."""
+        q = some(self.boxes, cell).predicted(some(self.cells, cell), u)
+        return q[:, : self.equation.joints], self.findings.alone[cell]
 
     @property
     def cells(self) -> Cells:

@@ -22,11 +22,11 @@ from ..base.arguments import typed
 from ..base.errors import ArgumentError, BranchError, NoProofError, SingularityError, TrackingError
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, joined, some, whole
 from ..motion.checks import Scene
-from ..motion.ik.leaf import leaf_step, leaf_stepper, leaf_value, newton_on_leaf
+from ..motion.ik.leaf import leaf_step, leaf_stepper, leaf_value, newton_on_leaf, with_leaves
 from ..motion.ik.plan import Plan, check_start, make_plan, turned
 from ..path.editing import AnyPath
 from ..path.path import rotation_vector
-from ..path.workspaces import Workspace
+from ..path.workspaces import PoseRange, Workspace
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..strategies.tasks.frame_task import completing, leaves_free
@@ -53,6 +53,7 @@ from .certificate import Anchors, Certificate, Revisit
 from .equation import Equation, Stretches, equation_of
 from .kept_apart import kept_apart
 from .region_growth import grown
+from .signed_box import SignedBox, signed_box, signed_branch
 from .tube import UP, Cells, centred, examined, least_determinant, norm
 from .whole_arm import WholeArm, whole_arm
 
@@ -543,7 +544,7 @@ def certify(
     budget: int = 20_000,
     keep_in: str | FilePath | None = None,
     progress: Callable[[str], None] = ...,
-) -> Certificate: ...
+) -> Certificate | SignedBox: ...
 
 
 @typed
@@ -557,7 +558,7 @@ def certify(
     budget: int = 20_000,
     keep_in: str | FilePath | None = None,
     progress: Callable[[str], None] = lambda _text: None,
-) -> Certificate | WholeArm:
+) -> Certificate | SignedBox | WholeArm:
     """Prove that on the leaf through q0 the joints are one function of the tool pose in a box, or the place on a path.
 
     With neither place nor start the proof is about the whole arm, every start and every level, see `WholeArm`.
@@ -565,6 +566,10 @@ def certify(
     It is smooth, on a path between corners. Of a path it is shown, besides, that the joints return with the tool: where
     the path closes, and where it crosses or follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`,
     or RETURN; `covered` is True.
+
+    Of a box of a strategy whose held joints leave a closed inverse (`whole_arm` names the classes) it is proven by the
+    signs of three slopes, which with the pose tell the posture, see `SignedBox`: it is about one posture with the signs
+    of the start's. With a scene, or `keep_in`, the proof is that of any other strategy:
 
     E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints,
     [J; J_g] is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that
@@ -579,7 +584,7 @@ def certify(
         scene: prove, too, that the links keep their clearance from what is in it, and from each other. The pairs are
             those of `check`. Of meshes it is said of their convex hulls, and of a robot without shapes of
             `with_capsules`.
-        budget: cells that may be examined.
+        budget: cells that may be examined; of poses alone, by the signs, ten times as many.
         keep_in: a file that keeps the cells as they are examined. Where it is there already, of the same question, the
             proof goes on with them, and ends with the same certificate; with another `budget`, as far as they serve.
         progress: hears how far it is.
@@ -600,9 +605,24 @@ def certify(
     if where is None or q0 is None:
         given, missing = ("q0", "where") if where is None else ("where", "q0")
         raise ArgumentError(missing, None, f"give it beside {given}, or neither: then the proof is about the whole arm")
-    began, extent, stop = time.perf_counter(), Extent.WHOLE, ""
     strategy, start = provable(strategy), start_posture(strategy.task.robot, q0, limits)
     budget = whole("budget", budget)
+    if isinstance(where, PoseRange) and scene is None and keep_in is None:
+        branch = signed_branch(strategy, start, limits)
+        if branch is not None:
+            return signed_box(
+                strategy, where, start, branch, demands(strategy, start, limits, None).limits, budget, progress
+            )
+    return certify_cells(strategy, where, start, limits, scene, budget, keep_in, progress)
+
+
+def certify_cells(
+    strategy: Strategy, where: AnyPath | Workspace, q0: ArrayLike, limits: bool = True, scene: Scene | None = None,
+    budget: int = 20_000, keep_in: str | FilePath | None = None, progress: Callable[[str], None] = lambda _text: None,
+) -> Certificate:  # fmt: skip
+    """The same by cells of joints, whatever the strategy: its certificate can be saved, and verified."""
+    began, extent, stop = time.perf_counter(), Extent.WHOLE, ""
+    strategy, start = provable(strategy), start_posture(strategy.task.robot, q0, limits)
     if isinstance(where, Workspace):
         domain: Domain = PoseRegion.of(strategy, where, start)
     else:
@@ -617,6 +637,8 @@ def certify(
 
 def provable(strategy: Strategy) -> HolonomicStrategy:
     """The strategy, of whose leaves something can be proven. Raises: NoProofError."""
+    if strategy.task.n == strategy.task.m:
+        strategy = with_leaves(strategy)
     if not isinstance(strategy, HolonomicStrategy):
         raise NoProofError(strategy.name, f"it has no leaves: {HolonomicStrategy.cure}")
     if strategy.constraint.looped is not None:

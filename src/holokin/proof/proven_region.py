@@ -21,10 +21,11 @@ from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.poses import PoseLike, pose_from, tool_poses
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, whole
 from ..base.units import at_least, percentages
 from ..motion.checks import Scene
 from ..motion.ik import InverseKinematics, InverseStatus, ik
+from ..motion.ik.closed_leaf import ClosedBranch
 from ..motion.ik.inverse_function import leads_to
 from ..path.workspaces import PoseRange, workspace
 from ..robot import reach, start_posture
@@ -36,6 +37,7 @@ from .certificate import Certificate, clear_cuts, left_open, partition
 from .certify_leaf import certificate, demands, provable, question
 from .clear_cells import ClearCells
 from .kept_apart import TooNear, gap_distances, short_of
+from .signed_box import SignedBox, signed_box, signed_branch
 
 # --- A large box of tool poses about a start: grown where samples are regular, made smaller until it is proven.
 
@@ -82,24 +84,30 @@ def _proven_box(
     q0: Vector,
     box: PoseRange,
     asked: Demands,
+    signed: ClosedBranch | None,
     budget: int,
     progress: Callable[[str], None],
-) -> tuple[Certificate, PoseRegion, PoseRange]:
+) -> tuple[Certificate | SignedBox, PoseRegion, PoseRange]:
     """The certificate of a box, or of a smaller one about the start: the first of 16 that is proven, or the last."""
     tool, began, left = strategy.task.pose(q0)[:3, 3], time.perf_counter(), 16
     while True:
         # The first cells may take 0.4 of the budget, since some are halved.
         left -= 1
-        cells = PoseRegion.of(strategy, box, q0)
-        count = int(np.prod([len(cuts) - 1 for cuts in cells.grid]))
-        if count > 0.4 * budget and left:
-            box = _about(box, tool, max(0.5, (0.4 * budget / count) ** (1 / 3)))
-            continue
-        proof = certificate(box, cells, q0, asked, budget, progress, began)
+        if signed is not None:
+            proof = signed_box(strategy, box, q0, signed, asked.limits, budget, progress)
+            cells, stop = proof.region, proof.stop
+        else:
+            cells = PoseRegion.of(strategy, box, q0)
+            count = int(np.prod([len(cuts) - 1 for cuts in cells.grid]))
+            if count > 0.4 * budget and left:
+                box = _about(box, tool, max(0.5, (0.4 * budget / count) ** (1 / 3)))
+                continue
+            proof = certificate(box, cells, q0, asked, budget, progress, began)
+            stop = cells.stop(proof.proven)
         if proof.whole or not left:
             return proof, cells, box
         progress(f"{box}: {proof.extent.cause}")
-        box = _about(box, tool, 0.8) if proof.extent is Extent.BUDGET else _cut(box, tool, cells.stop(proof.proven))
+        box = _about(box, tool, 0.8) if proof.extent is Extent.BUDGET else _cut(box, tool, stop)
 
 
 def _spans(strategy: HolonomicStrategy, q0: Vector, asked: Demands) -> Matrix:
@@ -243,13 +251,16 @@ class OpenParts(Value):
 
 
 def _open_parts(
-    certificate: Certificate, region: PoseRegion, ik: InverseKinematics, elsewhere: Callable[[Matrix, Vector], bool]
+    certificate: Certificate | SignedBox,
+    region: PoseRegion,
+    ik: InverseKinematics,
+    elsewhere: Callable[[Matrix, Vector], bool],
 ) -> OpenParts:
     """Cut the rest of a box into parts that are no larger than the first cells, and ask what is in each.
 
     elsewhere: whether a posture (n,) at a tool pose (4, 4) is not the one that continues what is proven.
     """
-    boxes, d, clear = certificate.proven.boxes, certificate.equation.d, certificate.demands.clear
+    boxes, d, clear = certificate.boxes, region.equation.d, certificate.demands.clear
     tree = partition(boxes.low, boxes.high, [(-1.0, 1.0)] * d, lambda i: i + 1)
     low, high = _cut_up(*left_open(tree, [(-1.0, 1.0)] * d), region.grid)
     # The postures in the middle of each part, and at corners of it: at most 9, and about 24,000 of all parts.
@@ -306,7 +317,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     strategy: HolonomicStrategy
     q0: Vector
     workspace: PoseRange
-    certificate: Certificate
+    certificate: Certificate | SignedBox
     cells: PoseRegion
 
     @property
@@ -342,11 +353,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         n, inside = self.strategy.task.n, cell >= 0
         q, alone = np.full((len(p), n), np.nan), np.zeros(len(p))
         if inside.any():
-            boxes, cells = (
-                some(part, cell[inside]) for part in (self.certificate.proven.boxes, self.certificate.cells)
-            )
-            q[inside] = boxes.predicted(cells, u[inside])[:, :n]
-            alone[inside] = self.certificate.findings.alone[cell[inside]]
+            q[inside], alone[inside] = self.certificate.near(cell[inside], u[inside])
         return q, alone
 
     @cached_property
@@ -391,11 +398,11 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
     def _elsewhere(self, pose: Matrix, q: Vector) -> bool:
         """Whether the leaf, followed from the nearest cell to a pose, has another posture there than q."""
-        boxes, cells = self.certificate.proven.boxes, self.certificate.cells
         u = self.cells.places(pose[None, :3, 3], pose[None, :3, :3])[0]
-        if not (len(boxes) and np.isfinite(u).all()):
+        if not (len(self.certificate) and np.isfinite(u).all()):
             return False
-        begin = cells.q0[int(self._middles.query(u)[1]), : self.strategy.task.n]
+        cell = np.array([self._middles.query(u)[1]])
+        begin = self.certificate.near(cell, self._middles.data[cell])[0][0]
         return not leads_to(ik(self.strategy, self.q0, limits=False), pose, begin, q)
 
     @property
@@ -430,7 +437,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     def _cell_of(self, p: Matrix, R: Array) -> tuple[Indices, Matrix]:
         """(cell of each pose (k,), -1 for none; its parameters (k, d))."""
         # The bins of the poses in the box; a pose between two bins is in both.
-        u, boxes = self.cells.places(p, R), self.certificate.proven.boxes
+        u, boxes = self.cells.places(p, R), self.certificate.boxes
         cells = np.full(len(p), -1)
         inside = np.flatnonzero((np.abs(u) <= 1).all(axis=1))
         keys, order = self._bins
@@ -454,19 +461,19 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         """A KDTree of the cells' middles."""
         from scipy.spatial import KDTree
 
-        boxes = self.certificate.proven.boxes
+        boxes = self.certificate.boxes
         return KDTree((boxes.low + boxes.high) / 2)
 
     @cached_property
     def _cuts(self) -> list[Vector]:
         """Along each axis where no cell is cut."""
-        boxes = self.certificate.proven.boxes
+        boxes = self.certificate.boxes
         return [clear_cuts(boxes.low[:, a], boxes.high[:, a]) for a in range(boxes.low.shape[1])]
 
     @cached_property
     def _bins(self) -> tuple[Indices, Indices]:
         """(sorted bins between the cuts, of all cells; the cells in that order)."""
-        boxes = self.certificate.proven.boxes
+        boxes = self.certificate.boxes
         keys = self._keys_of(self._bins_of((boxes.low + boxes.high) / 2, "right"))
         order = np.argsort(keys, kind="stable")
         return keys[order], order
@@ -538,6 +545,9 @@ def unique_region(
         keep_in: of a workspace, a file that keeps the cells, as of `certify`.
         progress: hears how far it is.
 
+    As of `certify`, a strategy whose held joints leave a closed inverse is proven by signs: its region has a
+    `SignedBox` for a certificate.
+
     Raises:
         NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box,
             tilt or spin beside a workspace, a task of several frames. SingularityError: it is singular at q0.
@@ -548,16 +558,30 @@ def unique_region(
     start = start_posture(strategy.task.robot, q0, limits)
     strategy(start)
     asked = demands(strategy, start, limits, scene)
+    signed = signed_branch(strategy, start, limits) if scene is None and keep_in is None else None
     if workspace is None:
         if keep_in is not None:
             raise ArgumentError("keep_in", str(keep_in), "it is of one box: give the workspace, too")
         box = _largest_box(strategy, start, tilt, spin, asked)
-        proof, cells, box = _proven_box(strategy, start, box, asked, budget, progress)
+        proof, cells, box = _proven_box(strategy, start, box, asked, signed, budget, progress)
         return UniqueRegion(strategy, start, box, proof, cells)
     if tilt or spin:
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
-    began = time.perf_counter()
+    if signed is not None:
+        proof = signed_box(strategy, workspace, start, signed, asked.limits, budget, progress)
+        return UniqueRegion(strategy, start, workspace, proof, proof.region)
+    proof, cells = region_by_cells(strategy, start, workspace, limits, scene, budget, keep_in, progress)
+    return UniqueRegion(strategy, start, workspace, proof, cells)
+
+
+def region_by_cells(
+    strategy: Strategy, q0: ArrayLike, workspace: PoseRange, limits: bool = True, scene: Scene | None = None,
+    budget: int = 20_000, keep_in: str | FilePath | None = None, progress: Callable[[str], None] = lambda _text: None,
+) -> tuple[Certificate, PoseRegion]:  # fmt: skip
+    """The part of a workspace by cells of joints, whatever the strategy: its certificate can be saved, and verified."""
+    began, strategy = time.perf_counter(), provable(strategy)
+    start = start_posture(strategy.task.robot, q0, limits)
+    asked = demands(strategy, start, limits, scene)
     cells = PoseRegion.of(strategy, workspace, start, partial=True)
     with KeptCells.opened(keep_in, lambda: question(cells, start, asked)) as kept_cells:
-        proof = certificate(workspace, cells, start, asked, budget, progress, began, kept_cells=kept_cells)
-    return UniqueRegion(strategy, start, workspace, proof, cells)
+        return certificate(workspace, cells, start, asked, budget, progress, began, kept_cells=kept_cells), cells

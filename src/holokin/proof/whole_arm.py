@@ -186,9 +186,9 @@ def _center_and_normal(arm: ArmClass) -> dict[str, Any]:
     chain = [i for i, link in enumerate(arm.links[:-1]) if link.coordinate not in arm.held]
     order = chain[::-1] if arm.form.reversed else chain
     if arm.form.family is Family.PARALLEL:
-        return _fixed(arm, "center", order[4:], _meeting_point)
+        return _fixed(arm, "center", order[4:], meeting_point)
     pair = (order[2], order[1]) if arm.form.inner else (order[0], order[1])
-    return _fixed(arm, "center", order[3:], _meeting_point) | _fixed(arm, "normal", list(pair), _normal)
+    return _fixed(arm, "center", order[3:], meeting_point) | _fixed(arm, "normal", list(pair), _normal)
 
 
 Screws = Sequence[tuple[Array, Array]]
@@ -215,7 +215,7 @@ def _fixed(arm: ArmClass, name: str, axes: list[int], of: Callable[[Screws], Arr
     raise NoProofError(arm.robot.name, f"the {name} of its axes moves in every link with the held joints: {REGION}")
 
 
-def _meeting_point(axes: Screws) -> Array:
+def meeting_point(axes: Screws) -> Array:
     """The point in which axes meet."""
     if (found := miss_of_point(axes if len(axes) == 3 else [*axes, axes[0]])) is None:
         raise ValueError("the class tells that they meet")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, cached_property, lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -181,12 +181,14 @@ _RULES: dict[int, Callable[..., Interval]] = {
 }
 
 
-class IntervalFunction:
-    """y (k,) of symbols x (all in a row), over boxes; `constants` are further symbols and their numbers.
+class LayeredFunction:
+    """y (k,) of symbols x (all in a row) as layers of operations; `constants` are further symbols and their numbers.
 
     Raises:
-        ExpressionError: an operation that has no rule for intervals.
+        ExpressionError: an operation that has no rule.
     """
+
+    rules: ClassVar[Mapping[int, Callable[..., Any]]]
 
     def __init__(
         self,
@@ -218,7 +220,7 @@ class IntervalFunction:
             return len(layer) - 1
 
         def apply(op: int, places: list[int]) -> int:
-            if op not in _RULES:
+            if op not in self.rules:
                 cure = "write it with + - * /, roots, sines, arc tangents, exp and log"
                 fact = f"the operation {OPERATION_NAMES.get(op, str(op)).lower()} has no rule for intervals"
                 raise ExpressionError(name, fact, cure)
@@ -231,13 +233,23 @@ class IntervalFunction:
         # Sort the operations by layer and kind, so that one call does all of a kind.
         results = walk(made, read, constant, apply)
         self.operations = len(layer)
-        self._constants = _indices(fixed), np.array(list(fixed.values()))[:, None]
-        self._arguments = _indices(arguments), _indices(arguments.values())
-        self._results = _indices(results), _indices(results.values())
-        self._steps = [
-            (_RULES[key[1]], *(np.array(column) for column in zip(*rows, strict=True)))
+        self.constants = _indices(fixed), np.array(list(fixed.values()))[:, None]
+        self.arguments = _indices(arguments), _indices(arguments.values())
+        self.results = _indices(results), _indices(results.values())
+        self.steps = [
+            (self.rules[key[1]], *(np.array(column) for column in zip(*rows, strict=True)))
             for key, rows in sorted(groups.items(), key=lambda item: item[0][0])
         ]
+
+
+class IntervalFunction(LayeredFunction):
+    """y (k,) of symbols x (all in a row), over boxes; `constants` are further symbols and their numbers.
+
+    Raises:
+        ExpressionError: an operation that has no rule for intervals.
+    """
+
+    rules: ClassVar[Mapping[int, Callable[..., Any]]] = _RULES
 
     def __call__(self, low: Array, high: Array) -> Interval:
         """Enclosures (k, boxes) of y over boxes [low, high], each (symbols, boxes)."""
@@ -245,16 +257,16 @@ class IntervalFunction:
         if lost.any():  # no number: anything
             low, high = np.where(lost, -np.inf, low), np.where(lost, np.inf, high)
         below, above = np.empty((self.operations, boxes)), np.empty((self.operations, boxes))
-        places, values = self._constants
+        places, values = self.constants
         below[places] = above[places] = values
-        places, columns = self._arguments
+        places, columns = self.arguments
         below[places], above[places] = low[columns], high[columns]
         with np.errstate(all="ignore"):
-            for rule, out, *into in self._steps:
+            for rule, out, *into in self.steps:
                 bounds: Any = rule(*(Interval(below[i], above[i]) for i in into))
                 below[out], above[out] = bounds
         y = Interval(np.zeros((self.rows, boxes)), np.zeros((self.rows, boxes)))
-        rows, places = self._results
+        rows, places = self.results
         y.low[rows], y.high[rows] = below[places], above[places]
         return y
 

@@ -26,7 +26,9 @@ from ...motion.checks import CheckReport
 from ...path import Path
 from ...path.editing import AnyPath
 from ...path.workspaces import PoseRange
-from ...proof import Certificate, WholeArm, certify, unique_region
+from ...proof import Certificate, WholeArm, certify
+from ...proof.certify_leaf import certify_cells
+from ...proof.proven_region import region_by_cells
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task
 from .job_parts import (
@@ -105,9 +107,9 @@ def certify_job(
                 if isinstance(domain, Path):
                     begin = build_entry(job, strategy, domain, begin).q0
                 if part and isinstance(domain, PoseRange):
-                    certificate = unique_region(strategy, begin, domain, **more).certificate
+                    certificate, _ = region_by_cells(strategy, begin, domain, **more)
                 else:
-                    certificate = certify(strategy, domain, begin, **more)
+                    certificate = certify_cells(strategy, domain, begin, **more)
         except HolokinError as problem:
             cause = problem.__cause__ or problem
             if isinstance(cause, NoProofError):

@@ -71,10 +71,21 @@ class Form:
 
 
 class Turn(NamedTuple):
-    """An angle by its cosine and sine."""
+    """An angle by its cosine and sine; and by a vector in its direction of some length, where these are quotients."""
 
     cos: SX
     sin: SX
+    vector: tuple[SX, SX, SX] | None = None
+
+    @staticmethod
+    def along(x: SX, y: SX, length: SX) -> Turn:
+        """That of a vector (x, y)."""
+        return Turn(x / length, y / length, (x, y, length))
+
+    @property
+    def scaled(self) -> tuple[SX, SX, SX]:
+        """(x, y, length) of a vector in its direction."""
+        return self.vector or (self.cos, self.sin, SX(1))
 
     @property
     def angle(self) -> SX:
@@ -104,10 +115,10 @@ def _root(a: SX, b: SX, d: SX, sign: SX) -> Root:
     """The root of a cos q + b sin q = d whose slope has a sign, 1 or -1; where there is none, the q nearest to one."""
     square = a * a + b * b
     share = 1 - d * d / square
-    size = sqrt(square * fmax(share, 0))
+    size = sqrt(fmax(square - d * d, 0))
     d = fmin(fmax(d, -sqrt(square)), sqrt(square))
     s = sign * size
-    return Root(Turn((a * d + b * s) / square, (b * d - a * s) / square), s, share)
+    return Root(Turn.along(a * d + b * s, b * d - a * s, square), s, share)
 
 
 class Wave(NamedTuple):
@@ -143,10 +154,9 @@ def _projected(u: SX, h: SX, v: SX, d: SX, sign: SX) -> Root:
 
 
 def _between(h: SX, v: SX, w: SX) -> Turn:
-    """The turn about h that brings v to w, or as near to it as a turn does."""
+    """The turn about h that brings v to w, which is as far from h."""
     x, y = dot(v, w) - dot(h, v) * dot(h, w), dot(h, cross(v, w))
-    size = sqrt(x * x + y * y)
-    return Turn(x / size, y / size)
+    return Turn.along(x, y, dot(w, w) - dot(h, w) ** 2)
 
 
 Posture = tuple[list[Turn], list[Root]]
@@ -392,13 +402,28 @@ GEOMETRY = 58
 """Numbers of a chain: 18 of the axes, 18 of their points, 3 of the center, 3 of the normal, 16 of M."""
 
 
-def _chain(x: SX, pose: SX) -> Chain:
+def _chain(form: Form, x: SX, R: SX, t: SX) -> Chain:
+    """That of its numbers and a tool pose, in the order of the steps."""
     h = [x[3 * i : 3 * i + 3] for i in range(6)]
     p = [x[18 + 3 * i : 21 + 3 * i] for i in range(6)]
     home, home_at = _frame(x[42:58].reshape((4, 4)).T)
-    R, t = _frame(pose)
     rotation = R @ home.T
-    return Chain(h, p, x[36:39], x[39:42], rotation, t - rotation @ home_at)
+    chain = Chain(h, p, x[36:39], x[39:42], rotation, t - rotation @ home_at)
+    return chain.backward() if form.reversed else chain
+
+
+def _solved(form: Form, chain: Chain, signs: list[SX]) -> Posture:
+    return _parallel_axes(chain, signs) if form.family is Family.PARALLEL else _arm_and_wrist(chain, form, signs)
+
+
+def steps(form: Form, numbers: SX, rotation: SX, position: SX, signs: list[SX]) -> Posture:
+    """The turns of the six joints, in their order along the arm, and the roots of the three steps.
+
+    Args:
+        numbers: of the chain (58,). rotation, position: the tool's, (3, 3) and (3,). signs: of the three slopes.
+    """
+    turns, roots = _solved(form, _chain(form, numbers, rotation, position), signs)
+    return turns[::-1] if form.reversed else turns, roots
 
 
 def _frame(T: SX) -> tuple[SX, SX]:
@@ -466,22 +491,19 @@ def solver(form: Form, polish: bool) -> Function:
 
 def answer(form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joints: SX, signs: SX) -> SX:
     """The answer (12,) of `solver` as an expression of its arguments."""
-    chain, own = _chain(numbers, pose), _chain(own_numbers, pose)
-    if form.reversed:
-        chain, own = chain.backward(), own.backward()
-    sign = [signs[i] for i in range(3)]
-    turns, steps = _parallel_axes(chain, sign) if form.family is Family.PARALLEL else _arm_and_wrist(chain, form, sign)
+    chain, own = (_chain(form, x, *_frame(pose)) for x in (numbers, own_numbers))
+    turns, roots = _solved(form, chain, [signs[i] for i in range(3)])
     if polish:
         first = _corrections(form.family, own, turns)
         turns = [_plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
     angles = [turn.angle for turn in turns]
     if polish:
         angles = [a + more for a, more in zip(angles, _corrections(form.family, own, turns), strict=True)]
-    share = fmin(fmin(steps[0].share, steps[1].share), steps[2].share)
+    share = fmin(fmin(roots[0].share, roots[1].share), roots[2].share)
     q = joints[0, :].T * (vertcat(*(angles[::-1] if form.reversed else angles)) - joints[1, :].T)
     q = q + 2 * np.pi * floor((joints[2, :].T - q) / (2 * np.pi) + 0.5)
     within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
-    return vertcat(q, *(step.slope for step in steps), share, within, _fault(pose))
+    return vertcat(q, *(root.slope for root in roots), share, within, _fault(pose))
 
 
 def _fault(pose: SX) -> SX:
