@@ -130,7 +130,7 @@ class _Steps(Value):
     def _ranges(self) -> tuple[Vector, Vector]:
         """Of the turns (6,) the middle of what limits allow, and half of its width; 0 for no limits."""
         low, high = (np.where(self.single, side, 0.0) for side in self.limits)
-        multiplier, offset = self.branch.leaf.inverse._joints[:2]
+        multiplier, offset = self.branch.leaf.inverse.joints[:2]
         return offset + multiplier * (low + high) / 2, (high - low) / 2
 
     @cached_property
@@ -189,7 +189,7 @@ class _Steps(Value):
         within, *turns = (Taylor(*(part[rows] for part in every)) for rows in (slice(6), slice(6, 12), slice(12, 18)))
         angles = _angles(*turns)
         multiplier, offset = (
-            iv.point(np.broadcast_to(row[:, None], angles.low.shape)) for row in self.branch.leaf.inverse._joints[:2]
+            iv.point(np.broadcast_to(row[:, None], angles.low.shape)) for row in self.branch.leaf.inverse.joints[:2]
         )
         return within.bounds, iv.multiply(multiplier, iv.subtract(angles, offset))
 

@@ -83,6 +83,12 @@ class Turn(NamedTuple):
         return Turn(x / length, y / length, (x, y, length))
 
     @property
+    def unit(self) -> Turn:
+        """The same, whose cosine and sine are those of an angle to round-off: quotients of small numbers are not."""
+        size = sqrt(self.cos * self.cos + self.sin * self.sin)
+        return Turn(self.cos / size, self.sin / size)
+
+    @property
     def scaled(self) -> tuple[SX, SX, SX]:
         """(x, y, length) of a vector in its direction."""
         return self.vector or (self.cos, self.sin, SX(1))
@@ -494,6 +500,7 @@ def answer(form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joi
     chain, own = (_chain(form, x, *_frame(pose)) for x in (numbers, own_numbers))
     turns, roots = _solved(form, chain, [signs[i] for i in range(3)])
     if polish:
+        turns = [turn.unit for turn in turns]
         first = _corrections(form.family, own, turns)
         turns = [_plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
     angles = [turn.angle for turn in turns]
