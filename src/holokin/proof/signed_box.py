@@ -407,7 +407,7 @@ class SignedBox(NoTruthValue, Value, ask="`.whole`"):
     def sampled(self, count: int = 2000) -> float:
         """The share of some poses of the box at which a posture has the signs of the start's, and is as asked."""
         poses = self.asked.poses(count)
-        status = self.branch.reach(poses[:, :3, 3], poses[:, :3, :3])[1]
+        status = self.branch.postures(poses[:, :3, 3], poses[:, :3, :3])[1]
         return float((status == InverseStatus.REACHED).mean())
 
     @property
@@ -526,7 +526,7 @@ class SignedBox(NoTruthValue, Value, ask="`.whole`"):
 
     def _at(self, u: Matrix) -> Matrix:
         poses = self.region.poses_at(u)
-        return self.branch.reach(poses[:, :3, 3], poses[:, :3, :3])[0]
+        return self.branch.postures(poses[:, :3, 3], poses[:, :3, :3])[0]
 
     @cached_property
     def _middles(self) -> Matrix:

@@ -266,23 +266,37 @@ class ClosedBranch(Value):
     def reach(self, p: Matrix, R: Array, threads: int | None = None) -> tuple[Matrix, Indices, Flags]:
         """(postures (k, n), statuses (k,), where both are known (k,)) of poses, positions (k, 3), rotations (k, 3, 3).
 
-        A pose without a posture has the status LEAF_ENDS, and NaN. Where a joint has several turns within its limits,
-        the straight way from the start has to tell which.
+        As `postures`; where a joint has several turns within its limits, the straight way from the start has to tell
+        which, and of a pose that has a posture nothing is known.
         """
+        answers = self._answers(p, R, threads)
+        near = np.einsum("kij,ij->k", R, self.rotation) > self.least_trace
+        real, none = answers[:, 9] > DOUBT, (answers[:, 9] < -DOUBT) & near
+        if not self.single:
+            return np.full((len(p), len(self.q0)), np.nan), np.full(len(p), int(InverseStatus.LEAF_ENDS)), none
+        return *self._told(answers), (real & near) | none
+
+    def postures(self, p: Matrix, R: Array) -> tuple[Matrix, Indices]:
+        """(postures (k, n), each at some turn of its joints; statuses (k,)) of positions (k, 3), rotations (k, 3, 3).
+
+        A pose without a posture has the status LEAF_ENDS, and NaN.
+        """
+        return self._told(self._answers(p, R, None))
+
+    def _answers(self, p: Matrix, R: Array, threads: int | None) -> Matrix:
+        """The answers of the branch; where signs do not tell it, those that are the most real."""
         poses = pose_from(p, R)
         every = self.leaf.one(poses[0])[None] if len(poses) == 1 else self.leaf.answers(poses, threads)
         nearest = every[:, :, 9].argmax(axis=1) if self.row is None else self.row
-        answers = every[np.arange(len(every)), nearest]
-        near = np.einsum("kij,ij->k", R, self.rotation) > self.least_trace
-        real, none = answers[:, 9] > DOUBT, (answers[:, 9] < -DOUBT) & near
-        if not self.single:  # the path tells the turn, or the branch, where there is a posture
-            return np.full((len(p), len(self.q0)), np.nan), np.full(len(p), int(InverseStatus.LEAF_ENDS)), none
-        known, q = (real & near) | none, self.leaf.postures(answers)
+        return every[np.arange(len(every)), nearest]
+
+    def _told(self, answers: Matrix) -> tuple[Matrix, Indices]:
+        real, q = answers[:, 9] > DOUBT, self.leaf.postures(answers)
         q[~real] = np.nan
         robot = self.leaf.inverse.arm.robot
         within = (robot.beyond(q) <= TOLERANCES.limit).all(axis=1) | (not self.leaf.inverse.limits)
         status = np.where(real, np.where(within, InverseStatus.REACHED, InverseStatus.LIMIT), InverseStatus.LEAF_ENDS)
-        return q, status.astype(np.intp), known
+        return q, status.astype(np.intp)
 
     def margins(self, poses: Array, held: Matrix) -> Vector:
         """How far (k,) the postures at poses (k, 4, 4) and values (k, r) of the held joints are from ceasing to serve.

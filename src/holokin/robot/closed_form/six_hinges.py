@@ -83,12 +83,6 @@ class Turn(NamedTuple):
         return Turn(x / length, y / length, (x, y, length))
 
     @property
-    def unit(self) -> Turn:
-        """The same, whose cosine and sine are those of an angle to round-off: quotients of small numbers are not."""
-        size = sqrt(self.cos * self.cos + self.sin * self.sin)
-        return Turn(self.cos / size, self.sin / size)
-
-    @property
     def scaled(self) -> tuple[SX, SX, SX]:
         """(x, y, length) of a vector in its direction."""
         return self.vector or (self.cos, self.sin, SX(1))
@@ -159,10 +153,17 @@ def _projected(u: SX, h: SX, v: SX, d: SX, sign: SX) -> Root:
     return _root(a, b, d - mean, sign)
 
 
-def _between(h: SX, v: SX, w: SX) -> Turn:
-    """The turn about h that brings v to w, which is as far from h."""
+def _between(h: SX, v: SX, w: SX, bounded: bool = False) -> Turn:
+    """The turn about h that brings v to w, which is as far from h, or as near to it as a turn does.
+
+    bounded: its cosine and sine are quotients by the square of that distance, whose bounds over sets of poses are
+    tighter; where it is small, they are none of an angle to round-off.
+    """
     x, y = dot(v, w) - dot(h, v) * dot(h, w), dot(h, cross(v, w))
-    return Turn.along(x, y, dot(w, w) - dot(h, w) ** 2)
+    if bounded:
+        return Turn.along(x, y, dot(w, w) - dot(h, w) ** 2)
+    size = sqrt(x * x + y * y)
+    return Turn(x / size, y / size)
 
 
 Posture = tuple[list[Turn], list[Root]]
@@ -194,7 +195,7 @@ def _plane_of(h1: SX, p1: SX, h2: SX, p2: SX, normal: SX) -> Plane:
     return Plane(normal, p2, foot, sine, cosine, along, across, along * sine - across * cosine)
 
 
-def _to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs: list[SX]) -> Posture:
+def _to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs: list[SX], bounded: bool) -> Posture:
     """The turns of joints 1, 2, 3 with E_1 E_2 E_3 start = goal, and the roots of joints 3 and 2.
 
     Axes 1 and 2 lie in a plane. Step 1, joint 3: turns about both keep sine |x - a|^2 / 2 - moment h_2 . (x - a) of a
@@ -216,7 +217,7 @@ def _to_point(h: list[SX], p: list[SX], plane: Plane, start: SX, goal: SX, signs
     wanted = (plane.sine * height + plane.across * distance) / (plane.sine**2 + plane.across**2)
     second = _root(dot(across, x), dot(n, x), wanted, signs[1])
     # Step 3: joint 1.
-    first = _between(h[0], a + second.turn.about(h[1], x) - plane.foot, goal - plane.foot)
+    first = _between(h[0], a + second.turn.about(h[1], x) - plane.foot, goal - plane.foot, bounded)
     return [first, second.turn, third.turn], [third, second]
 
 
@@ -321,11 +322,11 @@ def _cubic_root_within(b: SX, c: SX, d: SX) -> SX:
     return fmin(fmax(t, -1), 1)
 
 
-def _wrist(h: list[SX], to_last: SX, from_first: SX, sign: SX) -> Posture:
+def _wrist(h: list[SX], to_last: SX, from_first: SX, sign: SX, bounded: bool) -> Posture:
     """The turns with R_4 R_5 R_6 = W, given W h_6 and W^T h_4, and the root of joint 5."""
     fifth = _projected(h[3], h[4], h[5], dot(h[3], to_last), sign)
-    fourth = _between(h[3], fifth.turn.about(h[4], h[5]), to_last)
-    sixth = _between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True))
+    fourth = _between(h[3], fifth.turn.about(h[4], h[5]), to_last, bounded)
+    sixth = _between(h[5], from_first, fifth.turn.about(h[4], h[3], back=True), bounded)
     return [fourth, fifth.turn, sixth], [fifth]
 
 
@@ -338,12 +339,13 @@ class Chain(NamedTuple):
     normal: SX
     rotation: SX
     shift: SX
+    bounded: bool = False
 
     def backward(self) -> Chain:
         """The same chain seen from the tool: E_6^-1 ... E_1^-1 = (T M^-1)^-1, with the axes the other way."""
         inverse = self.rotation.T
         h, p = [-axis for axis in self.h[::-1]], self.p[::-1]
-        return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift))
+        return Chain(h, p, self.center, self.normal, inverse, -(inverse @ self.shift), self.bounded)
 
 
 def _arm_and_wrist(chain: Chain, form: Form, signs: list[SX]) -> Posture:
@@ -355,7 +357,7 @@ def _arm_and_wrist(chain: Chain, form: Form, signs: list[SX]) -> Posture:
         arm, points, start, goal = [-axis for axis in arm[::-1]], points[::-1], goal, start
     if form.family is Family.PAIR:
         plane = _plane_of(arm[0], points[0], arm[1], points[1], chain.normal)
-        turns, steps = _to_point(arm, points, plane, start, goal, signs)
+        turns, steps = _to_point(arm, points, plane, start, goal, signs, chain.bounded)
     else:
         turns, steps = _to_point_in_space(arm, points, chain.normal, start, goal, signs)
     first = turns[::-1] if form.inner else turns
@@ -364,7 +366,7 @@ def _arm_and_wrist(chain: Chain, form: Form, signs: list[SX]) -> Posture:
         to_last = turn.about(axis, to_last, back=True)
     for turn, axis in zip(first[::-1], h[2::-1], strict=True):
         from_first = turn.about(axis, from_first)
-    last, fifth = _wrist(h, to_last, chain.rotation.T @ from_first, signs[2])
+    last, fifth = _wrist(h, to_last, chain.rotation.T @ from_first, signs[2], chain.bounded)
     return first + last, steps + fifth
 
 
@@ -381,19 +383,20 @@ def _parallel_axes(chain: Chain, signs: list[SX]) -> Posture:
     fifth = _projected(along, h[4], h[5], dot(along, behind_first(chain.rotation @ h[5])), signs[1])
     # Joint 6 brings W^T h_2 to R_5^T h_2; then the turn of joints 2, 3, 4 together is known.
     from_first = chain.rotation.T @ first.turn.about(h[0], along)
-    sixth = _between(h[5], from_first, fifth.turn.about(h[4], along, back=True))
+    sixth = _between(h[5], from_first, fifth.turn.about(h[4], along, back=True), chain.bounded)
 
     def before_fifth(v: SX) -> SX:
         return sixth.about(h[5], fifth.turn.about(h[4], v, back=True), back=True)
 
-    together = _between(along, chain.normal, behind_first(chain.rotation @ before_fifth(chain.normal)))
+    turned = behind_first(chain.rotation @ before_fifth(chain.normal))
+    together = _between(along, chain.normal, turned, chain.bounded)
     # Joints 2 and 3 bring a point of axis 4 to its place, in the plane square to the axes.
     on_axis = chain.center + before_fifth(p[3] - chain.center)
     away = p[0] + behind_first(chain.rotation @ on_axis + chain.shift - p[0]) - p[1]
     elbow, lever, away = (v - dot(along, v) * along for v in (p[2] - p[1], p[3] - p[2], away))
     wanted = (dot(away, away) - dot(elbow, elbow) - dot(lever, lever)) / 2
     third = _projected(elbow, along, lever, wanted, signs[2])
-    second = _between(along, elbow + third.turn.about(along, lever), away)
+    second = _between(along, elbow + third.turn.about(along, lever), away, chain.bounded)
     fourth = _plus(together, _plus(second, third.turn).back)
     turns = [first.turn, second, third.turn, fourth, fifth.turn, sixth]
     return turns, [first, fifth, third]
@@ -408,13 +411,13 @@ GEOMETRY = 58
 """Numbers of a chain: 18 of the axes, 18 of their points, 3 of the center, 3 of the normal, 16 of M."""
 
 
-def _chain(form: Form, x: SX, R: SX, t: SX) -> Chain:
+def _chain(form: Form, x: SX, R: SX, t: SX, bounded: bool = False) -> Chain:
     """That of its numbers and a tool pose, in the order of the steps."""
     h = [x[3 * i : 3 * i + 3] for i in range(6)]
     p = [x[18 + 3 * i : 21 + 3 * i] for i in range(6)]
     home, home_at = _frame(x[42:58].reshape((4, 4)).T)
     rotation = R @ home.T
-    chain = Chain(h, p, x[36:39], x[39:42], rotation, t - rotation @ home_at)
+    chain = Chain(h, p, x[36:39], x[39:42], rotation, t - rotation @ home_at, bounded)
     return chain.backward() if form.reversed else chain
 
 
@@ -423,12 +426,12 @@ def _solved(form: Form, chain: Chain, signs: list[SX]) -> Posture:
 
 
 def steps(form: Form, numbers: SX, rotation: SX, position: SX, signs: list[SX]) -> Posture:
-    """The turns of the six joints, in their order along the arm, and the roots of the three steps.
+    """The turns of the six joints, in their order along the arm, and the roots of the three steps, to be bounded.
 
     Args:
         numbers: of the chain (58,). rotation, position: the tool's, (3, 3) and (3,). signs: of the three slopes.
     """
-    turns, roots = _solved(form, _chain(form, numbers, rotation, position), signs)
+    turns, roots = _solved(form, _chain(form, numbers, rotation, position, bounded=True), signs)
     return turns[::-1] if form.reversed else turns, roots
 
 
@@ -500,7 +503,6 @@ def answer(form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joi
     chain, own = (_chain(form, x, *_frame(pose)) for x in (numbers, own_numbers))
     turns, roots = _solved(form, chain, [signs[i] for i in range(3)])
     if polish:
-        turns = [turn.unit for turn in turns]
         first = _corrections(form.family, own, turns)
         turns = [_plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
     angles = [turn.angle for turn in turns]
