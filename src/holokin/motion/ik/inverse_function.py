@@ -316,7 +316,9 @@ class InverseKinematics(Value):
 
         Reached from the start along the straight line to it (turning evenly about one axis), so it is a
         function of the pose: the same pose gives the same joints to the last bit. The posture of the pose keeps the
-        joint limits, unless `ik` was told not to look at them; those on the way to it need not.
+        joint limits, unless `ik` was told not to look at them; those on the way to it need not. Where the held joints
+        leave a closed inverse it is the posture with the signs of the start, which is the same wherever the line leads
+        there, and no line is gone.
 
         Args:
             level: c (r,), or one number for all rows; by default that of the start. The path leads straight from level
