@@ -39,7 +39,8 @@ def cell(row: Row) -> str:
     if row["cusps"]:
         return f"{row['cusps']} cusps"
     locked = row["law"] in ("lock", "none")
-    proven = locked and isinstance(arm_class(hk.load(row["arm"]), row["joints"]), ArmClass)
+    found = arm_class(hk.load(row["arm"]), row["joints"]) if locked else None
+    proven = isinstance(found, ArmClass) and found.proven
     return "proven none" if proven else "none"
 
 

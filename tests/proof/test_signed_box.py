@@ -176,6 +176,17 @@ def test_with_a_scene_or_a_file_of_cells_the_proof_is_that_of_cells_of_joints(tm
     assert proof.whole and isinstance(proof, Certificate)
 
 
+@pytest.mark.parametrize(
+    "rule", [hk.lock(4), hk.lock(6, follows=lambda p, _R: 0.3 * p[0])], ids=["degree four", "a joint that follows"]
+)
+def test_where_signs_alone_do_not_tell_the_posture_the_proof_is_that_of_cells_of_joints(rule):
+    panda = hk.load("panda")
+    G, q0 = hk.holonomic(hk.pose(panda), rule), READY + [0.1, 0, 0.2, 0, 0.3, 0, 0]
+    proof = hk.certify(G, box_about(panda, q0, 1e-3), q0, budget=200)
+    assert isinstance(proof, Certificate) and proof.whole
+    assert isinstance(hk.unique_region(G, q0, box_about(panda, q0, 1e-3), budget=200).certificate, Certificate)
+
+
 def test_taylor_models_hold_the_numbers_of_their_boxes_and_are_off_by_the_third_power_of_the_size():
     rng = np.random.default_rng(3)
     x = ca.SX.sym("x", 3)

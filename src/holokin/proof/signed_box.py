@@ -20,9 +20,10 @@ import numpy as np
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ..base.units import at_least, share_text
 from ..motion.ik import InverseStatus
-from ..motion.ik.closed_leaf import ClosedBranch, closed_leaf, leaf_class
+from ..motion.ik.closed_leaf import ClosedBranch, closed_leaf
+from ..motion.ik.leaf import leaf_value
 from ..path.workspaces import PoseRange
-from ..robot.closed_form import ArmClass
+from ..robot.closed_form import ArmClass, Held
 from ..robot.closed_form.arm_classes import screws
 from ..robot.closed_form.closed_inverse import SIGNS
 from ..robot.closed_form.six_hinges import Family, steps
@@ -542,10 +543,12 @@ ALONE = 1e-5
 
 
 def signed_branch(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> ClosedBranch | None:
-    """The postures with the start's signs, where the held joints leave a closed inverse and the start is regular."""
-    if not isinstance(leaf_class(strategy), ArmClass):
-        return None
-    return ClosedBranch.of(closed_leaf(strategy, np.atleast_1d(strategy.g(q0)), limits), q0)
+    """The postures with the start's signs, where the held joints leave a closed inverse and the start is regular.
+
+    Not where they follow the tool's pose, or after a step of degree four.
+    """
+    leaf = closed_leaf(strategy, leaf_value(strategy, q0), limits)
+    return ClosedBranch.of(leaf, q0) if isinstance(leaf, Held) else None
 
 
 def signed_box(

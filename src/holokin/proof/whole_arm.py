@@ -245,7 +245,7 @@ def whole_arm(strategy: Strategy) -> WholeArm:
             raise NoProofError(strategy.name, f"{found.reason}: hold another joint")
         miss = f" (the nearest class is {found.miss:.2g} m or rad away)" if np.isfinite(found.miss) else ""
         raise NoProofError(strategy.name, f"{found.reason}{miss}: {REGION}")
-    if not found.form.family.quadratic:
+    if not found.proven:
         fact = "its inverse has a step of degree four, of which signs tell nothing"
         raise NoProofError(strategy.name, f"{fact}: {REGION}")
     _center_and_normal(found)  # raises where no file could be written

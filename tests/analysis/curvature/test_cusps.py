@@ -201,6 +201,14 @@ def test_ctrl_c_keeps_the_cusps_that_were_found(monkeypatch: pytest.MonkeyPatch)
     assert "Ctrl-C" in cusps.sentence
 
 
+def test_after_a_step_of_degree_four_nothing_is_said_to_be_proven() -> None:
+    panda, start = hk.load("panda"), [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+    proven = hk.cusps(hk.holonomic(hk.pose(panda), hk.lock(6)), start)
+    assert "proven on the whole arm" in proven.sentence and not len(proven)
+    searched = hk.cusps(hk.holonomic(hk.pose(panda), hk.lock(4)), start, starts=8)
+    assert "whole arm" not in searched.sentence
+
+
 def test_the_page_of_the_catalogue_says_what_the_rows_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows as the benchmark writes them: a loop for one lock and one sum, cusps for another, else none."""
     root = Path(__file__).parents[3]

@@ -401,7 +401,7 @@ def _excluded(strategy: HolonomicStrategy) -> str:
     if strategy.task.m < 2:
         return "the task has one row, so the leaf is a curve, which has no cusp"
     found = leaf_class(strategy)
-    if isinstance(found, NoClass) or not found.exact:
+    if isinstance(found, NoClass) or not (found.proven and found.exact):
         return ""
     return "proven on the whole arm, whatever the level; `hk.certify(strategy)` makes a certificate of it"
 
@@ -409,7 +409,7 @@ def _excluded(strategy: HolonomicStrategy) -> str:
 def _unproven(strategy: HolonomicStrategy) -> str:
     """What is known where a search found no cusp."""
     found = leaf_class(strategy)
-    if isinstance(found, NoClass):
+    if isinstance(found, NoClass) or not found.proven:
         return "a search, no proof that there is none"
     apart = f"{found.angle:.1e} rad and {found.distance:.1e} m"
     return f"a search; on the whole arm it is proven of an exact model, whose frames differ by at most {apart}"

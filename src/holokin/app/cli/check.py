@@ -24,7 +24,7 @@ def check(
     tip: TipName = None,
     trust_units: TrustUnits = False,
     floor: Annotated[float | None, typer.Option(help="Height of the floor [m] in the frame of the base.")] = None,
-    clearance: Annotated[float | None, typer.Option(help="The least distance wanted [m]; 0.01 by default.")] = None,
+    clearance: Annotated[float, typer.Option(help="The least distance wanted [m].")] = 0.01,
     radius: Annotated[
         float | None, typer.Option(help="Of the capsules [m] that stand for links without shapes.")
     ] = None,
@@ -70,8 +70,7 @@ def check(
     motion = read_recording(log, arm, **read, **counts_of_words(signs, offsets, scales))
     # The check.
     free = position or arm.n < 6
-    least = checks.Scene.clearance if clearance is None else clearance
-    scene = checks.Scene(floor=floor, clearance=least, allowed=[(a, b) for a, b in pairs])
+    scene = checks.Scene(floor=floor, clearance=clearance, allowed=[(a, b) for a, b in pairs])
     shaped = arm if radius is None else with_capsules(arm, radius)
     report = checks.check(motion, scene, task=position_of(shaped) if free else pose(shaped), margin=margin)
     if json is not None:

@@ -87,7 +87,7 @@ def closed_branch(strategy: HolonomicStrategy, q0: Vector, level: Vector, limits
         p, R = strategy.task._place(q0)
         turn = float(tilt.turn(strategy.task, Kinematics(SX(p), SX(R), SX(6, 0), {})))
     leaf = closed_leaf(strategy, level, limits) if turn > 0 else None
-    if leaf is not None and not leaf.inverse.arm.form.family.quadratic:
+    if leaf is not None and not leaf.inverse.arm.proven:
         return ClosedBranch(leaf, q0, None, frozen(strategy.task._place(q0)[1]), turn)
     return ClosedBranch.of(leaf, q0, turn)
 
@@ -220,7 +220,7 @@ class ClosedBranch(Value):
     def of(leaf: Held | Following | None, q0: Vector, turn: float = np.inf) -> ClosedBranch | None:
         """That of a start on the leaf; None where signs tell no postures apart, and where no answer at its tool pose is
         the start, as at a singular posture."""
-        if leaf is None or not leaf.inverse.arm.form.family.quadratic:
+        if leaf is None or not leaf.inverse.arm.proven:
             return None
         arm = leaf.inverse.arm
         pose = arm.robot.pose(q0, arm.tip)

@@ -240,6 +240,11 @@ class ArmClass(Value):
     distance: float
 
     @property
+    def proven(self) -> bool:
+        """Whether pose and signs tell the posture, on the whole arm: not after a step of degree four."""
+        return self.form.family.quadratic
+
+    @property
     def exact(self) -> bool:
         """Whether the exact model is the robot, but for round-off."""
         return max(self.angle, self.distance) < 1e-13
