@@ -139,6 +139,8 @@ class _Steps(Value):
         """(shares; how far within limits, cosines and sines), the symbols, numbers of all but u, their errors."""
         arm, leaf, region = self.branch.leaf.inverse.arm, self.branch.leaf, self.region
         # Numbers that are 0, 1 or -1 are put in as such, so that products with them go.
+        if not isinstance(leaf, Held):  # as `signed_branch` makes none
+            raise ValueError("a joint follows the tool's pose")
         exact, off = _exact_chain(arm, leaf.values, leaf.chain)
         known = off == 0
         some = np.flatnonzero(~known)

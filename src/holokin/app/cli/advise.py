@@ -38,7 +38,13 @@ def advise(
     # The comparison, and the job that is written and tried.
     with ending().telling() as say:
         asked = question(
-            robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value, trust_units=trust_units
+            robot,
+            box=box,
+            tilt=tilt,
+            tip=tip,
+            base=base,
+            task=None if task is None else task.value,
+            trust_units=trust_units,
         )
         advice, write = advise_command(robot, asked, out, say, say.announce, levels)
         show_rich(lambda console: print_advice(advice, console))

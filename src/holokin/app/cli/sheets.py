@@ -48,7 +48,13 @@ def sheets(
     options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
         asked = question(
-            robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value, trust_units=trust_units
+            robot,
+            box=box,
+            tilt=tilt,
+            tip=tip,
+            base=base,
+            task=None if task is None else task.value,
+            trust_units=trust_units,
         )
         result, file = sheets_command(robot, asked, out, options, say.tell, say.announce)
         picture = file.with_suffix(".png")

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class Question(Value):
 
 def question(
     name: str, *, box: str | None = None, tilt: float | None = None, tip: str | None = None, base: str | None = None,
-    task: str | None = None, trust_units: bool = False,
+    task: Literal["pose", "axis", "position"] | None = None, trust_units: bool = False,
 ) -> Question:  # fmt: skip
     """What is asked about a robot or a job. Raises: as `load`, `open_job`; ArgumentError.
 

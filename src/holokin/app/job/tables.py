@@ -531,11 +531,11 @@ Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters")
 
 # Key of [program] -> the argument of writers that holds it together with others.
-ARGUMENT_OF: Mapping[str, str] = (
-    dict.fromkeys(("axes", "external", "signs", "offsets", "offsets_deg"), "wiring")
-    | dict.fromkeys(("before", "on", "off", "after"), "lines")
-    | dict.fromkeys(("tool_tolerance", "linear"), "tolerance")
-)
+ARGUMENT_OF: dict[str, str] = {
+    **dict.fromkeys(("axes", "external", "signs", "offsets", "offsets_deg"), "wiring"),
+    **dict.fromkeys(("before", "on", "off", "after"), "lines"),
+    **dict.fromkeys(("tool_tolerance", "linear"), "tolerance"),
+}
 ALL_JOINTS = 2e-3  # tolerance of the joints [rad or m] for tasks of several tools
 
 

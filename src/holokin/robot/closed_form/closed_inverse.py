@@ -53,7 +53,9 @@ def _geometry(arm: ArmClass, links: Sequence[Link], held: SX) -> SX:
     ordered = axes[::-1] if arm.form.reversed else axes
     if arm.form.family is not Family.PARALLEL:
         center = _meeting_point(ordered[3:], held)
-        normal = _normal(*(ordered[1:3] if arm.form.inner else ordered[:2]), between, held)
+        first, second, third = ordered[:3]
+        pair = (second, third) if arm.form.inner else (first, second)
+        normal = _normal(pair[0], pair[1], between, held)
     else:
         center = _meeting_point(ordered[4:], held)
         (along, first), (_, second) = ordered[1:3]
@@ -150,7 +152,8 @@ class ClosedInverse(Value):
     def answers(self, poses: Array, held: Matrix, threads: int | None = None) -> Array:
         """The answers (k, 8, 12) of `solver` at poses (k, 4, 4) and values (k, r) of the held joints."""
         values = np.broadcast_to(held, (len(poses), len(self.arm.held)))
-        return self.answers_of(*self._chains.batch(values), poses, threads)
+        chain, own = self._chains.batch(values)
+        return self.answers_of(chain, own, poses, threads)
 
     def answers_of(self, chain: Array, own: Array, poses: Array, threads: int | None) -> Array:
         """The answers at poses (k, 4, 4); chain, own: the numbers (58,) for all, or (k, 58)."""

@@ -459,14 +459,12 @@ def _corrections(family: Family, chain: Chain, turns: list[Turn]) -> list[SX]:
     shift = chain.rotation @ chain.center + chain.shift - place
     moves = [cross(axis, place - point) for axis, point in zip(axes, points, strict=True)]
     if family is not Family.PARALLEL:
-        first = _combined(*moves[:3], shift)
-        last = _combined(
-            *axes[3:], turn - sum((d * axis for d, axis in zip(first, axes, strict=False)), SX.zeros(3, 1))
-        )
-        return first + last
+        first = _combined(moves[0], moves[1], moves[2], shift)
+        left = turn - horzcat(*axes[:3]) @ vertcat(*first)
+        return first + _combined(axes[3], axes[4], axes[5], left)
     along = axes[1]
     d1 = dot(along, shift) / dot(along, moves[0])
-    together, d5, d6 = _combined(along, *axes[4:], turn - d1 * axes[0])
+    together, d5, d6 = _combined(along, axes[4], axes[5], turn - d1 * axes[0])
     d2, d3, _ = _combined(moves[1] - moves[3], moves[2] - moves[3], along, shift - d1 * moves[0] - together * moves[3])
     return [d1, d2, d3, together - d2 - d3, d5, d6]
 
