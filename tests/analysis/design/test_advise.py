@@ -19,7 +19,18 @@ from holokin.analysis.coverage.pose_postures import along_leaf, along_radial, ch
 from holokin.analysis.coverage.starts import Candidate, candidates, postures_at, unwound
 from holokin.analysis.design import Advice, advice_case, nearby_cusps
 from holokin.analysis.design.objectives import costs_of
-from holokin.analysis.design.trials import EASY, EQUAL, NEAR, Excess, Trial, least_near, ranked, reasons, rival_of
+from holokin.analysis.design.trials import (
+    EASY,
+    EQUAL,
+    NEAR,
+    Excess,
+    RatedStrategy,
+    Trial,
+    least_near,
+    ranked,
+    reasons,
+    rival_of,
+)
 from holokin.app.job import open_job, run_job
 from holokin.app.report.advice_report import bars_height, coverage_bars
 from holokin.base.errors import (
@@ -358,3 +369,27 @@ def test_the_picture_of_advice_can_be_read_on_a_page_and_nothing_of_it_is_cut_of
     box, edge = figure.get_tightbbox(), 0.01  # inches
     assert min(box.x0, box.y0) > -edge
     assert box.x1 < figure.get_figwidth() + edge and box.y1 < figure.get_figheight() + edge
+
+
+def rated(name: str, joint: int, coverage: float, speed: float) -> RatedStrategy:
+    strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(joint))
+    served = np.arange(100) < 100 * coverage
+    return RatedStrategy(name, (), {}, strategy, PANDA_START, coverage, served, coverage, 0.1, "j", 0.1, speed, speed)
+
+
+def test_of_strategies_alike_that_which_is_proven_comes_first_and_what_it_costs_is_said() -> None:
+    """Joint 7 held is proven, joints 3 and 5 are not; the latter has a closed form all the same."""
+    plain, proven = rated("lock 3", 2, 1.0, 1.0), rated("lock 7", 6, 1.0, 1.02)
+    assert [entry.name for entry in ranked([plain, proven])] == ["lock 7", "lock 3"]
+    coverage: Any = SimpleNamespace()
+    told = reasons([proven, plain], coverage, None, None)
+    assert any(text.startswith("It is one function") for text in told) and "less squared joint speed" in told[1]
+    far, less = rated("lock 7", 6, 1.0, 1.1), rated("lock 7", 6, 0.6, 1.0)
+    assert [ranked([plain, other])[0].name for other in (far, less)] == ["lock 3", "lock 3"]
+    assert any(
+        "reaches 60.0% of the workspace, 100.0% with 'lock 3'" in t
+        for t in reasons([plain, less], coverage, None, None)
+    )
+    quartic = rated("lock 5", 4, 1.0, 1.02)
+    assert ranked([plain, quartic])[0] is plain
+    assert not any("whole arm" in text for text in reasons([plain, quartic], coverage, None, None))

@@ -12,7 +12,9 @@ import numpy as np
 from ...base.types import Absent, Array, Flags, Indices, Matrix, NoTruthValue, Result, Value, Vector, plain_data
 from ...motion.checks import Clearances, Scene
 from ...motion.checks.check_report import keeps
+from ...motion.ik.closed_leaf import leaf_class
 from ...path.workspaces import Box, PoseRange, Workspace
+from ...robot.closed_form import ArmClass
 from ...strategies import HolonomicStrategy, moore_penrose, radial
 from ...strategies.radial_strategy import SelfMotions
 from ...strategies.tasks.task import Task
@@ -47,12 +49,31 @@ Entry = TypeVar("Entry", "Trial", "RatedStrategy")
 def ranked(entries: Iterable[Entry]) -> list[Entry]:
     """The best first: by coverage; of those that cover alike, by the share that is served well clear of what stands
     round; of those alike in this, too, by the share that is served away from limits and singular postures; of those
-    alike in all this by joint speed.
+    alike in all this by joint speed, but of those whose speed is close to the least that which is proven.
     """
     groups = [list(entries)]
     for share, tolerance in _SHARES:
         groups = [part for group in groups for part in _alike(group, share, tolerance)]
-    return [entry for group in groups for entry in sorted(group, key=lambda entry: entry.squared_speed)]
+    return [entry for group in groups for entry in _by_speed(group)]
+
+
+def _by_speed(entries: list[Entry]) -> list[Entry]:
+    """The fastest first, but of those close to it one that is proven."""
+    least = min(entry.squared_speed for entry in entries)
+
+    def rank(entry: Entry) -> tuple[bool, float]:
+        close = entry.squared_speed <= (1 + CLOSE) * least
+        return not (close and _is_proven(entry)), entry.squared_speed
+
+    return sorted(entries, key=rank)
+
+
+def _is_proven(entry: Trial | RatedStrategy) -> bool:
+    """Whether a strategy that was looked at is one function of the tool pose on the whole arm, proven."""
+    if not isinstance(entry, RatedStrategy):
+        return False
+    found = leaf_class(entry.strategy)
+    return isinstance(found, ArmClass) and found.proven
 
 
 def alike(a: Trial | RatedStrategy, b: Trial | RatedStrategy) -> bool:
@@ -565,9 +586,23 @@ def reasons(
     sentences = [f"Take {best.name!r}: {best.sentence}."]
     if len(strategies) > 1:
         sentences.append(_next(best, strategies[1]))
+    if proven := _proven(strategies):
+        sentences.append(proven)
     if not best.served.all():
         sentences.append(_not_served(coverage, part, best))
     return (*sentences, *_speed(best, excess))
+
+
+def _proven(strategies: Sequence[RatedStrategy]) -> str:
+    """Which strategy is proven on the whole arm, and what it costs in coverage; empty where none serves anything."""
+    best, one = strategies[0], next((entry for entry in strategies if _is_proven(entry) and entry.served.any()), None)
+    if one is None:
+        return ""
+    whole = "is one function of the tool pose on the whole arm, which hk.certify(strategy) proves"
+    if one is best:
+        return f"It {whole}."
+    costs = f"{one.coverage:.1%} of the workspace, {best.coverage:.1%} with {best.name!r}"
+    return f"{one.name!r} {whole}; it reaches {costs}."
 
 
 def _next(best: RatedStrategy, other: RatedStrategy) -> str:
@@ -582,8 +617,10 @@ def _next(best: RatedStrategy, other: RatedStrategy) -> str:
         where = f"{share:.1%} of it near limits or singular postures"
         return f"Next comes {other.name!r}, which covers as much, but {where}."
     more = other.squared_speed / best.squared_speed - 1
-    needs = f"it needs {more:.1%} more squared joint speed"
-    return f"Next comes {other.name!r}: its coverage and margins are as good, but {needs}."
+    needs = f"but it needs {more:.1%} more squared joint speed"
+    if more < 0:
+        needs = f"and it needs {-more:.1%} less squared joint speed, but nothing is proven of it on the whole arm"
+    return f"Next comes {other.name!r}: its coverage and margins are as good, {needs}."
 
 
 def _not_served(coverage: Coverage, part: Part | None, best: RatedStrategy) -> str:
