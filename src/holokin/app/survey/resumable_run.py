@@ -239,8 +239,7 @@ def survey(
             column. What raises, or gives no finite number, makes its case a fault, and its reason says so.
         cycles, samples, limits, cases, seed, time_limit: as of a survey file.
         workers: processes, by default one for each processor; 0 for this one, in which nothing ends a strategy that
-        sleeps,
-            or hangs in native code.
+            sleeps, or hangs in native code.
         out: a results file to keep. resume: go on with what it holds, where objects are told by their names alone:
             after a change of one take another file. again: the same, and do its faults again.
 
