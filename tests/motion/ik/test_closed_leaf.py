@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import campaign
 from holokin.base.errors import ArgumentError, HolokinError, NoProofError, NotFiniteError, OutOfReachError
 from holokin.motion.ik import InverseStatus, all_postures
 from holokin.motion.ik.closed_leaf import closed_leaf, leaf_class
@@ -181,7 +182,14 @@ def test_after_a_step_of_degree_four_the_path_tells_the_posture_and_no_proof_is_
         ik(far)
 
 
-@pytest.mark.parametrize(("name", "joint", "q0"), [("panda", 6, PANDA), ("panda", 5, PANDA), ("iiwa14", 2, IIWA)])
+@pytest.mark.parametrize(
+    ("name", "joint", "q0"),
+    [
+        ("panda", 6, PANDA),
+        campaign(("name", "joint", "q0"), ("panda", 5, PANDA)),
+        campaign(("name", "joint", "q0"), ("iiwa14", 2, IIWA)),
+    ],
+)
 def test_other_levels_have_the_posture_of_the_straight_path(name, joint, q0):
     """Referee: the paths, wherever they arrive."""
     robot = hk.load(name)
