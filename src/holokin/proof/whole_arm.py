@@ -18,6 +18,7 @@ from ..base.errors import NoProofError
 from ..base.files import write_text
 from ..base.types import Array, NoTruthValue, Value, kept
 from ..motion.ik.closed_leaf import held_joints, leaf_class
+from ..motion.ik.leaf import with_leaves
 from ..robot.closed_form import ArmClass, NoClass
 from ..robot.closed_form.arm_classes import miss_of_point, screws
 from ..robot.closed_form.six_hinges import Family
@@ -26,11 +27,6 @@ from ..strategies import HolonomicStrategy, Strategy
 FORMAT = "holokin whole-arm certificate 1"
 
 REGION = "prove a region: hk.certify(strategy, path or box, q0), hk.unique_region(strategy, q0)"
-
-FACTORS = {
-    Family.PAIR: "three of its axes meet in a point, and two others lie in one plane",
-    Family.PARALLEL: "three of its axes are parallel, and the two at their end meet",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +97,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
         """Why it holds."""
         six = "What the held joints leave of the arm" if self.held else "The arm"
         return (
-            f"{six} is a chain of six hinges: {FACTORS[self.arm.form.family]}. So its inverse takes "
+            f"{six} is a chain of six hinges: {self.arm.form.family.value}. So its inverse takes "
             "three steps, each a root of a cos q + b sin q = d. The determinant of the Jacobian of the six is plus or "
             "minus the product of the slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While "
             "[J; J_g] is regular no sign changes."
@@ -128,7 +124,7 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
             [
                 "proven: the whole arm, for every start and level",
                 f"held: {', '.join(self.held) or 'none'}",
-                f"class: {FACTORS[form.family]}, at the {'base' if form.reversed else 'tool'}",
+                f"class: {form.family.value}, at the {'base' if form.reversed else 'tool'}",
                 f"exact model: {self.arm.angle:.1e} rad and {self.arm.distance:.1e} m from the robot",
                 f"whole turns within the limits: {', '.join(self.winding) or 'none'}",
             ]
@@ -234,8 +230,6 @@ def whole_arm(strategy: Strategy) -> WholeArm:
         NoProofError: it holds no single joints, or what is left of the arm is in no class; it says how far it is from
             one. A region can be proven all the same.
     """
-    from ..motion.ik.leaf import with_leaves
-
     began, strategy = time.perf_counter(), with_leaves(strategy)
     held, found = held_joints(strategy), leaf_class(strategy)
     if isinstance(held, str):

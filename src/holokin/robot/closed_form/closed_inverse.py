@@ -17,13 +17,8 @@ from ...symbolic.rotations import rotation_about
 from .arm_classes import ArmClass, Link, links_of
 from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
 
-DOUBLE = -1e-12
-"""Share of a root, (a^2 + b^2 - d^2) / (a^2 + b^2), from which it is real: two roots meet where it is 0."""
-
-
 SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
 """The signs (8, 3) of the three slopes."""
-
 
 _PROBE = np.array([0.4, 0.7, -1.1, 1.3, 0.8, -0.5])
 """Angles [rad] of no special posture."""
@@ -38,15 +33,15 @@ def _geometry(arm: ArmClass, links: Sequence[Link], held: SX) -> SX:
     R, p = SX.eye(3), SX.zeros(3, 1)
     axes: list[Axis] = []
     between: list[Axis] = []  # held axes between the pair
-    first = 2 if arm.form.inner else 1
-    first = 6 - first if arm.form.reversed else first
+    lower = 2 if arm.form.inner else 1  # free axes below the upper one of the pair
+    lower = 6 - lower if arm.form.reversed else lower
     for link in links:
         p, R = p + R @ SX(link.position), R @ SX(link.rotation)
         axis = R @ SX(link.axis)
         if link.coordinate not in arm.held:
             axes += [(axis, p)] if link.coordinate >= 0 else []
             continue
-        between += [(axis, p)] if len(axes) == first else []
+        between += [(axis, p)] if len(axes) == lower else []
         value = link.multiplier * held[arm.held.index(link.coordinate)] + link.offset
         p, R = (p + axis * value, R) if link.slides else (p, R @ rotation_about(link.axis, value))
     # The point in which some meet, and a normal.
@@ -77,7 +72,7 @@ def _meeting_point(axes: Sequence[Axis], held: SX) -> SX:
         normal = cross(h, k)
         if not _vanishes(normal, held):
             return p + h * (dot(cross(o - p, k), normal) / dot(normal, normal))
-    raise ValueError
+    raise ValueError("the class tells that they meet")
 
 
 def _normal(first: Axis, second: Axis, between: Sequence[Axis], held: SX) -> SX:
@@ -241,5 +236,6 @@ class Held(Value):
         columns[joints] = np.arange(6)
         values[list(self.inverse.arm.held)] = self.values
         others = np.setdiff1d(np.arange(robot.n), joints)
-        at = slice(int(others[0]), int(others[0]) + 1) if len(others) == 1 else others
-        return columns, at, frozen(values[others])
+        # One place alone is written as a slice, which NumPy assigns to in half the time.
+        places = slice(int(others[0]), int(others[0]) + 1) if len(others) == 1 else others
+        return columns, places, frozen(values[others])
