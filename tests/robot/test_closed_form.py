@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from holokin.base.errors import BranchError, JointLimitError
@@ -231,14 +232,16 @@ def test_near_misses_are_refused_with_their_distance_and_slips_of_a_file_are_sna
     assert missing.max() < 1e-9 and np.median(missing) < 1e-12
 
 
-def test_a_mounting_a_tool_and_names_change_nothing():
+@pytest.mark.parametrize("turn", [[0, np.pi / 2, 0], [0.3, -0.7, 1.1]], ids=["upright", "aslant"])
+def test_a_mounting_a_tool_and_names_change_nothing(turn):
     panda, mount = hk.load("panda"), np.eye(4)
-    mount[:3, :3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
-    mount[:3, 3] = [0.2, -0.4, 1.1]
+    mount[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
+    mount[:3, 3] = [1 / 3, -np.sqrt(2), 1.1]
     moved = hk.robot.with_base_pose(panda, mount)
     tool = np.eye(4)
     tool[:3, 3] = [0.01, 0.02, 0.123]
     held = hk.robot.with_tool(moved, tool)
+    assert inverse_of(held, (6,)).arm.exact
     q, poses = poses_of(held, 30, 7)
     found, answers = postures_of(inverse_of(held, (6,)), q, poses)
     real = answers[:, :, REAL] > 1e-9

@@ -228,7 +228,7 @@ class ArmClass(Value):
     """Joints of an arm which, held, leave six hinges whose inverse is closed.
 
     held: their coordinates. links: the exact model. angle [rad], distance [m]: how far it is from the given numbers, of
-    the joint or tip that is farthest.
+    the joint that is farthest; where the arm stands and what it carries do not count.
     """
 
     robot: Robot
@@ -304,7 +304,7 @@ def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmC
         if left:
             if _always_singular(links, place):
                 return NoClass(held, "every posture of what is left is singular", best, singular=True)
-            angle, distance = frames_apart(links, exact)
+            angle, distance = frames_apart(_arm_alone(links), _arm_alone(exact))
             return ArmClass(robot, robot._find_tip(tip).name, held, left[0], tuple(exact), angle, distance)
     if any(near.values()):
         return NoClass(held, "its axes meet or are parallel only nearly, and in no exact model at hand", best)
@@ -331,6 +331,12 @@ def _always_singular(links: Sequence[Link], place: dict[int, tuple]) -> bool:
         if np.linalg.cond(np.array(rows)) < 1e8:
             return False
     return True
+
+
+def _arm_alone(links: Sequence[Link]) -> list[Link]:
+    """The links without where the arm stands and what it carries, which move no axis against another."""
+    first = replace(links[0], rotation=np.eye(3), position=np.zeros(3))
+    return [first, *links[1:-1]]
 
 
 def frames_apart(links: Sequence[Link], exact: Sequence[Link]) -> tuple[float, float]:
