@@ -25,14 +25,13 @@ if TYPE_CHECKING:
     from .analysis.coverage import coverage
     from .analysis.curvature import around, curvature, cusps, involutivity
     from .analysis.design import advise, design
-    from .analysis.sheets import sheets
+    from .analysis.sheets import ik, sheets
     from .app.job.runner import read_sheets
     from .app.studio import studio
     from .app.survey import survey
     from .base.poses import pose_of
     from .motion import Trajectory, controller, drift, follow, retime, simulate
     from .motion.checks import Scene, check
-    from .motion.ik import ik
     from .path import Path, Workspace, circle, line, polyline, spline, workspace
     from .proof import certify, unique_region
     from .robot import Robot, compose, from_dh, from_urdf, load, obstacle, with_base_pose, with_limits, with_tool
@@ -119,14 +118,13 @@ _HOMES = {
     "strategies.tasks": "Task custom_task pose position stacked",
     "strategies.constraints": "Constraint arm_angle coupled custom linear lock stationary",
     "strategies": "Strategy holonomic moore_penrose null_basis radial weighted",
-    "motion.ik": "ik",
     "motion": "Trajectory controller drift follow retime simulate",
     "motion.checks": "Scene check",
     "proof": "certify unique_region",
     "analysis.curvature": "around curvature cusps involutivity",
     "analysis.coverage": "coverage",
     "analysis.design": "advise design",
-    "analysis.sheets": "sheets",
+    "analysis.sheets": "ik sheets",
     "analysis.audit": "audit audit_recording",
     "analysis.audit.logs": "read_recording",
     "app.job.runner": "read_sheets",

@@ -3,6 +3,7 @@
 Uses `analysis/coverage` and `motion/checks`. Read first: `sheet.py`, `cover_by_sheets.py`.
 """
 
+from .arm_maps import ik, make_arm_map
 from .cover_by_sheets import sheets
 from .seams import Division, NoSeam, Seam, Seams, SheetMotion, SheetPiece, UnservedPart
 from .sheet import Sheet
@@ -23,6 +24,8 @@ __all__ = [
     "Sheets",
     "StillMotion",
     "UnservedPart",
+    "ik",
+    "make_arm_map",
     "self_motion_between",
     "sheets",
     "write_sheets",

@@ -24,6 +24,7 @@ from .kernel import (
     signs_kernel,
     weak,
 )
+from .sheets_kernel import SheetsKernel, sheets_kernel
 from .toolchain import allowed, compiler, enabled, engine, tell
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "InverseKernel",
     "LeafRules",
     "Port",
+    "SheetsKernel",
     "SignsKernel",
     "StepKernel",
     "StepMemory",
@@ -42,6 +44,7 @@ __all__ = [
     "compiler",
     "enabled",
     "engine",
+    "sheets_kernel",
     "signs_kernel",
     "tell",
     "weak",

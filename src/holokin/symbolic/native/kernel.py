@@ -87,10 +87,10 @@ class BatchKernel:
             Y = (ctypes.c_void_p * len(results))(*(r.ctypes.data + start * r.strides[0] for r in results))
             self._run(stop - start, X, strides, Y)
 
-        _do_all(part, workers, workers)
+        in_parts(part, workers, workers)
 
 
-def _do_all(part: Callable[[int], None], count: int, workers: int) -> None:
+def in_parts(part: Callable[[int], None], count: int, workers: int) -> None:
     """part(0), part(1), ... on some threads."""
     if workers == 1:
         for k in range(count):
@@ -584,5 +584,5 @@ class InverseKernel:
             places = [array[first:].ctypes.data for array in (targets, q, status)]
             self._poses(last - first, places[0], context.ctypes.data, int(warm), places[1], places[2])
 
-        _do_all(part, len(edges) - 1, workers)
+        in_parts(part, len(edges) - 1, workers)
         return status

@@ -1,0 +1,302 @@
+"""Inverse kinematics of a whole arm without a start: the sheets of its map, and where none serves the widest arc."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ...base.errors import BranchError, HolokinError, JointLimitError, OutOfReachError, posture_text
+from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, tool_pose
+from ...robot import Robot
+from ...strategies.tasks.task import Task
+from ...symbolic.native import engine, weak
+from .arm_map import CLOSER, HOPE, TRIES, ArmMap
+from .closed_leaf import DOUBT
+from .inverse_function import AGREE
+
+ON_SHEET = 0.01
+"""Distance [joint units] of a posture from that of a sheet up to which it is on it: measured joints are not exact."""
+
+Obstructed = Callable[[Matrix], Sequence[str]]
+"""Of postures (k, n): what each of them touches, "" for nothing."""
+
+
+class NearAnswer(NamedTuple):
+    """What `ik.near(pose, q)` gives: the joints (n,), their sheet, None off the map, and whether they changed it.
+
+    Where `changed` is True the joints are not those to which the sheet of the last posture leads: a motion has to bring
+    the arm there.
+    """
+
+    q: Vector
+    sheet: int | None
+    changed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ArmAnswers(NoTruthValue, Value, ask="`.reached`"):
+    """The answers of many poses: joints q (k, n), NaN where there are none; the sheet of each (k,), -1 off the map."""
+
+    q: Matrix
+    sheet: Indices
+
+    def __len__(self) -> int:
+        return len(self.sheet)
+
+    def __str__(self) -> str:
+        off = int((self.reached & (self.sheet < 0)).sum())
+        return f"{int(self.reached.sum()):,} of {len(self):,} poses reached, {off:,} of them off the map"
+
+    @property
+    def reached(self) -> Flags:
+        """True where q is found (k,)."""
+        return np.asarray(np.isfinite(self.q).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmInverse(Value):
+    """pose -> q of a whole arm, without a strategy and a start. Make one with `hk.ik(robot)`.
+
+    `ik(pose)` asks the sheets of the arm's map in their order. On a sheet one joint follows the pose, q_k = h(pose),
+    and signs choose one of the postures that are left: so it has at most one of a pose, wherever the tool was before.
+    Where no sheet has one within the limits, that of all its postures is given which is farthest from the limits and from
+    the ends of its arc: it is a function of the pose, too, but next to it the joints may jump.
+
+    `ik.near(pose, q)` stays on the sheet of q while that serves; `ik.batch(poses)` answers for many poses.
+
+    touches: what keeps clear of obstacles; None where nothing is looked at.
+    """
+
+    task: Task
+    map: ArmMap
+    limits: bool = True
+    touches: Obstructed | None = None
+
+    def __call__(self, pose: PoseLike) -> Vector:
+        """q (n,) of a tool pose (4, 4): a function of the pose alone, the same to the last bit at every call.
+
+        Of joints with several turns within their limits that nearest to the middle of these is taken.
+
+        Raises:
+            OutOfReachError: no posture has the pose. JointLimitError: each is beyond the limits. BranchError: with a
+            scene, each touches something. ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        """
+        return self._calls[0](pose)
+
+    def near(self, pose: PoseLike, q: ArrayLike) -> NearAnswer:
+        """The same on the sheet of a posture q (n,), such as the last answer, while that serves, at the turns of q.
+
+        q may be off its sheet by 0.01 [joint units], as measured joints are. Where its sheet does not serve, the
+        nearest posture of another one that does is given; where none does, that of `ik(pose)`.
+
+        Raises: as `ik(pose)`; ShapeError, NotFiniteError: q.
+        """
+        T, begin = self._pose(pose), self._robot.checked(q, "the posture")
+        own, (rows, serves) = self._sheet_of(begin), self._served(T)
+        if not serves.any():
+            return NearAnswer(self._turned(self(T), begin), None, True)
+        postures = self._turned(rows[:, :-1], begin)
+        if own is not None and serves[own]:
+            return NearAnswer(postures[own], own, False)
+        far = np.where(serves, np.abs(postures - begin).max(axis=1), np.inf)
+        return NearAnswer(postures[far.argmin()], int(far.argmin()), True)
+
+    def batch(self, poses: PoseLike, threads: int | None = None) -> ArmAnswers:
+        """The answers of many tool poses (k, 4, 4), each as `ik(pose)`; a pose without an answer does not raise.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: bad poses.
+        """
+        rows = self._places(tool_poses("of the batch", poses), threads)
+        reached, q = rows[:, -2] >= 0, rows[:, :-2].copy()
+        q[~reached] = np.nan
+        return ArmAnswers(q, np.where(reached & (rows[:, -1] < len(self.map)), rows[:, -1], -1).astype(np.intp))
+
+    def sheet(self, pose: PoseLike) -> int | None:
+        """The index of the sheet that answers for a tool pose (4, 4); None off the map, or where there is no answer.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        """
+        serves = self._served(self._pose(pose))[1]
+        return int(serves.argmax()) if serves.any() else None
+
+    def why(self, pose: PoseLike) -> str:
+        """What becomes of a tool pose (4, 4), in words: its sheet, or "off the map", or why it has no answer.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        """
+        T = self._pose(pose)
+        sheet = self.sheet(T)
+        if sheet is not None:
+            return f"served by sheet {sheet}"
+        off = "off the map: no sheet serves it, but the arm reaches it"
+        return off if self._place(T)[-2] >= 0 else self._reason(T)[0]
+
+    @property
+    def engine(self) -> str:
+        """One line that says what runs; it is built, or loaded, if it is not yet there: ask before a loop begins."""
+        return engine() if self.map.kernel(self.limits) is not None else "CasADi's virtual machine"
+
+    def __str__(self) -> str:
+        robot, k = self._robot, self.map.held
+        rule = "" if k is None else f", on each of which joint {robot.joint_names[k]!r} follows the tool's pose"
+        limits = "within its joint limits" if self.limits else "whatever its joint limits"
+        share = f"they serve {self.map.share:.1%} of what it reaches within its limits"
+        return f"inverse kinematics of {robot.name!r} {limits}: {len(self.map)} sheets{rule}; {share}"
+
+    # --- What is beneath: native code, or the same by CasADi.
+
+    @property
+    def _robot(self) -> Robot:
+        return self.task.robot
+
+    def _pose(self, pose: PoseLike) -> Matrix:
+        return tool_pose("a tool pose", given_pose("a tool pose", pose_numbers("a tool pose", pose)))
+
+    @cached_property
+    def _calls(self) -> tuple[Callable[[PoseLike], Vector], Callable[[Matrix], Vector], Callable[[Matrix], Matrix]]:
+        """(pose) -> posture; -> posture, margin, sheet; -> posture and margin of each sheet."""
+        others = weak(self._slow), weak(self._slow_place), weak(self._slow_sheets)
+        kernel = self.map.kernel(self.limits)
+        bound = None if kernel is None else kernel.calls(*others)
+        calls = others if bound is None else bound
+        return calls if self.touches is None else (others[0], calls[1], calls[2])
+
+    def _slow(self, pose: PoseLike) -> Vector:
+        """`ik(pose)` of any pose: the joints, or an error."""
+        T = self._pose(pose)
+        row = self._place(T)
+        if not row[-2] >= 0:
+            raise self._reason(T)[1]
+        return row[:-2].copy()
+
+    def _place(self, T: Matrix) -> Vector:
+        """Posture, margin and sheet (n + 2,) of a pose (4, 4); a margin below 0 where there is none."""
+        return self._calls[1](T) if self.touches is None else self._slow_place(T)
+
+    def _places(self, T: Array, threads: int | None) -> Matrix:
+        """Those (k, n + 2) of poses (k, 4, 4)."""
+        kernel = self.map.kernel(self.limits)
+        if kernel is None:
+            return np.array([self._place(pose) for pose in T]).reshape(len(T), self._robot.n + 2)
+        rows = kernel(T, threads)
+        if self.touches is not None:
+            for i in np.flatnonzero((rows[:, -2] >= 0) & ~self._free(rows[:, :-2])):
+                rows[i] = self._slow_place(T[i])
+        return rows
+
+    def _slow_place(self, T: Matrix) -> Vector:
+        rows, serves = self._served(T)
+        if serves.any():
+            return np.append(rows[serves.argmax()], serves.argmax())
+        q, share, within = self._arcs(T)
+        margin = np.minimum(share, within)
+        if self.touches is not None:
+            margin[margin >= 0] = np.where(self._free(q[margin >= 0]), margin[margin >= 0], -np.inf)
+        best = int(margin.argmax())
+        return np.append(q[best], [margin[best], len(self.map)])
+
+    def _slow_sheets(self, T: Matrix) -> Matrix:
+        q, share, within = self._answers(T, self.map.rows)
+        return np.column_stack([q, np.minimum(share, within)])
+
+    def _served(self, T: Matrix) -> tuple[Matrix, Flags]:
+        """The postures and margins of the sheets (S, n + 1) at a pose, and which of them serve it (S,)."""
+        rows = self._calls[2](T)
+        serves = rows[:, -1] > DOUBT
+        if self.touches is not None and serves.any():
+            serves[serves] = self._free(rows[serves, :-1])
+        return rows, serves
+
+    def _answers(self, T: Matrix, rules: Matrix) -> tuple[Matrix, Vector, Vector]:
+        """Of rules and signs (j, 2 m + 3) at a pose: postures (j, n), how real, and how far within the limits (j,)."""
+        m, poses = 2 * self.map.rules.shape[2], np.repeat(T[None], len(rules), axis=0)
+        given = poses, np.ascontiguousarray(rules[:, :m]), np.ascontiguousarray(rules[:, m:])
+        q, share, within, _ = self.map.postures(self.limits).batch(*given)
+        return q, np.ravel(share), np.ravel(within)
+
+    def _arcs(self, T: Matrix) -> tuple[Matrix, Vector, Vector]:
+        """The same of the arcs of a pose at all values, and closer to the largest margins, as sheets.c has it."""
+        found, rules = self.map, self.map.grid
+        rows = self._answers(T, rules)
+        if found.held is None:
+            return rows
+        # The places that are looked at more closely: the largest margin if it serves, else many.
+        count, m = len(found.values), found.rules.shape[2]
+        margin = np.minimum(rows[1], rows[2]).reshape(-1, count)
+        before, after = np.roll(margin, 1, axis=1), np.roll(margin, -1, axis=1)
+        if not found.turning:
+            before[:, 0], after[:, -1] = margin[:, 0], margin[:, -1]
+        peaks = np.flatnonzero((margin >= before) & (margin >= after) & (margin > HOPE))
+        margin = margin.ravel()
+        peaks = peaks[np.argsort(-margin[peaks], kind="stable")]
+        peaks = peaks[: 1 if len(peaks) and margin[peaks[0]] > 0 and self.touches is None else TRIES]
+        c, best, step = found.values[peaks % count], margin[peaks], found.values[1] - found.values[0]
+        reach = step if found.turning else 0.0
+        ends, every, places = (
+            (found.values[0] - reach, found.values[-1] + reach),
+            [rows],
+            np.delete(np.arange(-4, 5), 4),
+        )
+        for _ in range(CLOSER if len(peaks) else 0):
+            step /= 4.5
+            near = np.clip(c[:, None] + places * step, *ends)
+            closer = np.repeat(rules[peaks], len(places), axis=0)
+            closer[:, 0], closer[:, m] = np.sin(near.ravel()), np.cos(near.ravel())
+            every.append(self._answers(T, closer))
+            margins = np.minimum(*every[-1][1:]).reshape(near.shape)
+            top = margins.argmax(axis=1)[:, None]
+            larger = np.take_along_axis(margins, top, axis=1).ravel()
+            c = np.where(larger > best, np.take_along_axis(near, top, axis=1).ravel(), c)
+            best = np.maximum(best, larger)
+        q, share, within = (np.concatenate(parts) for parts in zip(*every, strict=True))
+        return q, share, within
+
+    def _free(self, Q: Matrix) -> Flags:
+        """Which postures (k, n) keep clear (k,)."""
+        words = ["" for _ in Q] if self.touches is None else self.touches(Q)
+        return np.array([not word for word in words], dtype=bool)
+
+    def _sheet_of(self, q: Vector) -> int | None:
+        """The sheet on which a posture (n,) lies; None where it lies on none."""
+        rows = self._calls[2](self._robot.pose(q, self.map.arm.tip))
+        gaps = np.abs(self._turned(rows[:, :-1], q) - q).max(axis=1)
+        gaps[~(rows[:, -1] > -ON_SHEET)] = np.inf
+        return int(gaps.argmin()) if gaps.min() < ON_SHEET else None
+
+    def _turned(self, q: Array, near: Vector) -> Array:
+        """Postures (..., n) with hinges at the turns nearest to a posture (n,), within the limits."""
+        turns, robot = np.round((near - q) / (2 * np.pi)), self._robot
+        if self.limits:
+            turns = np.clip(
+                turns,
+                np.ceil((robot.lower - q) / (2 * np.pi) - AGREE),
+                np.floor((robot.upper - q) / (2 * np.pi) + AGREE),
+            )
+        return q + 2 * np.pi * robot.hinges * turns
+
+    def _reason(self, T: Matrix) -> tuple[str, HolokinError]:
+        """Why a pose has no answer, in short, and as an error."""
+        robot, p = self._robot, T[:3, 3]
+        where = f"the pose at {posture_text(p)}"
+        q, share, within = self._arcs(T)
+        if not (share > 0).any():
+            fact = f"{where} is out of reach of {robot.name!r}: no posture has it"
+            return "out of reach", OutOfReachError(fact, "give a pose nearer to the base", position=p)
+        kept = q[(share > 0) & (within >= 0)]
+        if not len(kept):
+            best = q[int(np.where(share > 0, within, -np.inf).argmax())]
+            i = int(np.argmax(robot.beyond(best)))
+            facts = robot.joint_names[i], float(best[i]), float(robot.lower[i]), float(robot.upper[i])
+            cure = "of all postures of the pose this is the nearest to the limits: give another pose, or widen them"
+            past = f"{robot.beyond(best)[i]:.2g} {'rad' if robot.hinges[i] else 'm'}"
+            return f"limits: joint {facts[0]!r} by {past} at best", JointLimitError(*facts, cure=cure)
+        words = [] if self.touches is None else [word for word in self.touches(kept) if word]
+        most = max(sorted(set(words)), key=words.count, default="something")
+        fact = f"{where} has no posture that keeps clear: of {len(kept)} that were looked at most touch {most}"
+        return f"collides: {most}", BranchError(fact, "give another pose, or move the obstacle")

@@ -1,0 +1,105 @@
+"""The sheets of an arm as native code: one call tries them all, eight side by side."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import NativeError
+from ...base.types import ROTATION, Array, Matrix, Vector, frozen
+from .emit import LANES, Program, Shapes, body, source
+from .kernel import LONG, bound_call, in_parts
+from .toolchain import enabled, library, tell
+
+BLOCK = 8
+"""Rows of a table that stand side by side."""
+
+_FEW = 256
+"""Poses from which a second thread is worth its start."""
+
+
+class SheetsKernel:
+    """The doors of sheets.c, about (pose (4, 4), rule (w,), signs (3,)) -> (posture (n,), real, within, fault).
+
+    Args:
+        rows: of the sheets (S, w + 3), rule and signs. choices: of signs (K, 3). values: of the held joint (C,).
+        turning: whether the last value's neighbour is the first one.
+        constants: by their names, of sheets.c.
+    """
+
+    def __init__(
+        self,
+        made: Program,
+        inputs: Shapes,
+        outputs: Shapes,
+        rows: Matrix,
+        choices: Matrix,
+        values: Vector,
+        turning: bool,
+        constants: Mapping[str, float],
+    ) -> None:
+        n, w = outputs[0][0], inputs[1][0]
+        sizes = {"N": n, "W": w, "NX": 16 + w + 3, "NY": n + 3, "SHEETS": len(rows)}
+        sizes |= {"CHOICES": len(choices), "VALUES": len(values)}
+        head = "".join(f"#define HK_{key} {value}\n" for key, value in sizes.items())
+        head += "".join(f"#define HK_{key} {value!r}\n" for key, value in constants.items())
+        head += f"#define HK_TURNS {int(turning)}\n#define HK_OFF {ROTATION!r}\n"
+        self._library: Any = library(
+            source(LANES, head, body(made, inputs, outputs, "hk_body"), "sheets.c"),
+            fast=True,
+            long=made.instructions > LONG,
+            needs=("hk_posture", "hk_place", "hk_sheets", "hk_batch"),
+        )
+        blocks = np.zeros((-(-len(rows) // BLOCK) * BLOCK, rows.shape[1]))
+        blocks[: len(rows)] = rows
+        table = blocks.reshape(-1, BLOCK, rows.shape[1]).swapaxes(1, 2)
+        self._context = frozen(np.concatenate([table.ravel(), choices.ravel(), values]))
+        self._n, self._sheets = n, len(rows)
+        self._run: Any = self._library.hk_batch
+        self._run.argtypes, self._run.restype = [ctypes.c_longlong, *[ctypes.c_void_p] * 3], None
+
+    def calls(self, posture: Callable, place: Callable, sheets: Callable) -> tuple[Callable, Callable, Callable] | None:
+        """(pose) -> posture (n,); -> posture, margin, sheet (n + 2,); -> posture and margin of each sheet (S, n + 1).
+
+        They hand to `posture`, `place` and `sheets` what they do not take. None without Python's headers.
+        """
+        calls, n = [], self._n
+        for name, shape, other in (
+            ("posture", (n,), posture),
+            ("place", (n + 2,), place),
+            ("sheets", (self._sheets, n + 1), sheets),
+        ):
+            function = getattr(self._library, f"hk_{name}")
+            calls.append(
+                bound_call(function, ((4, 4),), (shape,), other, (self._library, self._context), self._context)
+            )
+        return None if None in calls else (calls[0], calls[1], calls[2])
+
+    def __call__(self, poses: Array, threads: int | None = None) -> Matrix:
+        """The posture, the margin and the sheet (k, n + 2) of poses (k, 4, 4)."""
+        poses, out = np.ascontiguousarray(poses), np.empty((len(poses), self._n + 2))
+        workers = max(1, min(threads or os.cpu_count() or 1, len(poses) // _FEW))
+        edges = np.linspace(0, len(poses), 1 + (1 if workers == 1 else 8 * workers)).astype(int)
+
+        def part(i: int) -> None:
+            first, last = edges[i], edges[i + 1]
+            places = poses[first:].ctypes.data, self._context.ctypes.data, out[first:].ctypes.data
+            self._run(int(last - first), *places)
+
+        in_parts(part, len(edges) - 1, workers)
+        return out
+
+
+def sheets_kernel(*arguments: Any) -> SheetsKernel | None:
+    """A `SheetsKernel`, built or loaded if it is not yet there; None where there can be none."""
+    if not enabled():
+        return None
+    try:
+        return SheetsKernel(*arguments)
+    except NativeError as problem:
+        tell(problem)
+        return None
