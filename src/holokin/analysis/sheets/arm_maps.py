@@ -15,7 +15,7 @@ from ...base.errors import ArgumentError, NativeError
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.checks import Clearances, Scene
 from ...motion.ik.arm_inverse import ArmInverse
-from ...motion.ik.arm_map import ArmMap, classes, digest, map_of_text, map_text, monomials, seen, shipped
+from ...motion.ik.arm_map import LEAST, ArmMap, classes, digest, map_of_text, map_text, monomials, seen, shipped
 from ...motion.ik.closed_leaf import DOUBT
 from ...motion.ik.inverse_function import InverseKinematics
 from ...motion.ik.inverse_function import ik as leaf_ik
@@ -133,10 +133,17 @@ class _HeldArm(Value):
     def served(self, f: Matrix, poses: Array, rule: Matrix, sign: int) -> Flags:
         """Whether a sheet serves poses (k,), whose monomials are f (k, m)."""
         low, high = self.limits
-        angle = np.arctan2(f @ rule[0], f @ rule[1])
+        sine, cosine = f @ rule[0], f @ rule[1]
+        angle = np.arctan2(sine, cosine)
         angle = angle + 2 * np.pi * np.floor(((low + high) / 2 - angle) / (2 * np.pi) + 0.5)
         rows = self.inverse.answers(poses, angle[:, None])[:, sign]
-        return (rows[:, 9] > DOUBT) & (rows[:, 10] >= 0) & (angle >= low) & (angle <= high)
+        return (
+            (rows[:, 9] > DOUBT)
+            & (rows[:, 10] >= 0)
+            & (angle >= low)
+            & (angle <= high)
+            & (np.hypot(sine, cosine) > LEAST)
+        )
 
 
 def _off(angle: Vector, middle: Vector) -> Vector:

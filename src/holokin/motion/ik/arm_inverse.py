@@ -15,12 +15,9 @@ from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue
 from ...robot import Robot
 from ...strategies.tasks.task import Task
 from ...symbolic.native import engine, weak
-from .arm_map import CLOSER, HOPE, TRIES, ArmMap
+from .arm_map import CLOSER, HOPE, LAST_HOPE, ON_SHEET, TIE, TRIES, ArmMap
 from .closed_leaf import DOUBT
 from .inverse_function import AGREE
-
-ON_SHEET = 0.01
-"""Distance [joint units] of a posture from that of a sheet up to which it is on it: measured joints are not exact."""
 
 Obstructed = Callable[[Matrix], Sequence[str]]
 """Of postures (k, n): what each of them touches, "" for nothing."""
@@ -58,14 +55,22 @@ class ArmAnswers(NoTruthValue, Value, ask="`.reached`"):
         return np.asarray(np.isfinite(self.q).all(axis=1))
 
 
+def _largest(values: Vector) -> int:
+    """The index of the largest value, of those that are equal but for TIE the first."""
+    best = 0
+    for i, value in enumerate(values.tolist()):
+        best = i if value > values[best] + TIE else best
+    return best
+
+
 @dataclass(frozen=True, eq=False)
 class ArmInverse(Value):
     """pose -> q of a whole arm, without a strategy and a start. Make one with `hk.ik(robot)`.
 
     `ik(pose)` asks the sheets of the arm's map in their order. On a sheet one joint follows the pose, q_k = h(pose),
     and signs choose one of the postures that are left: so it has at most one of a pose, wherever the tool was before.
-    Where no sheet has one within the limits, that of all its postures is given which is farthest from the limits and from
-    the ends of its arc: it is a function of the pose, too, but next to it the joints may jump.
+    Where no sheet has one within the limits, that of all its postures is given which is farthest from the limits and
+    from the ends of its arc: it is a function of the pose, too, but next to it the joints may jump.
 
     `ik.near(pose, q)` stays on the sheet of q while that serves; `ik.batch(poses)` answers for many poses.
 
@@ -96,15 +101,9 @@ class ArmInverse(Value):
 
         Raises: as `ik(pose)`; ShapeError, NotFiniteError: q.
         """
-        T, begin = self._pose(pose), self._robot.checked(q, "the posture")
-        own, (rows, serves) = self._sheet_of(begin), self._served(T)
-        if not serves.any():
-            return NearAnswer(self._turned(self(T), begin), None, True)
-        postures = self._turned(rows[:, :-1], begin)
-        if own is not None and serves[own]:
-            return NearAnswer(postures[own], own, False)
-        far = np.where(serves, np.abs(postures - begin).max(axis=1), np.inf)
-        return NearAnswer(postures[far.argmin()], int(far.argmin()), True)
+        row = self._calls[1](pose, q)
+        sheet = int(row[-2])
+        return NearAnswer(row[:-2], sheet if sheet >= 0 else None, bool(row[-1]))
 
     def batch(self, poses: PoseLike, threads: int | None = None) -> ArmAnswers:
         """The answers of many tool poses (k, 4, 4), each as `ik(pose)`; a pose without an answer does not raise.
@@ -159,13 +158,15 @@ class ArmInverse(Value):
         return tool_pose("a tool pose", given_pose("a tool pose", pose_numbers("a tool pose", pose)))
 
     @cached_property
-    def _calls(self) -> tuple[Callable[[PoseLike], Vector], Callable[[Matrix], Vector], Callable[[Matrix], Matrix]]:
-        """(pose) -> posture; -> posture, margin, sheet; -> posture and margin of each sheet."""
-        others = weak(self._slow), weak(self._slow_place), weak(self._slow_sheets)
+    def _calls(
+        self,
+    ) -> tuple[Callable[..., Array], ...]:
+        """What `SheetsKernel.calls` gives, with a scene in Python."""
+        others = weak(self._slow), weak(self._slow_near), weak(self._slow_place), weak(self._slow_sheets)
         kernel = self.map.kernel(self.limits)
         bound = None if kernel is None else kernel.calls(*others)
         calls = others if bound is None else bound
-        return calls if self.touches is None else (others[0], calls[1], calls[2])
+        return calls if self.touches is None else (*others[:2], *calls[2:])
 
     def _slow(self, pose: PoseLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
@@ -175,9 +176,22 @@ class ArmInverse(Value):
             raise self._reason(T)[1]
         return row[:-2].copy()
 
+    def _slow_near(self, pose: PoseLike, q: ArrayLike) -> Vector:
+        """`ik.near(pose, q)` of any pose: posture, sheet, -1 for none, and whether it is another one."""
+        T, begin = self._pose(pose), self._robot.checked(q, "the posture")
+        own, (rows, serves) = self._sheet_of(begin), self._served(T)
+        if not serves.any():
+            return np.append(self._turned(self(T), begin), [-1, 1])
+        postures = self._turned(rows[:, :-1], begin)
+        away = np.where(serves, np.abs(postures - begin).max(axis=1), np.inf)
+        if own is not None and serves[own]:
+            away[own] = -1.0
+        sheet = int(away.argmin())
+        return np.append(postures[sheet], [sheet, sheet != own])
+
     def _place(self, T: Matrix) -> Vector:
         """Posture, margin and sheet (n + 2,) of a pose (4, 4); a margin below 0 where there is none."""
-        return self._calls[1](T) if self.touches is None else self._slow_place(T)
+        return self._calls[2](T) if self.touches is None else self._slow_place(T)
 
     def _places(self, T: Array, threads: int | None) -> Matrix:
         """Those (k, n + 2) of poses (k, 4, 4)."""
@@ -198,7 +212,7 @@ class ArmInverse(Value):
         margin = np.minimum(share, within)
         if self.touches is not None:
             margin[margin >= 0] = np.where(self._free(q[margin >= 0]), margin[margin >= 0], -np.inf)
-        best = int(margin.argmax())
+        best = _largest(margin)
         return np.append(q[best], [margin[best], len(self.map)])
 
     def _slow_sheets(self, T: Matrix) -> Matrix:
@@ -207,7 +221,7 @@ class ArmInverse(Value):
 
     def _served(self, T: Matrix) -> tuple[Matrix, Flags]:
         """The postures and margins of the sheets (S, n + 1) at a pose, and which of them serve it (S,)."""
-        rows = self._calls[2](T)
+        rows = self._calls[3](T)
         serves = rows[:, -1] > DOUBT
         if self.touches is not None and serves.any():
             serves[serves] = self._free(rows[serves, :-1])
@@ -226,34 +240,38 @@ class ArmInverse(Value):
         rows = self._answers(T, rules)
         if found.held is None:
             return rows
-        # The places that are looked at more closely: the largest margin if it serves, else many.
-        count, m = len(found.values), found.rules.shape[2]
+        # Closer to the largest margin if it serves, else to many: at first to peaks.
+        count = len(found.values)
         margin = np.minimum(rows[1], rows[2]).reshape(-1, count)
         before, after = np.roll(margin, 1, axis=1), np.roll(margin, -1, axis=1)
         if not found.turning:
             before[:, 0], after[:, -1] = margin[:, 0], margin[:, -1]
-        peaks = np.flatnonzero((margin >= before) & (margin >= after) & (margin > HOPE))
-        margin = margin.ravel()
-        peaks = peaks[np.argsort(-margin[peaks], kind="stable")]
-        peaks = peaks[: 1 if len(peaks) and margin[peaks[0]] > 0 and self.touches is None else TRIES]
-        c, best, step = found.values[peaks % count], margin[peaks], found.values[1] - found.values[0]
-        reach = step if found.turning else 0.0
-        ends, every, places = (
-            (found.values[0] - reach, found.values[-1] + reach),
-            [rows],
-            np.delete(np.arange(-4, 5), 4),
-        )
-        for _ in range(CLOSER if len(peaks) else 0):
+        peak, margin = ((margin >= before) & (margin >= after)).ravel(), margin.ravel()
+        every: list[tuple[Matrix, Vector, Vector]] = []
+        for places in (peak & (margin > HOPE), ~peak & (margin > LAST_HOPE)):
+            left, tops = np.flatnonzero(places).tolist(), list[int]()
+            while left and len(tops) < (1 if tops and margin[tops[0]] > 0 and self.touches is None else TRIES):
+                tops.append(left.pop(_largest(margin[left])))
+            every += [self._closer(T, rules[top], found.values[top % count], margin[top]) for top in tops]
+            if any((np.minimum(*more[1:]) > 0).any() for more in every):
+                break
+        q, share, within = (np.concatenate(parts) for parts in zip(*every, rows, strict=True))
+        return q, share, within
+
+    def _closer(self, T: Matrix, rule: Vector, c: float, best: float) -> tuple[Matrix, Vector, Vector]:
+        """The same near a value c of the held joint on an arc, ever closer to the largest margin."""
+        values, m, every = self.map.values, self.map.rules.shape[2], list[tuple[Matrix, Vector, Vector]]()
+        step, places = values[1] - values[0], np.delete(np.arange(-4, 5), 4)
+        reach = step if self.map.turning else 0.0
+        for _ in range(CLOSER):
             step /= 4.5
-            near = np.clip(c[:, None] + places * step, *ends)
-            closer = np.repeat(rules[peaks], len(places), axis=0)
-            closer[:, 0], closer[:, m] = np.sin(near.ravel()), np.cos(near.ravel())
-            every.append(self._answers(T, closer))
-            margins = np.minimum(*every[-1][1:]).reshape(near.shape)
-            top = margins.argmax(axis=1)[:, None]
-            larger = np.take_along_axis(margins, top, axis=1).ravel()
-            c = np.where(larger > best, np.take_along_axis(near, top, axis=1).ravel(), c)
-            best = np.maximum(best, larger)
+            near = np.clip(c + places * step, values[0] - reach, values[-1] + reach)
+            rules = np.tile(rule, (len(near), 1))
+            rules[:, 0], rules[:, m] = np.sin(near), np.cos(near)
+            every.append(self._answers(T, rules))
+            for value, there in zip(np.minimum(*every[-1][1:]).tolist(), near, strict=True):
+                if value > best + TIE:
+                    best, c = value, there
         q, share, within = (np.concatenate(parts) for parts in zip(*every, strict=True))
         return q, share, within
 
@@ -264,7 +282,7 @@ class ArmInverse(Value):
 
     def _sheet_of(self, q: Vector) -> int | None:
         """The sheet on which a posture (n,) lies; None where it lies on none."""
-        rows = self._calls[2](self._robot.pose(q, self.map.arm.tip))
+        rows = self._calls[3](self._robot.pose(q, self.map.arm.tip))
         gaps = np.abs(self._turned(rows[:, :-1], q) - q).max(axis=1)
         gaps[~(rows[:, -1] > -ON_SHEET)] = np.inf
         return int(gaps.argmin()) if gaps.min() < ON_SHEET else None

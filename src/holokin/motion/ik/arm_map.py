@@ -25,9 +25,10 @@ from ...base.types import Array, Matrix, Value, Vector, kept
 from ...robot.closed_form import ArmClass, ClosedInverse, NoClass, arm_class
 from ...robot.closed_form.arm_classes import links_of, miss_of_point, screws
 from ...robot.closed_form.six_hinges import answer
+from ...strategies.tasks import pose
 from ...strategies.tasks.frame_task import FrameTask
-from ...strategies.tasks.task import Task, TipFrame
-from ...symbolic import SX, Function, atan2, densify, dot, floor, fmin, symbol, vertcat
+from ...strategies.tasks.task import Task, TipFrame, poses_expression
+from ...symbolic import SX, Function, atan2, densify, dot, floor, fmin, sqrt, symbol, vertcat
 from ...symbolic.native import SheetsKernel, sheets_kernel
 from .closed_leaf import BOUNDLESS, DOUBT
 
@@ -40,8 +41,19 @@ VALUES = 64
 CLOSER = 9
 """Steps towards the largest margin of an arc, each to two ninths of the one before: from 0.1 rad to 1e-7."""
 
-TRIES, HOPE = 128, -1.0
-"""Places of the arcs that are looked at more closely while none of them serves, and from which margin on."""
+TRIES, HOPE, LAST_HOPE = 128, -1.0, -0.1
+"""Places of the arcs that are looked at more closely where none of them serves: peaks of the margin from HOPE on, then
+others from LAST_HOPE on."""
+
+
+ON_SHEET = 0.01
+"""Distance [joint units] of a posture from that of a sheet up to which it is on it: measured joints are not exact."""
+
+LEAST = 0.1
+"""Length of the vector (b . f, a . f) from which on a rule serves: it is fitted to 1, and where it is 0 its angle jumps."""
+
+TIE = 1e-6
+"""Difference of margins up to which the first of two is taken: round-off is not to choose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,20 +129,34 @@ class ArmMap(Value):
 def _kernel(found: ArmMap, limits: bool) -> SheetsKernel | None:
     function = found.postures(limits)
     shapes = list(function.input_shapes.values()), list(function.output_shapes.values())
-    constants = {"DOUBT": DOUBT, "TRIES": TRIES, "HOPE": HOPE, "STEPS": CLOSER}
+    robot, q = found.arm.robot, symbol("q", found.arm.robot.n)
+    k = pose(robot, tip=found.arm.tip).kinematics(q)
+    tool = Function("tool", {"q": q}, {"pose": poses_expression(k)}).program
+    free = np.full(robot.n, np.inf)
+    joints = (robot.lower, robot.upper, robot.hinges) if limits else (-free, free, robot.hinges)
+    constants = {
+        "ON": ON_SHEET,
+        "DOUBT": DOUBT,
+        "TRIES": TRIES,
+        "HOPE": HOPE,
+        "LAST_HOPE": LAST_HOPE,
+        "TIE": TIE,
+        "STEPS": CLOSER,
+    }
     arcs = found.choices, found.values, found.turning
-    return sheets_kernel(function.program, *shapes, found.rows, *arcs, constants)
+    return sheets_kernel(function.program, *shapes, tool, joints, found.rows, *arcs, constants)
 
 
 @kept
 def _postures(found: ArmMap, limits: bool) -> Function:
     arm, robot, k = found.arm, found.arm.robot, found.held
     inverse, m = ClosedInverse(arm, limits), found.rules.shape[2]
-    pose, rule, signs = symbol("pose", 4, 4), symbol("rule", 2 * m), symbol("signs", 3)
-    value, within = SX(0, 1), SX(BOUNDLESS)
+    T, rule, signs = symbol("pose", 4, 4), symbol("rule", 2 * m), symbol("signs", 3)
+    value, within, length = SX(0, 1), SX(BOUNDLESS), SX(1)
     if k is not None:
-        f = vertcat(*monomials(list(_seen(arm, pose, found.length)), found.degree))
-        value = atan2(dot(rule[:m], f), dot(rule[m:], f))
+        f = vertcat(*monomials(list(_seen(arm, T, found.length)), found.degree))
+        sine, cosine = dot(rule[:m], f), dot(rule[m:], f)
+        value, length = atan2(sine, cosine), sqrt(sine * sine + cosine * cosine)
         low, high = robot.lower[k], robot.upper[k]
         if limits and np.isfinite(low + high):
             middle = (low + high) / 2
@@ -138,13 +164,13 @@ def _postures(found: ArmMap, limits: bool) -> Function:
             within = fmin(value - low, high - value)
     chain, own = inverse.numbers(value)
     joints = SX(np.clip(inverse.joints, -BOUNDLESS, BOUNDLESS))
-    x = answer(arm.form, True, chain, pose, own, joints, signs)
+    x = answer(arm.form, True, chain, T, own, joints, signs)
     q = SX.zeros(robot.n, 1)
     q[inverse.others] = x[:6]
     if k is not None:
         q[k] = value
-    inputs = {"pose": pose, "rule": rule, "signs": signs}
-    outputs = {"q": densify(q), "share": x[9], "within": fmin(x[10], within), "fault": x[11]}
+    inputs = {"pose": T, "rule": rule, "signs": signs}
+    outputs = {"q": densify(q), "share": fmin(x[9], length - LEAST), "within": fmin(x[10], within), "fault": x[11]}
     return Function("sheet", inputs, outputs)
 
 
@@ -169,11 +195,11 @@ def _frames(arm: ArmClass) -> tuple[Vector, Vector, Matrix, Vector]:
     return along, axes[0][1] + along * float((point - axes[0][1]) @ along), links[-1].rotation, links[-1].position
 
 
-def _seen(arm: ArmClass, pose: SX, length: float) -> list[SX]:
+def _seen(arm: ArmClass, T: SX, length: float) -> list[SX]:
     """The shoulder's place in lengths and the first axis, as the last joint's frame sees them (6,), of a pose."""
     along, point, R, p = _frames(arm)
-    hand = pose[:3, :3] @ SX(R.T)
-    shoulder = hand.T @ (SX(point) - pose[:3, 3]) + SX(p)
+    hand = T[:3, :3] @ SX(R.T)
+    shoulder = hand.T @ (SX(point) - T[:3, 3]) + SX(p)
     axis = hand.T @ SX(along)
     return [*(shoulder[i] / length for i in range(3)), *(axis[i] for i in range(3))]
 

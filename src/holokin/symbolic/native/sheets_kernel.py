@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import NativeError
-from ...base.types import ROTATION, Array, Matrix, Vector, frozen
+from ...base.types import ROTATION, Array, Flags, Matrix, Vector, frozen
 from .emit import LANES, Program, Shapes, body, source
 from .kernel import LONG, bound_call, in_parts
 from .toolchain import enabled, library, tell
 
 BLOCK = 8
 """Rows of a table that stand side by side."""
+
+Call = Callable[..., Any]
 
 _FEW = 256
 """Poses from which a second thread is worth its start."""
@@ -26,6 +28,7 @@ class SheetsKernel:
     """The doors of sheets.c, about (pose (4, 4), rule (w,), signs (3,)) -> (posture (n,), real, within, fault).
 
     Args:
+        tool: posture (n,) -> pose (4, 4). joints: lower and upper limits (n,), and which turn (n,).
         rows: of the sheets (S, w + 3), rule and signs. choices: of signs (K, 3). values: of the held joint (C,).
         turning: whether the last value's neighbour is the first one.
         constants: by their names, of sheets.c.
@@ -36,6 +39,8 @@ class SheetsKernel:
         made: Program,
         inputs: Shapes,
         outputs: Shapes,
+        tool: Program,
+        joints: tuple[Vector, Vector, Flags],
         rows: Matrix,
         choices: Matrix,
         values: Vector,
@@ -47,12 +52,22 @@ class SheetsKernel:
         sizes |= {"CHOICES": len(choices), "VALUES": len(values)}
         head = "".join(f"#define HK_{key} {value}\n" for key, value in sizes.items())
         head += "".join(f"#define HK_{key} {value!r}\n" for key, value in constants.items())
+        low, high, turn = joints
+        for name, kind, numbers in (
+            ("low", "double", low),
+            ("high", "double", high),
+            ("hinge", "int", turn.astype(int)),
+        ):
+            row = ", ".join(repr(x) if np.isfinite(x) else f"{'-' if x < 0 else ''}HUGE_VAL" for x in numbers.tolist())
+            head += f"static const {kind} hk_{name}[] = {{{row}}};\n"
+        head += f"#define HK_TURN {2 * np.pi!r}\n"
         head += f"#define HK_TURNS {int(turning)}\n#define HK_OFF {ROTATION!r}\n"
+        code = body(made, inputs, outputs, "hk_body") + body(tool, [(n,)], [(4, 4)], "hk_tool")
         self._library: Any = library(
-            source(LANES, head, body(made, inputs, outputs, "hk_body"), "sheets.c"),
+            source(LANES, head, code, "sheets.c"),
             fast=True,
             long=made.instructions > LONG,
-            needs=("hk_posture", "hk_place", "hk_sheets", "hk_batch"),
+            needs=("hk_posture", "hk_stay", "hk_place", "hk_sheets", "hk_batch"),
         )
         blocks = np.zeros((-(-len(rows) // BLOCK) * BLOCK, rows.shape[1]))
         blocks[: len(rows)] = rows
@@ -62,22 +77,23 @@ class SheetsKernel:
         self._run: Any = self._library.hk_batch
         self._run.argtypes, self._run.restype = [ctypes.c_longlong, *[ctypes.c_void_p] * 3], None
 
-    def calls(self, posture: Callable, place: Callable, sheets: Callable) -> tuple[Callable, Callable, Callable] | None:
-        """(pose) -> posture (n,); -> posture, margin, sheet (n + 2,); -> posture and margin of each sheet (S, n + 1).
+    def calls(self, posture: Call, near: Call, place: Call, sheets: Call) -> tuple[Call, Call, Call, Call] | None:
+        """(pose) -> posture (n,); (pose, q) -> posture, its sheet, -1 for none, whether it is another one (n + 2,);
+        (pose) -> posture, margin, sheet (n + 2,); (pose) -> posture and margin of each sheet (S, n + 1).
 
-        They hand to `posture`, `place` and `sheets` what they do not take. None without Python's headers.
+        They hand to those given what they do not take. None without Python's headers.
         """
         calls, n = [], self._n
         for name, shape, other in (
             ("posture", (n,), posture),
+            ("stay", (n + 2,), near),
             ("place", (n + 2,), place),
             ("sheets", (self._sheets, n + 1), sheets),
         ):
+            given = ((4, 4), (n,)) if name == "stay" else ((4, 4),)
             function = getattr(self._library, f"hk_{name}")
-            calls.append(
-                bound_call(function, ((4, 4),), (shape,), other, (self._library, self._context), self._context)
-            )
-        return None if None in calls else (calls[0], calls[1], calls[2])
+            calls.append(bound_call(function, given, (shape,), other, (self._library, self._context), self._context))
+        return None if None in calls else (calls[0], calls[1], calls[2], calls[3])
 
     def __call__(self, poses: Array, threads: int | None = None) -> Matrix:
         """The posture, the margin and the sheet (k, n + 2) of poses (k, 4, 4)."""

@@ -1,5 +1,5 @@
 /* The sheets of an arm at a tool pose, HK_LANES rows side by side. hk_body: (pose (16), rule (HK_W), signs (3)) -> (posture
-   (HK_N), how real it is, how far within the limits, by how much the pose is none).
+   (HK_N), how real it is, how far within the limits, by how much the pose is none). hk_tool: posture -> pose (16).
 
    A table is what `table_of` of Python makes: for each eight rows the numbers of rule and signs, one number of all eight
    after another. The context: HK_SHEETS sheets, then HK_CHOICES choices of signs, then HK_VALUES values of the held joint. */
@@ -63,7 +63,7 @@ static void hk_closer(hk_t *x, const double *signs, double *c, double *step, dou
     }
     hk_body(x, y);
     for (int l = 0; l < HK_LANES; l++)
-      if (HK_MARGIN(y, l) > q[HK_N]) {
+      if (HK_MARGIN(y, l) > q[HK_N] + HK_TIE) {
         hk_take(y, l, q);
         q[HK_N] = HK_MARGIN(y, l);
         *c = values[l];
@@ -73,7 +73,8 @@ static void hk_closer(hk_t *x, const double *signs, double *c, double *step, dou
 }
 #endif
 
-/* The posture of the arcs with the largest margin, and that, in q (HK_N + 1). */
+/* The posture of the arcs with the largest margin, and that, in q (HK_N + 1). Arcs that differ in one sign often have the
+   same: then the first of them is taken. */
 static void hk_widest(const double *context, hk_t *x, double *q) {
   hk_t y[HK_NY];
   q[HK_N] = -HUGE_VAL;
@@ -84,7 +85,7 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
       for (int i = 0; i < 3; i++) x[16 + i][l] = signs[3 * (k + l < HK_CHOICES ? k + l : 0) + i];
     hk_body(x, y);
     for (int l = 0; l < HK_LANES; l++)
-      if (HK_MARGIN(y, l) > q[HK_N]) {
+      if (HK_MARGIN(y, l) > q[HK_N] + HK_TIE) {
         hk_take(y, l, q);
         q[HK_N] = HK_MARGIN(y, l);
       }
@@ -102,30 +103,36 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
     hk_body(x, y);
     for (int l = 0; l < HK_LANES && i + l < HK_CHOICES * HK_VALUES; l++) margin[i + l] = HK_MARGIN(y, l);
   }
-  /* Closer to the largest if it serves, else to many, since between two values one may. */
+  /* Closer to the largest if it serves, else to many, since between two values one may: at first to peaks. */
   const double step = values[1] - values[0], begin = HK_TURNS ? low - step : low, end = HK_TURNS ? high + step : high;
-  for (int tries = 0, most = HK_TRIES; tries < most; tries++) {
-    int top = -1;
+  for (int round = 0, most = HK_TRIES; round < 2 && !(q[HK_N] > 0.0); round++) {
+    int tops[HK_CHOICES * HK_VALUES], count = 0;
     for (int i = 0; i < HK_CHOICES * HK_VALUES; i++) {
       const int j = i % HK_VALUES, track = i - j;
       const int before = j > 0 ? i - 1 : HK_TURNS ? track + HK_VALUES - 1 : i;
       const int after = j + 1 < HK_VALUES ? i + 1 : HK_TURNS ? track : i;
-      const int peak = margin[i] > HK_HOPE && margin[i] >= margin[before] && margin[i] >= margin[after];
-      if (peak && (top < 0 || margin[i] > margin[top])) top = i;
+      const int peak = margin[i] >= margin[before] && margin[i] >= margin[after];
+      if (round == 0 ? peak && margin[i] > HK_HOPE : !peak && margin[i] > HK_LAST_HOPE) tops[count++] = i;
     }
-    if (top < 0) break;
-    if (margin[top] > 0.0) most = 1;
-    double c = values[top % HK_VALUES], width = step, here[HK_N + 1];
-    for (int j = 0; j < HK_ROW; j++) x[16 + j] = hk_all(0.0);
-    here[HK_N] = -HUGE_VAL;
-    for (int l = 0; l < HK_LANES; l++) hk_held(x, l, c, signs + 3 * (top / HK_VALUES));
-    hk_body(x, y);
-    hk_take(y, 0, here);
-    here[HK_N] = HK_MARGIN(y, 0);
-    for (int k = 0; k < HK_STEPS; k++) hk_closer(x, signs + 3 * (top / HK_VALUES), &c, &width, begin, end, here);
-    if (here[HK_N] > q[HK_N])
-      for (int j = 0; j <= HK_N; j++) q[j] = here[j];
-    margin[top] = -HUGE_VAL;
+    for (int tries = 0; tries < most && count > 0; tries++) {
+      int at = 0;
+      for (int k = 1; k < count; k++)
+        if (margin[tops[k]] > margin[tops[at]] + HK_TIE) at = k;
+      const int top = tops[at];
+      for (int k = at + 1; k < count; k++) tops[k - 1] = tops[k];
+      count--;
+      if (margin[top] > 0.0) most = 1;
+      double c = values[top % HK_VALUES], width = step, here[HK_N + 1];
+      for (int j = 0; j < HK_ROW; j++) x[16 + j] = hk_all(0.0);
+      here[HK_N] = -HUGE_VAL;
+      for (int l = 0; l < HK_LANES; l++) hk_held(x, l, c, signs + 3 * (top / HK_VALUES));
+      hk_body(x, y);
+      hk_take(y, 0, here);
+      here[HK_N] = HK_MARGIN(y, 0);
+      for (int k = 0; k < HK_STEPS; k++) hk_closer(x, signs + 3 * (top / HK_VALUES), &c, &width, begin, end, here);
+      if (here[HK_N] > q[HK_N] + HK_TIE)
+        for (int j = 0; j <= HK_N; j++) q[j] = here[j];
+    }
   }
 #endif
 }
@@ -168,6 +175,69 @@ int hk_sheets(const double *const *in, double *const *out, const double *context
       row[HK_N] = HK_MARGIN(y, l);
     }
   }
+  return 1;
+}
+
+/* The turns of a posture nearest to another, within the limits; how far it then is off it. */
+static double hk_turned(double *q, const double *near) {
+  double far = 0.0;
+  for (int j = 0; j < HK_N; j++) {
+    if (hk_hinge[j]) {
+      double turns = rint((near[j] - q[j]) / HK_TURN);
+      const double low = ceil((hk_low[j] - q[j]) / HK_TURN - 1e-6), high = floor((hk_high[j] - q[j]) / HK_TURN + 1e-6);
+      turns = turns < low ? low : turns > high ? high : turns;
+      q[j] += HK_TURN * turns;
+    }
+    const double gap = fabs(near[j] - q[j]);
+    far = gap > far ? gap : far;
+  }
+  return far;
+}
+
+/* (pose, q) -> (posture, sheet, whether it is another one than that of q); 0 where there is none. */
+int hk_stay(const double *const *in, double *const *out, const double *context) {
+  hk_t x[HK_NX], y[HK_NY], tool[16], q[HK_N];
+  double pose[16], row[HK_N + 2], nearest = HK_ON, far = HUGE_VAL;
+  int own = -1, served = -1;
+  /* The sheet of q: the one whose posture at its tool pose is nearest to it. */
+  for (int j = 0; j < HK_N; j++) q[j] = hk_all(in[1][j]);
+  hk_tool(q, tool);
+  for (int i = 0; i < 16; i++) pose[i] = tool[i][0];
+  hk_pose(pose, x);
+  for (int s = 0; s < HK_SHEETS; s += HK_LANES) {
+    hk_rows(context, s, x);
+    hk_body(x, y);
+    for (int l = 0; l < HK_LANES && s + l < HK_SHEETS; l++) {
+      if (!(HK_MARGIN(y, l) > -HK_ON)) continue;
+      hk_take(y, l, row);
+      const double gap = hk_turned(row, in[1]);
+      if (gap < nearest) nearest = gap, own = s + l;
+    }
+  }
+  /* At the pose it goes on if it serves, else another one does. */
+  hk_pose(in[0], x);
+  for (int s = 0; s < HK_SHEETS; s += HK_LANES) {
+    hk_rows(context, s, x);
+    hk_body(x, y);
+    if (!(y[HK_N + 2][0] < HK_OFF)) return 0;
+    for (int l = 0; l < HK_LANES && s + l < HK_SHEETS; l++) {
+      if (!hk_serves(y, l)) continue;
+      hk_take(y, l, row);
+      const double gap = hk_turned(row, in[1]), away = s + l == own ? -1.0 : gap;
+      if (away < far) {
+        far = away, served = s + l;
+        for (int j = 0; j < HK_N; j++) out[0][j] = row[j];
+      }
+    }
+  }
+  if (served < 0) {
+    hk_widest(context, x, row);
+    if (!(row[HK_N] >= 0.0)) return 0;
+    hk_turned(row, in[1]);
+    for (int j = 0; j < HK_N; j++) out[0][j] = row[j];
+  }
+  out[0][HK_N] = served;
+  out[0][HK_N + 1] = served < 0 || served != own;
   return 1;
 }
 
