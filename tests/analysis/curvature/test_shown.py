@@ -167,7 +167,7 @@ NO_QUESTION = {
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
-    "NumericStrategy", "TorchInverse",
+    "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
     "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "FrameTask", "StackedTask", "Segment", "Samples",

@@ -1,6 +1,7 @@
-"""The fewest leaves that together serve a workspace, each with the tool poses that it serves as one function.
+"""The fewest leaves that together serve a workspace, each with the tool poses that it serves as one function; the maps
+of whole arms, and `ik`, which answers by them.
 
-Uses `analysis/coverage` and `motion/checks`. Read first: `sheet.py`, `cover_by_sheets.py`.
+Uses `analysis/coverage` and `motion/checks`. Read first: `sheet.py`, `cover_by_sheets.py`, `arm_maps.py`.
 """
 
 from .arm_maps import ik, make_arm_map

@@ -20,7 +20,7 @@ from ...motion.ik.closed_leaf import DOUBT
 from ...motion.ik.inverse_function import InverseKinematics
 from ...motion.ik.inverse_function import ik as leaf_ik
 from ...motion.ik.solutions import PoseSet
-from ...robot import Robot
+from ...robot import Robot, load
 from ...robot.closed_form import ArmClass, ClosedInverse
 from ...robot.closed_form.closed_inverse import SIGNS
 from ...strategies import Strategy
@@ -59,7 +59,7 @@ TRIED = 3
 SERVED = 0.02
 """Weight of a pose that a sheet before serves: more sheets that serve it let `near` stay longer."""
 
-ROUNDS, FIRST, CLOSER = 10, 1.0, 0.7
+ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
 """Rounds of a fit: how far off [rad] an angle stops to count at first, and how that shrinks in each round."""
 
 INSIDE = 0.95
@@ -110,11 +110,14 @@ class _HeldArm(Value):
 
     def arcs(self, poses: Array) -> Flags:
         """Whether a posture is within the limits (k, C, 8) at poses, values and signs."""
+        held = [self.inverse.at(value) for value in self.values]
+        chain, own = (np.array([getattr(one, name) for one in held]) for name in ("chain", "own"))
         serves = np.zeros((len(poses), len(self.values), len(SIGNS)), dtype=bool)
         for first in range(0, len(poses), 500):
             some = poses[first : first + 500]
-            every = np.repeat(some, len(self.values), axis=0), np.tile(self.values, len(some))[:, None]
-            rows = self.inverse.answers(*every).reshape(*serves[first : first + 500].shape, -1)
+            numbers = (np.tile(x, (len(some), 1)) for x in (chain, own))
+            rows = self.inverse.answers_of(*numbers, np.repeat(some, len(self.values), axis=0), None)
+            rows = rows.reshape(*serves[first : first + 500].shape, -1)
             serves[first : first + 500] = (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)
         return serves
 
@@ -334,12 +337,12 @@ def ik(
 
 
 @overload
-def ik(strategy: Robot | Task, *, limits: bool = True, scene: Scene | None = None) -> ArmInverse: ...
+def ik(strategy: Robot | Task | str, *, limits: bool = True, scene: Scene | None = None) -> ArmInverse: ...
 
 
 @typed
 def ik(
-    strategy: Strategy | Robot | Task,
+    strategy: Strategy | Robot | Task | str,
     q0: ArrayLike | None = None,
     limits: bool = True,
     *,
@@ -358,7 +361,7 @@ def ik(
     n = m, any strategy will do, as `moore_penrose(task)`: the pose tells the joints, on the branch of the start.
 
     Args:
-        strategy: or a robot, or the task of its whole pose, `hk.pose(robot)`.
+        strategy: or a robot, or its name in the catalogue, or the task of its whole pose, `hk.pose(robot)`.
         q0: start posture (n,), of a strategy alone.
         limits: False answers beyond the joint limits, too; by default such postures are refused.
         region: of `unique_region(strategy, q0)`: poses outside are refused, with the status OUTSIDE.
@@ -377,7 +380,8 @@ def ik(
             cure = "it is of hk.ik(robot): for a strategy ask hk.check or hk.certify"
             raise ArgumentError("scene", str(scene), cure)
         return leaf_ik(strategy, q0, limits, region=region)
-    task = pose(strategy) if isinstance(strategy, Robot) else strategy
+    robot = load(strategy) if isinstance(strategy, str) else strategy
+    task = pose(robot) if isinstance(robot, Robot) else robot
     for what, value in (("q0", q0), ("region", region)):
         if value is not None:
             cure = "it is of a strategy: hk.ik(strategy, q0); hk.ik(robot) needs none, and its ik.near(pose, q) takes q"

@@ -50,7 +50,7 @@ ON_SHEET = 0.01
 """Distance [joint units] of a posture from that of a sheet up to which it is on it: measured joints are not exact."""
 
 LEAST = 0.1
-"""Length of the vector (b . f, a . f) from which on a rule serves: it is fitted to 1, and where it is 0 its angle jumps."""
+"""Length of the vector (b . f, a . f) from which on a rule serves: it is fitted to 1, and at 0 its angle jumps."""
 
 TIE = 1e-6
 """Difference of margins up to which the first of two is taken: round-off is not to choose."""
@@ -226,10 +226,6 @@ def classes(task: Task) -> list[ArmClass]:
         raise ArgumentError("the task", task.name, f"a map is of whole poses of one tip, hk.pose(robot); or {cure}")
     if robot.n not in (6, 7):
         raise ArgumentError("the number of joints of a map", robot.n, f"give an arm of six or seven; or {cure}")
-    if not np.isfinite(robot.upper - robot.lower).all():
-        free = next(i for i in range(robot.n) if not np.isfinite(robot.upper[i] - robot.lower[i]))
-        bounds = "hk.with_limits(robot, lower=..., upper=...), such as +-pi"
-        raise ArgumentError(f"the limits of joint {robot.joint_names[free]!r}", None, f"give some: {bounds}; or {cure}")
     tries = [arm_class(robot, held, task.tip) for held in ([()] if robot.n == 6 else [(k,) for k in range(7)])]
     found = [c for c in tries if isinstance(c, ArmClass) and c.proven and robot.hinges[list(c.held)].all()]
     if not found:
@@ -237,6 +233,10 @@ def classes(task: Task) -> list[ArmClass]:
         why = reasons[0] if reasons else "its inverse has steps of degree four"
         fact = f"{robot.name!r}, which has no closed form with signs, whatever joint is held ({why})"
         raise ArgumentError("the arm of a map", fact, cure)
+    if not np.isfinite(robot.upper - robot.lower).all():
+        free = next(i for i in range(robot.n) if not np.isfinite(robot.upper[i] - robot.lower[i]))
+        bounds = "hk.with_limits(robot, lower=..., upper=...), such as +-pi"
+        raise ArgumentError(f"the limits of joint {robot.joint_names[free]!r}", None, f"give some: {bounds}; or {cure}")
     return found
 
 

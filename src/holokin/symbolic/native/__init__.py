@@ -9,6 +9,7 @@ single precision a compiler has 49 complaints about CasADi's C of a Panda's G (1
 and result whether it is there, and keeps its numbers in one array.
 """
 
+from .arm_sheets import SheetsKernel, sheets_kernel
 from .emit import Port
 from .emit import prelude as code_file
 from .kernel import (
@@ -24,7 +25,6 @@ from .kernel import (
     signs_kernel,
     weak,
 )
-from .sheets_kernel import SheetsKernel, sheets_kernel
 from .toolchain import allowed, compiler, enabled, engine, tell
 
 __all__ = [

@@ -1,0 +1,356 @@
+"""`hk.ik(robot)`: every pose within reach has one posture, wherever the tool was before."""
+
+import json
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import campaign
+from holokin.analysis.sheets import make_arm_map
+from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, ShapeError
+from holokin.motion.ik.arm_inverse import ArmInverse
+from holokin.motion.ik.arm_map import classes, digest, map_of_text, map_text, shipped
+from holokin.motion.ik.self_motions import self_motions_at
+
+SEVEN = ("panda", "fr3", "iiwa7", "iiwa14", "xarm7", "openarm-left", "openarm-right")
+SIX = ("ur5e", "irb140")
+SUITE = ("panda", "xarm7", "ur5e")  # one of each kind: narrow limits, limits of two turns, six joints
+
+
+def poses_within(robot, count, seed=0):
+    rng = np.random.default_rng(seed)
+    return robot.pose(rng.uniform(robot.lower, robot.upper, (count, robot.n)))
+
+
+def gap(pose, other):
+    return np.abs(np.asarray(pose) - other).max()
+
+
+@pytest.mark.parametrize("name", [n if n in SUITE else campaign("arm", n) for n in (*SEVEN, *SIX)])
+def test_each_of_400_poses_of_random_postures_has_its_posture_within_the_limits(name):
+    """The postures are drawn evenly within the limits; the referee is the chain of the joints."""
+    robot = hk.load(name)
+    ik, poses = hk.ik(robot), poses_within(robot, 400)
+    found = ik.batch(poses)
+    assert found.reached.all()
+    assert robot.within(found.q).all()
+    assert gap(robot.pose(found.q), poses) < 1e-12
+    assert (found.sheet >= 0).mean() > (0.97 if name in SEVEN else 0.999)
+    # One at a time, in another order, and after other poses: the same to the last bit.
+    for i in reversed(range(0, 400, 7)):
+        assert np.array_equal(ik(poses[i]), found.q[i])
+        assert ik.sheet(poses[i]) == (None if found.sheet[i] < 0 else found.sheet[i])
+
+
+@pytest.mark.parametrize("name", ["panda"])
+def test_another_process_gives_the_same_bits(name):
+    robot = hk.load(name)
+    q = hk.ik(robot).batch(poses_within(robot, 20, seed=3)).q
+    code = (
+        "import numpy as np, holokin as hk\n"
+        f"r = hk.load({name!r}); rng = np.random.default_rng(3)\n"
+        "P = r.pose(rng.uniform(r.lower, r.upper, (20, r.n)))\n"
+        "print(hk.ik(r).batch(P[::-1]).q[::-1].tobytes().hex())"
+    )
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == q.tobytes().hex()
+
+
+@pytest.mark.parametrize("name", [n if n in SUITE else campaign("arm", n) for n in (*SEVEN, *SIX)])
+def test_a_loop_that_stays_on_its_sheet_comes_home_to_round_off_and_legs_out_and_back_do(name):
+    robot = hk.load(name)
+    ik, rng, stayed, legs = hk.ik(robot), np.random.default_rng(8), 0, 0
+    for T in poses_within(robot, 30, seed=8):
+        if ik.sheet(T) is None:
+            continue
+        u, v = np.linalg.qr(rng.normal(size=(3, 2)))[0].T
+        begin, turn = ik(T), np.linspace(0, 2 * np.pi, 61)
+        q, path, whole = begin, [begin], True
+        for a in turn[1:]:
+            pose = T.copy()
+            pose[:3, 3] += 0.08 * (u * (np.cos(a) - 1) + v * np.sin(a))
+            if not ik.why(pose).startswith("served"):
+                whole = False
+                break
+            q, _, changed = ik.near(pose, q)
+            whole &= not changed
+            if not whole:
+                break
+            path.append(q)
+        if whole:
+            stayed += 1
+            turns = np.round((q - begin) / (2 * np.pi)) * robot.hinges
+            assert np.abs(q - begin - 2 * np.pi * turns).max() < 1e-12
+            assert robot.within(q).all()
+        # Back over the part that was gone.
+        for k in reversed(range(len(path) - 1)):
+            pose = T.copy()
+            pose[:3, 3] += 0.08 * (u * (np.cos(turn[k]) - 1) + v * np.sin(turn[k]))
+            q, _, changed = ik.near(pose, path[k + 1])
+            assert not changed
+            assert np.abs(q - path[k]).max() < 1e-12
+            legs += 1
+    assert stayed >= 5
+    assert legs > 300
+
+
+def test_on_a_sheet_the_joints_move_as_far_as_the_pose_and_no_two_postures_have_one_pose():
+    """Steps of 0.02 mm: the joints go on, with the slopes of q_k = h(pose), and signs of the determinant stay."""
+    robot = hk.load("panda")
+    ik = hk.ik(robot)
+    poses = poses_within(robot, 300, seed=5)
+    near = poses.copy()
+    near[:, 0, 3] += 2e-5
+    a, b = ik.batch(poses), ik.batch(near)
+    same = (a.sheet == b.sheet) & (a.sheet >= 0)
+    steps = np.abs(a.q - b.q).max(axis=1)[same]
+    assert same.sum() > 250
+    assert np.median(steps) < 2e-4
+    assert np.mean(steps < 1e-2) > 0.97  # next to a singular posture they are fast
+
+
+def test_the_referees_self_motion_of_each_pose_holds_the_answer():
+    """Curves of `self_motions_at`, which know no map: the answer lies on one of them."""
+    robot = hk.load("fr3")
+    ik, poses = hk.ik(robot), poses_within(robot, 12, seed=2)
+    every = self_motions_at(hk.pose(robot), poses[:, :3, 3], poses[:, :3, :3])
+    for i, T in enumerate(poses):
+        q = every.q[every.pose == i]
+        # The curves are drawn in steps of up to 0.3 rad: the answer is between two neighbours, as near as they are.
+        off = np.linalg.norm((q - ik(T) + np.pi) % (2 * np.pi) - np.pi, axis=1)
+        assert off.min() < 0.35
+
+
+def test_the_turns_of_a_joint_with_several_are_those_of_the_last_posture():
+    robot = hk.load("xarm7")
+    ik = hk.ik(robot)
+    q = robot.lower * 0 + [0.0, 0.3, 0.2, 1.0, 0.3, 0.8, 0.1]
+    T = robot.pose(q)
+    begin, last = ik(T), ik(T)
+    for a in np.linspace(0, 2 * np.pi, 91)[1:-10]:
+        c, s = np.cos(a), np.sin(a)
+        turned = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]) @ T
+        answer = ik.near(turned, last)
+        assert not answer.changed
+        assert np.abs(answer.q - last).max() < 0.2
+        last = answer.q
+    # The map knows nothing of the turn about the first axis: that joint alone has moved.
+    assert np.abs(np.delete(last - begin, 0)).max() < 1e-9
+    assert robot.within(last).all()
+    assert abs(last[0] - begin[0]) > 4
+
+
+def test_a_measured_posture_next_to_its_sheet_stays_on_it_and_one_far_off_is_said_to_change():
+    robot = hk.load("panda")
+    ik = hk.ik(robot)
+    T = next(T for T in poses_within(robot, 50, seed=4) if ik.sheet(T) is not None)
+    q, sheet = ik(T), ik.sheet(T)
+    noisy = q + np.random.default_rng(0).normal(size=7) * 5e-4
+    assert ik.near(T, noisy) == (pytest.approx(q, abs=1e-12), sheet, False)
+    far = np.clip(q + 0.5, robot.lower, robot.upper)
+    assert ik.near(T, far).changed
+
+
+def test_a_tool_and_a_mounting_need_no_map_of_their_own():
+    """The map is of joints and limits: with a tool and on a slope the same sheets serve the same flanges."""
+    panda = hk.load("panda")
+    base = np.eye(4)
+    base[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    base[:3, 3] = [1, 2, 3]
+    moved = hk.with_base_pose(hk.with_tool(panda, [0.1, 0.02, 0.2]), base)
+    a, b = hk.ik(panda), hk.ik(moved)
+    assert b.map.share == a.map.share
+    Q = np.random.default_rng(1).uniform(panda.lower, panda.upper, (60, 7))
+    one, other = a.batch(panda.pose(Q)), b.batch(moved.pose(Q))
+    assert np.array_equal(one.sheet, other.sheet)
+    on = one.sheet >= 0
+    assert np.abs(one.q - other.q)[on].max() < 1e-7
+
+
+def test_without_a_compiler_the_answers_are_the_same(monkeypatch):
+    robot = hk.load("panda")
+    poses = poses_within(robot, 25, seed=6)
+    native = hk.ik(robot).batch(poses)
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    other = hk.ik(hk.load("panda"))
+    assert "virtual machine" in other.engine
+    slow = other.batch(poses)
+    on = native.sheet >= 0
+    assert np.array_equal(slow.sheet, native.sheet)
+    assert np.abs(slow.q - native.q)[on].max() < 1e-12
+    assert np.abs(other(poses[0]) - native.q[0]).max() < 1e-12
+    assert other.near(poses[0], native.q[0]).sheet == native.sheet[0]
+
+
+# --- What has no answer, and why.
+
+
+def test_why_tells_reach_from_limits():
+    robot = hk.load("panda")
+    ik = hk.ik(robot)
+    far = poses_within(robot, 1)[0]
+    far[0, 3] += 3
+    assert ik.why(far) == "out of reach"
+    assert ik.sheet(far) is None
+    with pytest.raises(OutOfReachError, match=r"out of reach of 'panda'.*; give"):
+        ik(far)
+    with pytest.raises(OutOfReachError):
+        ik.near(far, np.clip(np.zeros(7), robot.lower, robot.upper))
+    # The elbow stretched the other way is a posture of the arm, beyond its limits.
+    hand = robot.pose([0.0, 0.0, 0.0, 1.2, 0.0, 3.0, 0.0])
+    assert hk.ik(robot, limits=False).why(hand).startswith("served")
+    narrow = hk.with_limits(robot, lower=robot.lower * 0.0 - 0.4, upper=robot.upper * 0.0 + 0.4)
+    few = ArmInverse(hk.pose(narrow), map_of_text(text_for(narrow), classes(hk.pose(narrow))))
+    word = few.why(robot.pose([0.9, 0.2, 0.1, -2.0, 0.3, 1.7, 0.5]))
+    assert word.startswith("limits: joint 'panda_joint")
+    with pytest.raises(JointLimitError, match="outside its limits"):
+        few(robot.pose([0.9, 0.2, 0.1, -2.0, 0.3, 1.7, 0.5]))
+
+
+def text_for(robot):
+    """The Panda's map, said to be of another arm."""
+    about = json.loads(map_text(shipped(classes(hk.pose(hk.load("panda"))))))
+    about["arm"] = digest(classes(hk.pose(robot))[0])
+    return json.dumps(about)
+
+
+def test_with_a_scene_postures_keep_clear_and_what_is_in_the_way_is_named():
+    robot = hk.load("panda")
+    post = hk.obstacle("post", hk.robot.Box((0.1, 0.1, 1.2)), (0.45, 0.0, 0.6))
+    scene = hk.Scene(obstacles=[post])
+    free, ik = hk.ik(robot), hk.ik(robot, scene=scene)
+    poses = poses_within(robot, 120, seed=9)
+    found, anyhow = ik.batch(poses), free.batch(poses)
+    report = hk.motion.checks.Clearances.of(robot, scene)
+    assert report.clear(found.q[found.reached]).all()
+    assert gap(robot.pose(found.q[found.reached]), poses[found.reached]) < 1e-12
+    touched = ~report.clear(anyhow.q)
+    assert (found.reached & touched).any()  # another sheet or arc takes over
+    # The referee knows no map: self-motions of what is refused hold no posture within the limits and clear.
+    refused = np.flatnonzero(~found.reached)
+    every = self_motions_at(hk.pose(robot), poses[refused, :3, 3], poses[refused, :3, :3])
+    inside = every.beyond < -1e-3
+    assert inside.sum() > 20
+    assert not report.clear(every.q[inside]).any()
+    inside = np.eye(4)
+    inside[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    inside[:3, 3] = [0.45, 0.0, 0.5]
+    assert ik.why(inside).startswith("collides: ")
+    assert "post" in ik.why(inside)
+    with pytest.raises(hk.HolokinError, match="post"):
+        ik(inside)
+
+
+@pytest.mark.parametrize(
+    ("what", "error", "words"),
+    [
+        (lambda ik, T: ik(T[:3]), ShapeError, "4, 4"),
+        (lambda ik, T: ik(T * np.nan), NotFiniteError, "finite"),
+        (lambda ik, T: ik(T * 1.2), ArgumentError, "row"),
+        (lambda ik, T: ik.near(T, [0.0] * 6), ShapeError, "7"),
+        (lambda ik, T: ik.batch([T, T * 1.2]), ArgumentError, "row"),
+    ],
+)
+def test_a_bad_pose_or_posture_is_named(what, error, words):
+    robot = hk.load("panda")
+    with pytest.raises(error, match=words):
+        what(hk.ik(robot), robot.pose([0, 0, 0, -1, 0, 1, 0]))
+
+
+def test_arms_of_which_no_map_is_made_are_refused_with_what_to_ask_instead():
+    gen3, panda = hk.load("gen3"), hk.load("panda")
+    with pytest.raises(ArgumentError, match=r"no closed form with signs.*hk\.sheets"):
+        hk.ik(gen3)
+    with pytest.raises(ArgumentError, match=r"no closed form with signs.*hk\.sheets"):
+        hk.ik(hk.load("sawyer"))
+    free = hk.with_limits(panda, lower=np.full(7, -np.inf), upper=np.full(7, np.inf))
+    with pytest.raises(ArgumentError, match=r"the limits of joint 'panda_joint1'.*hk\.with_limits"):
+        hk.ik(free)
+    with pytest.raises(ArgumentError, match="whole poses"):
+        hk.ik(hk.position(panda))
+    with pytest.raises(ArgumentError, match="whole poses"):
+        hk.ik(hk.load("planar-3r"))
+    with pytest.raises(ArgumentError, match="six or seven"):
+        hk.ik(hk.load("yumi"))
+    with pytest.raises(ArgumentError, match=r"q0.*ik\.near"):
+        hk.ik(panda, np.zeros(7))
+    lock = hk.holonomic(hk.pose(panda), hk.lock(6))
+    with pytest.raises(ArgumentError, match=r"q0.*hk\.ik\(robot\)"):
+        hk.ik(lock)
+    with pytest.raises(ArgumentError, match="scene"):
+        hk.ik(lock, [0, 0, 0, -1, 0, 1, 0], scene=hk.Scene())
+
+
+# --- Maps as data.
+
+
+def test_a_map_is_read_as_it_was_written_and_that_of_another_arm_or_version_is_not():
+    task = hk.pose(hk.load("panda"))
+    found = shipped(classes(task))
+    text = map_text(found)
+    assert len(text) < 20_000
+    again = map_of_text(text, classes(task))
+    assert np.array_equal(again.rules, found.rules)
+    assert np.array_equal(again.signs, found.signs)
+    assert map_of_text(text, classes(hk.pose(hk.load("fr3")))) is None
+    wider = hk.with_limits(task.robot, lower=task.robot.lower - 0.1)
+    assert map_of_text(text, classes(hk.pose(wider))) is None
+    for spoil in ({"format": 0}, {"degree": 3}, {"length": 0.0}, {"sheets": []}, {"held": 2}, {"choices": [1]}):
+        assert map_of_text(json.dumps({**json.loads(text), **spoil}), classes(task)) is None, spoil
+    assert map_of_text("{", classes(task)) is None
+    kept = pickle.loads(pickle.dumps(hk.ik(task)))
+    T = poses_within(task.robot, 1)[0]
+    assert np.array_equal(kept(T), hk.ik(task)(T))
+
+
+def test_a_map_is_made_of_an_arm_that_no_shipped_one_knows_and_kept(monkeypatch, tmp_path):
+    """Two sheets, from few samples, of an arm with other limits."""
+    monkeypatch.setattr("holokin.analysis.sheets.arm_maps.cache_folder", lambda: tmp_path)
+    for name, value in (("SHEETS", 2), ("TRIAL", 1), ("TRIED", 1)):
+        monkeypatch.setattr(f"holokin.analysis.sheets.arm_maps.{name}", value)
+    xarm = hk.load("xarm7")
+    robot = hk.with_limits(xarm, lower=xarm.lower + 1e-3)
+    assert shipped(classes(hk.pose(robot))) is None
+    made = make_arm_map(hk.pose(robot), samples=200)
+    found = ArmInverse(hk.pose(robot), made).batch(poses_within(robot, 500, seed=12))
+    assert len(made) == 2
+    assert (found.sheet >= 0).mean() > 0.85  # of the shipped one the first two serve 96 %
+    assert found.reached.all()
+
+    calls = []
+    monkeypatch.setattr("holokin.analysis.sheets.arm_maps.make_arm_map", lambda task: calls.append(task) or made)
+    assert len(hk.ik(robot).map) == len(made)
+    assert np.array_equal(hk.ik(hk.with_limits(xarm, lower=xarm.lower + 1e-3)).map.rules, made.rules)
+    assert len(calls) == 1
+    # What is spoilt is made again.
+    (file,) = tmp_path.glob("map-*.json")
+    file.write_bytes(file.read_bytes()[:-100])
+    hk.ik(hk.with_limits(xarm, lower=xarm.lower + 1e-3))
+    assert len(calls) == 2
+
+
+def test_ctrl_c_while_a_map_is_made_keeps_nothing_half_made(monkeypatch, tmp_path):
+    monkeypatch.setattr("holokin.analysis.sheets.arm_maps.cache_folder", lambda: tmp_path)
+    robot = hk.with_limits(hk.load("panda"), lower=hk.load("panda").lower + 1e-3)
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("holokin.analysis.sheets.arm_maps._fit", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        hk.ik(robot)
+    assert list(tmp_path.glob("map-*")) == []
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", SEVEN)
+def test_a_shipped_map_is_what_the_command_makes(name):
+    task = hk.pose(hk.load(name))
+    there, made = shipped(classes(task)), make_arm_map(task)
+    assert map_text(make_arm_map(task, samples=200)) == map_text(make_arm_map(task, samples=200))
+    assert made.held == there.held
+    assert abs(made.share - there.share) < 0.01
+    assert there.share > 0.97
