@@ -55,6 +55,11 @@ class ArmAnswers(NoTruthValue, Value, ask="`.reached`"):
         return np.asarray(np.isfinite(self.q).all(axis=1))
 
 
+def _margin(share: Vector, within: Vector) -> Vector:
+    """The lesser of how real postures are and how far within the limits; of others the latter says nothing."""
+    return np.where((share < 0) | (share < within), share, within)
+
+
 def _largest(values: Vector) -> int:
     """The index of the largest value, of those that are equal but for TIE the first."""
     best = 0
@@ -209,7 +214,7 @@ class ArmInverse(Value):
         if serves.any():
             return np.append(rows[serves.argmax()], serves.argmax())
         q, share, within = self._arcs(T)
-        margin = np.minimum(share, within)
+        margin = _margin(share, within)
         if self.touches is not None:
             margin[margin >= 0] = np.where(self._free(q[margin >= 0]), margin[margin >= 0], -np.inf)
         best = _largest(margin)
@@ -217,7 +222,7 @@ class ArmInverse(Value):
 
     def _slow_sheets(self, T: Matrix) -> Matrix:
         q, share, within = self._answers(T, self.map.rows)
-        return np.column_stack([q, np.minimum(share, within)])
+        return np.column_stack([q, _margin(share, within)])
 
     def _served(self, T: Matrix) -> tuple[Matrix, Flags]:
         """The postures and margins of the sheets (S, n + 1) at a pose, and which of them serve it (S,)."""
@@ -242,7 +247,7 @@ class ArmInverse(Value):
             return rows
         # Closer to the largest margin if it serves, else to many: at first to peaks.
         count = len(found.values)
-        margin = np.minimum(rows[1], rows[2]).reshape(-1, count)
+        margin = _margin(rows[1], rows[2]).reshape(-1, count)
         before, after = np.roll(margin, 1, axis=1), np.roll(margin, -1, axis=1)
         if not found.turning:
             before[:, 0], after[:, -1] = margin[:, 0], margin[:, -1]
@@ -253,7 +258,7 @@ class ArmInverse(Value):
             while left and len(tops) < (1 if tops and margin[tops[0]] > 0 and self.touches is None else TRIES):
                 tops.append(left.pop(_largest(margin[left])))
             every += [self._closer(T, rules[top], found.values[top % count], margin[top]) for top in tops]
-            if any((np.minimum(*more[1:]) > 0).any() for more in every):
+            if any((_margin(*more[1:]) > 0).any() for more in every):
                 break
         q, share, within = (np.concatenate(parts) for parts in zip(*every, rows, strict=True))
         return q, share, within
@@ -269,7 +274,7 @@ class ArmInverse(Value):
             rules = np.tile(rule, (len(near), 1))
             rules[:, 0], rules[:, m] = np.sin(near), np.cos(near)
             every.append(self._answers(T, rules))
-            for value, there in zip(np.minimum(*every[-1][1:]).tolist(), near, strict=True):
+            for value, there in zip(_margin(*every[-1][1:]).tolist(), near, strict=True):
                 if value > best + TIE:
                     best, c = value, there
         q, share, within = (np.concatenate(parts) for parts in zip(*every, strict=True))

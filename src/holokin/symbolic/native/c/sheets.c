@@ -5,8 +5,13 @@
    after another. The context: HK_SHEETS sheets, then HK_CHOICES choices of signs, then HK_VALUES values of the held joint. */
 
 #define HK_ROW (HK_W + 3)
-#define HK_MARGIN(y, l) ((y)[HK_N][l] < (y)[HK_N + 1][l] ? (y)[HK_N][l] : (y)[HK_N + 1][l])
 #define HK_BLOCKS(rows) (((rows) + 7) / 8)
+
+/* The lesser of how real a posture is and how far within the limits; of what is not real the latter says nothing. */
+static double hk_margin(const hk_t *y, int l) {
+  const double real = y[HK_N][l], within = y[HK_N + 1][l];
+  return real < 0.0 || real < within ? real : within;
+}
 
 static void hk_pose(const double *pose, hk_t *x) {
   for (int i = 0; i < 16; i++) x[i] = hk_all(pose[i]);
@@ -23,7 +28,7 @@ static void hk_take(const hk_t *y, int l, double *out) {
   for (int j = 0; j < HK_N; j++) out[j] = y[j][l];
 }
 
-static int hk_serves(const hk_t *y, int l) { return HK_MARGIN(y, l) > HK_DOUBT; }
+static int hk_serves(const hk_t *y, int l) { return hk_margin(y, l) > HK_DOUBT; }
 
 /* The first sheet that serves, its posture and its margin in q; HK_SHEETS where none does, -1 where the pose is none. */
 static int hk_first(const double *table, hk_t *x, double *q) {
@@ -35,7 +40,7 @@ static int hk_first(const double *table, hk_t *x, double *q) {
     for (int l = 0; l < HK_LANES && s + l < HK_SHEETS; l++)
       if (hk_serves(y, l)) {
         hk_take(y, l, q);
-        q[HK_N] = HK_MARGIN(y, l);
+        q[HK_N] = hk_margin(y, l);
         return s + l;
       }
   }
@@ -63,9 +68,9 @@ static void hk_closer(hk_t *x, const double *signs, double *c, double *step, dou
     }
     hk_body(x, y);
     for (int l = 0; l < HK_LANES; l++)
-      if (HK_MARGIN(y, l) > q[HK_N] + HK_TIE) {
+      if (hk_margin(y, l) > q[HK_N] + HK_TIE) {
         hk_take(y, l, q);
-        q[HK_N] = HK_MARGIN(y, l);
+        q[HK_N] = hk_margin(y, l);
         *c = values[l];
       }
   }
@@ -85,9 +90,9 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
       for (int i = 0; i < 3; i++) x[16 + i][l] = signs[3 * (k + l < HK_CHOICES ? k + l : 0) + i];
     hk_body(x, y);
     for (int l = 0; l < HK_LANES; l++)
-      if (HK_MARGIN(y, l) > q[HK_N] + HK_TIE) {
+      if (hk_margin(y, l) > q[HK_N] + HK_TIE) {
         hk_take(y, l, q);
-        q[HK_N] = HK_MARGIN(y, l);
+        q[HK_N] = hk_margin(y, l);
       }
   }
 #else
@@ -101,7 +106,7 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
       hk_held(x, l, values[at % HK_VALUES], signs + 3 * (at / HK_VALUES));
     }
     hk_body(x, y);
-    for (int l = 0; l < HK_LANES && i + l < HK_CHOICES * HK_VALUES; l++) margin[i + l] = HK_MARGIN(y, l);
+    for (int l = 0; l < HK_LANES && i + l < HK_CHOICES * HK_VALUES; l++) margin[i + l] = hk_margin(y, l);
   }
   /* Closer to the largest if it serves, else to many, since between two values one may: at first to peaks. */
   const double step = values[1] - values[0], begin = HK_TURNS ? low - step : low, end = HK_TURNS ? high + step : high;
@@ -128,7 +133,7 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
       for (int l = 0; l < HK_LANES; l++) hk_held(x, l, c, signs + 3 * (top / HK_VALUES));
       hk_body(x, y);
       hk_take(y, 0, here);
-      here[HK_N] = HK_MARGIN(y, 0);
+      here[HK_N] = hk_margin(y, 0);
       for (int k = 0; k < HK_STEPS; k++) hk_closer(x, signs + 3 * (top / HK_VALUES), &c, &width, begin, end, here);
       if (here[HK_N] > q[HK_N] + HK_TIE)
         for (int j = 0; j <= HK_N; j++) q[j] = here[j];
@@ -172,7 +177,7 @@ int hk_sheets(const double *const *in, double *const *out, const double *context
     for (int l = 0; l < HK_LANES && s + l < HK_SHEETS; l++) {
       double *row = out[0] + (s + l) * (HK_N + 1);
       hk_take(y, l, row);
-      row[HK_N] = HK_MARGIN(y, l);
+      row[HK_N] = hk_margin(y, l);
     }
   }
   return 1;
@@ -208,7 +213,7 @@ int hk_stay(const double *const *in, double *const *out, const double *context) 
     hk_rows(context, s, x);
     hk_body(x, y);
     for (int l = 0; l < HK_LANES && s + l < HK_SHEETS; l++) {
-      if (!(HK_MARGIN(y, l) > -HK_ON)) continue;
+      if (!(hk_margin(y, l) > -HK_ON)) continue;
       hk_take(y, l, row);
       const double gap = hk_turned(row, in[1]);
       if (gap < nearest) nearest = gap, own = s + l;
