@@ -19,6 +19,9 @@ from .arm_map import CLOSER, HOPE, LAST_HOPE, ON_SHEET, TIE, TRIES, ArmMap
 from .closed_leaf import DOUBT
 from .inverse_function import AGREE
 
+BLOCKED = 16
+"""Places of the arcs that are looked at more closely where all that serve touch something."""
+
 Obstructed = Callable[[Matrix], Sequence[str]]
 """Of postures (k, n): what each of them touches, "" for nothing."""
 
@@ -205,7 +208,8 @@ class ArmInverse(Value):
             return np.array([self._place(pose) for pose in T]).reshape(len(T), self._robot.n + 2)
         rows = kernel(T, threads)
         if self.touches is not None:
-            for i in np.flatnonzero((rows[:, -2] >= 0) & ~self._free(rows[:, :-2])):
+            off = rows[:, -1] == len(self.map)
+            for i in np.flatnonzero((rows[:, -2] >= 0) & (off | ~self._free(rows[:, :-2]))):
                 rows[i] = self._slow_place(T[i])
         return rows
 
@@ -213,10 +217,10 @@ class ArmInverse(Value):
         rows, serves = self._served(T)
         if serves.any():
             return np.append(rows[serves.argmax()], serves.argmax())
-        q, share, within = self._arcs(T)
-        margin = _margin(share, within)
-        if self.touches is not None:
-            margin[margin >= 0] = np.where(self._free(q[margin >= 0]), margin[margin >= 0], -np.inf)
+        # With a scene the arcs at all values, and what lies between only where none of them keeps clear.
+        q, margin = self._clear(self._arcs(T) if self.touches is None else self._answers(T, self.map.grid))
+        if self.touches is not None and not margin.max() >= 0:
+            q, margin = self._clear(self._arcs(T))
         best = _largest(margin)
         return np.append(q[best], [margin[best], len(self.map)])
 
@@ -252,33 +256,45 @@ class ArmInverse(Value):
         if not found.turning:
             before[:, 0], after[:, -1] = margin[:, 0], margin[:, -1]
         peak, margin = ((margin >= before) & (margin >= after)).ravel(), margin.ravel()
-        every: list[tuple[Matrix, Vector, Vector]] = []
+        most = TRIES if not (margin > 0).any() else 1 if self.touches is None else BLOCKED
         for places in (peak & (margin > HOPE), ~peak & (margin > LAST_HOPE)):
             left, tops = np.flatnonzero(places).tolist(), list[int]()
-            while left and len(tops) < (1 if tops and margin[tops[0]] > 0 and self.touches is None else TRIES):
+            while left and len(tops) < most:
                 tops.append(left.pop(_largest(margin[left])))
-            every += [self._closer(T, rules[top], found.values[top % count], margin[top]) for top in tops]
-            if any((_margin(*more[1:]) > 0).any() for more in every):
+            if tops:
+                more = self._closer(T, rules[tops], found.values[np.array(tops) % count], margin[tops])
+                q, share, within = (np.concatenate(parts) for parts in zip(more, rows, strict=True))
+                rows = q, share, within
+            if (_margin(*rows[1:]) > 0).any():
                 break
-        q, share, within = (np.concatenate(parts) for parts in zip(*every, rows, strict=True))
-        return q, share, within
+        return rows
 
-    def _closer(self, T: Matrix, rule: Vector, c: float, best: float) -> tuple[Matrix, Vector, Vector]:
-        """The same near a value c of the held joint on an arc, ever closer to the largest margin."""
+    def _closer(self, T: Matrix, rules: Matrix, c: Vector, best: Vector) -> tuple[Matrix, Vector, Vector]:
+        """The same near values c (t,) of the held joint on arcs, ever closer to the largest margins; arc after arc."""
         values, m, every = self.map.values, self.map.rules.shape[2], list[tuple[Matrix, Vector, Vector]]()
         step, places = values[1] - values[0], np.delete(np.arange(-4, 5), 4)
         reach = step if self.map.turning else 0.0
         for _ in range(CLOSER):
             step /= 4.5
-            near = np.clip(c + places * step, values[0] - reach, values[-1] + reach)
-            rules = np.tile(rule, (len(near), 1))
-            rules[:, 0], rules[:, m] = np.sin(near), np.cos(near)
-            every.append(self._answers(T, rules))
-            for value, there in zip(_margin(*every[-1][1:]).tolist(), near, strict=True):
-                if value > best + TIE:
-                    best, c = value, there
-        q, share, within = (np.concatenate(parts) for parts in zip(*every, strict=True))
+            near = np.clip(c[:, None] + places * step, values[0] - reach, values[-1] + reach)
+            closer = np.repeat(rules, len(places), axis=0)
+            closer[:, 0], closer[:, m] = np.sin(near.ravel()), np.cos(near.ravel())
+            every.append(self._answers(T, closer))
+            margins = _margin(*every[-1][1:]).reshape(near.shape)
+            for i, row in enumerate(margins.tolist()):
+                top = _largest(np.array([best[i], *row]))
+                if top:
+                    best[i], c[i] = row[top - 1], near[i, top - 1]
+        order = np.argsort(np.tile(np.repeat(np.arange(len(rules)), len(places)), len(every)), kind="stable")
+        q, share, within = (np.concatenate(parts)[order] for parts in zip(*every, strict=True))
         return q, share, within
+
+    def _clear(self, rows: tuple[Matrix, Vector, Vector]) -> tuple[Matrix, Vector]:
+        """Postures and their margins, of those that serve but touch something -inf."""
+        q, margin = rows[0], _margin(*rows[1:])
+        serves = np.flatnonzero(margin >= 0)
+        margin[serves[~self._free(q[serves])]] = -np.inf
+        return q, margin
 
     def _free(self, Q: Matrix) -> Flags:
         """Which postures (k, n) keep clear (k,)."""
