@@ -29,8 +29,8 @@ Obstructed = Callable[[Matrix], Sequence[str]]
 class NearAnswer(NamedTuple):
     """What `ik.near(pose, q)` gives: the joints (n,), their sheet, None off the map, and whether they changed it.
 
-    Where `changed` is True the joints are not those to which the sheet of the last posture leads: a motion has to bring
-    the arm there.
+    Where `changed` is True the joints are not those to which the sheet of the last posture leads, or are a full turn
+    away because a joint is at its limit: a motion has to bring the arm there.
     """
 
     q: Vector
@@ -185,17 +185,17 @@ class ArmInverse(Value):
         return row[:-2].copy()
 
     def _slow_near(self, pose: PoseLike, q: ArrayLike) -> Vector:
-        """`ik.near(pose, q)` of any pose: posture, sheet, -1 for none, and whether it is another one."""
+        """`ik.near(pose, q)` of any pose: posture, sheet, -1 for none, and whether the joints jump."""
         T, begin = self._pose(pose), self._robot.checked(q, "the posture")
         own, (rows, serves) = self._sheet_of(begin), self._served(T)
         if not serves.any():
             return np.append(self._turned(self(T), begin), [-1, 1])
         postures = self._turned(rows[:, :-1], begin)
         away = np.where(serves, np.abs(postures - begin).max(axis=1), np.inf)
-        if own is not None and serves[own]:
+        if own is not None and away[own] <= np.pi:
             away[own] = -1.0
         sheet = int(away.argmin())
-        return np.append(postures[sheet], [sheet, sheet != own])
+        return np.append(postures[sheet], [sheet, sheet != own or away[sheet] >= 0])
 
     def _place(self, T: Matrix) -> Vector:
         """Posture, margin and sheet (n + 2,) of a pose (4, 4); a margin below 0 where there is none."""
@@ -305,7 +305,7 @@ class ArmInverse(Value):
         """The sheet on which a posture (n,) lies; None where it lies on none."""
         rows = self._calls[3](self._robot.pose(q, self.map.arm.tip))
         gaps = np.abs(self._turned(rows[:, :-1], q) - q).max(axis=1)
-        gaps[~(rows[:, -1] > -ON_SHEET)] = np.inf
+        gaps[~((rows[:, -1] > -ON_SHEET) & np.isfinite(gaps))] = np.inf
         return int(gaps.argmin()) if gaps.min() < ON_SHEET else None
 
     def _turned(self, q: Array, near: Vector) -> Array:

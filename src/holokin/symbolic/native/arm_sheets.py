@@ -78,7 +78,7 @@ class SheetsKernel:
         self._run.argtypes, self._run.restype = [ctypes.c_longlong, *[ctypes.c_void_p] * 3], None
 
     def calls(self, posture: Call, near: Call, place: Call, sheets: Call) -> tuple[Call, Call, Call, Call] | None:
-        """(pose) -> posture (n,); (pose, q) -> posture, its sheet, -1 for none, whether it is another one (n + 2,);
+        """(pose) -> posture (n,); (pose, q) -> posture, its sheet, -1 for none, whether joints jump (n + 2,);
         (pose) -> posture, margin, sheet (n + 2,); (pose) -> posture and margin of each sheet (S, n + 1).
 
         They hand to those given what they do not take. None without Python's headers.

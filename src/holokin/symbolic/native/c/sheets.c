@@ -183,7 +183,7 @@ int hk_sheets(const double *const *in, double *const *out, const double *context
   return 1;
 }
 
-/* The turns of a posture nearest to another, within the limits; how far it then is off it. */
+/* The turns of a posture nearest to another, within the limits; how far it then is off it, infinite for no numbers. */
 static double hk_turned(double *q, const double *near) {
   double far = 0.0;
   for (int j = 0; j < HK_N; j++) {
@@ -194,12 +194,13 @@ static double hk_turned(double *q, const double *near) {
       q[j] += HK_TURN * turns;
     }
     const double gap = fabs(near[j] - q[j]);
+    if (gap != gap) return HUGE_VAL;
     far = gap > far ? gap : far;
   }
   return far;
 }
 
-/* (pose, q) -> (posture, sheet, whether it is another one than that of q); 0 where there is none. */
+/* (pose, q) -> (posture, sheet, whether it is another one than that of q, or turns a joint); 0 where there is none. */
 int hk_stay(const double *const *in, double *const *out, const double *context) {
   hk_t x[HK_NX], y[HK_NY], tool[16], q[HK_N];
   double pose[16], row[HK_N + 2], nearest = HK_ON, far = HUGE_VAL;
@@ -219,7 +220,7 @@ int hk_stay(const double *const *in, double *const *out, const double *context) 
       if (gap < nearest) nearest = gap, own = s + l;
     }
   }
-  /* At the pose it goes on if it serves, else another one does. */
+  /* At the pose it goes on if it serves without a turn of a joint, else the nearest does. */
   hk_pose(in[0], x);
   for (int s = 0; s < HK_SHEETS; s += HK_LANES) {
     hk_rows(context, s, x);
@@ -228,7 +229,7 @@ int hk_stay(const double *const *in, double *const *out, const double *context) 
     for (int l = 0; l < HK_LANES && s + l < HK_SHEETS; l++) {
       if (!hk_serves(y, l)) continue;
       hk_take(y, l, row);
-      const double gap = hk_turned(row, in[1]), away = s + l == own ? -1.0 : gap;
+      const double gap = hk_turned(row, in[1]), away = s + l == own && gap <= HK_TURN / 2 ? -1.0 : gap;
       if (away < far) {
         far = away, served = s + l;
         for (int j = 0; j < HK_N; j++) out[0][j] = row[j];
@@ -242,7 +243,7 @@ int hk_stay(const double *const *in, double *const *out, const double *context) 
     for (int j = 0; j < HK_N; j++) out[0][j] = row[j];
   }
   out[0][HK_N] = served;
-  out[0][HK_N + 1] = served < 0 || served != own;
+  out[0][HK_N + 1] = served < 0 || served != own || far >= 0.0;
   return 1;
 }
 
