@@ -216,6 +216,19 @@ def test_why_tells_reach_from_limits():
         few(robot.pose([0.9, 0.2, 0.1, -2.0, 0.3, 1.7, 0.5]))
 
 
+def test_limits_of_the_joint_that_follows_the_pose_are_kept_too():
+    """The map of wider limits serves an arm whose sixth joint has narrower ones, as far as these go."""
+    panda = hk.load("panda")
+    lower, upper = panda.lower.copy(), panda.upper.copy()
+    lower[5], upper[5] = 1.2, 2.0
+    robot = hk.with_limits(panda, lower=lower, upper=upper)
+    found = ArmInverse(hk.pose(robot), map_of_text(text_for(robot), classes(hk.pose(robot))))
+    answers = found.batch(poses_within(panda, 500))
+    assert robot.within(answers.q[answers.reached]).all()
+    assert 50 < (answers.sheet >= 0).sum() < answers.reached.sum() < 500
+    assert found.batch(poses_within(robot, 500)).reached.all()
+
+
 def text_for(robot):
     """The Panda's map, said to be of another arm."""
     about = json.loads(map_text(shipped(classes(hk.pose(hk.load("panda"))))))
