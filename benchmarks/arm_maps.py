@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import holokin as hk
-from holokin.analysis.sheets import make_arm_map
+from holokin.analysis.sheets.arm_maps import make_arm_map
 from holokin.motion.ik.arm_map import map_text
 
 ARMS = ("fr3", "iiwa14", "iiwa7", "openarm-left", "openarm-right", "panda", "xarm7")

@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign
-from holokin.analysis.sheets import make_arm_map
+from holokin.analysis.sheets.arm_maps import make_arm_map
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, ShapeError
 from holokin.motion.ik.arm_inverse import ArmInverse
 from holokin.motion.ik.arm_map import classes, digest, map_of_text, map_text, shipped
@@ -24,6 +24,18 @@ SUITE = ("panda", "xarm7", "irb140")  # one of each kind: narrow limits, limits 
 def poses_within(robot, count, seed=0):
     rng = np.random.default_rng(seed)
     return robot.pose(rng.uniform(robot.lower, robot.upper, (count, robot.n)))
+
+
+def shipped_map(robot):
+    found = shipped(classes(hk.pose(robot)))
+    assert found is not None
+    return found
+
+
+def read(text, robot):
+    found = map_of_text(text, classes(hk.pose(robot)))
+    assert found is not None
+    return ArmInverse(hk.pose(robot), found)
 
 
 def gap(pose, other):
@@ -209,7 +221,7 @@ def test_why_tells_reach_from_limits():
     hand = robot.pose([0.0, 0.0, 0.0, 1.2, 0.0, 3.0, 0.0])
     assert hk.ik(robot, limits=False).why(hand).startswith("served")
     narrow = hk.with_limits(robot, lower=robot.lower * 0.0 - 0.4, upper=robot.upper * 0.0 + 0.4)
-    few = ArmInverse(hk.pose(narrow), map_of_text(text_for(narrow), classes(hk.pose(narrow))))
+    few = read(text_for(narrow), narrow)
     word = few.why(robot.pose([0.9, 0.2, 0.1, -2.0, 0.3, 1.7, 0.5]))
     assert word.startswith("limits: joint 'panda_joint")
     with pytest.raises(JointLimitError, match="outside its limits"):
@@ -222,7 +234,7 @@ def test_limits_of_the_joint_that_follows_the_pose_are_kept_too():
     lower, upper = panda.lower.copy(), panda.upper.copy()
     lower[5], upper[5] = 1.2, 2.0
     robot = hk.with_limits(panda, lower=lower, upper=upper)
-    found = ArmInverse(hk.pose(robot), map_of_text(text_for(robot), classes(hk.pose(robot))))
+    found = read(text_for(robot), robot)
     answers = found.batch(poses_within(panda, 500))
     assert robot.within(answers.q[answers.reached]).all()
     assert 50 < (answers.sheet >= 0).sum() < answers.reached.sum() < 500
@@ -231,14 +243,14 @@ def test_limits_of_the_joint_that_follows_the_pose_are_kept_too():
 
 def text_for(robot):
     """The Panda's map, said to be of another arm."""
-    about = json.loads(map_text(shipped(classes(hk.pose(hk.load("panda"))))))
+    about = json.loads(map_text(shipped_map(hk.load("panda"))))
     about["arm"] = digest(classes(hk.pose(robot))[0])
     return json.dumps(about)
 
 
 def test_with_a_scene_postures_keep_clear_and_what_is_in_the_way_is_named():
     robot = hk.load("panda")
-    post = hk.obstacle("post", hk.robot.Box((0.1, 0.1, 1.2)), (0.45, 0.0, 0.6))
+    post = hk.obstacle("post", hk.robot.Box(np.array([0.1, 0.1, 1.2])), (0.45, 0.0, 0.6))
     scene = hk.Scene(obstacles=[post])
     free, ik = hk.ik(robot), hk.ik(robot, scene=scene)
     poses = poses_within(robot, 120, seed=9)
@@ -297,12 +309,12 @@ def test_arms_of_which_no_map_is_made_are_refused_with_what_to_ask_instead():
     with pytest.raises(ArgumentError, match="six or seven"):
         hk.ik(hk.load("yumi"))
     with pytest.raises(ArgumentError, match=r"q0.*ik\.near"):
-        hk.ik(panda, np.zeros(7))
+        hk.ik(panda, np.zeros(7))  # type: ignore[arg-type]
     lock = hk.holonomic(hk.pose(panda), hk.lock(6))
     with pytest.raises(ArgumentError, match=r"q0.*hk\.ik\(robot\)"):
-        hk.ik(lock)
+        hk.ik(lock)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="scene"):
-        hk.ik(lock, [0, 0, 0, -1, 0, 1, 0], scene=hk.Scene())
+        hk.ik(lock, [0, 0, 0, -1, 0, 1, 0], scene=hk.Scene())  # type: ignore[call-overload]
 
 
 # --- Maps as data.
@@ -310,10 +322,10 @@ def test_arms_of_which_no_map_is_made_are_refused_with_what_to_ask_instead():
 
 def test_a_map_is_read_as_it_was_written_and_that_of_another_arm_or_version_is_not():
     task = hk.pose(hk.load("panda"))
-    found = shipped(classes(task))
+    found = shipped_map(task.robot)
     text = map_text(found)
     assert len(text) < 20_000
-    again = map_of_text(text, classes(task))
+    again = read(text, task.robot).map
     assert np.array_equal(again.rules, found.rules)
     assert np.array_equal(again.signs, found.signs)
     assert map_of_text(text, classes(hk.pose(hk.load("fr3")))) is None
@@ -370,7 +382,7 @@ def test_ctrl_c_while_a_map_is_made_keeps_nothing_half_made(monkeypatch, tmp_pat
 @pytest.mark.parametrize("name", SEVEN)
 def test_a_shipped_map_is_what_the_command_makes(name):
     task = hk.pose(hk.load(name))
-    there, made = shipped(classes(task)), make_arm_map(task)
+    there, made = shipped_map(task.robot), make_arm_map(task)
     assert map_text(make_arm_map(task, samples=200)) == map_text(make_arm_map(task, samples=200))
     assert made.held == there.held
     assert abs(made.share - there.share) < 0.01

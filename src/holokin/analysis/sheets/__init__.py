@@ -4,7 +4,7 @@ of whole arms, and `ik`, which answers by them.
 Uses `analysis/coverage` and `motion/checks`. Read first: `sheet.py`, `cover_by_sheets.py`, `arm_maps.py`.
 """
 
-from .arm_maps import ik, make_arm_map
+from .arm_maps import ik
 from .cover_by_sheets import sheets
 from .seams import Division, NoSeam, Seam, Seams, SheetMotion, SheetPiece, UnservedPart
 from .sheet import Sheet
@@ -26,7 +26,6 @@ __all__ = [
     "StillMotion",
     "UnservedPart",
     "ik",
-    "make_arm_map",
     "self_motion_between",
     "sheets",
     "write_sheets",

@@ -115,8 +115,10 @@ class _HeldArm(Value):
         serves = np.zeros((len(poses), len(self.values), len(SIGNS)), dtype=bool)
         for first in range(0, len(poses), 500):
             some = poses[first : first + 500]
-            numbers = (np.tile(x, (len(some), 1)) for x in (chain, own))
-            rows = self.inverse.answers_of(*numbers, np.repeat(some, len(self.values), axis=0), None)
+            each = np.repeat(some, len(self.values), axis=0)
+            rows = self.inverse.answers_of(
+                *(np.tile(x, (len(some), 1)) for x in (chain, own)), poses=each, threads=None
+            )
             rows = rows.reshape(*serves[first : first + 500].shape, -1)
             serves[first : first + 500] = (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)
         return serves
@@ -380,6 +382,8 @@ def ik(
             cure = "it is of hk.ik(robot): for a strategy ask hk.check or hk.certify"
             raise ArgumentError("scene", str(scene), cure)
         return leaf_ik(strategy, q0, limits, region=region)
+    if q0 is not None and isinstance(strategy, Task):
+        return leaf_ik(strategy, q0, limits, region=region)  # type: ignore[arg-type]  it says how to make a strategy
     robot = load(strategy) if isinstance(strategy, str) else strategy
     task = pose(robot) if isinstance(robot, Robot) else robot
     for what, value in (("q0", q0), ("region", region)):
