@@ -51,6 +51,9 @@ NEAR = 1e-3
 _SEEN = 0.35 + np.arange(3) * np.pi / 3
 """Half angles of c, one of which becomes the infinite one, whatever the roots are: the one farthest from all."""
 
+_CLUSTER = 1e-5
+"""Distance [rad] of eigenvalues within which their vectors are taken for mixed."""
+
 _ILL = 1e13
 """Condition of the leading matrix from which no eigenvalue has a digit that counts."""
 
@@ -173,10 +176,42 @@ def _quarter(F: Array) -> Array:
     return np.stack([G[..., 1, :], -G[..., 0, :]], axis=-2).reshape(F.shape)
 
 
+def _halves(low: Array, high: Array) -> tuple[Array, Array]:
+    """Those of another angle, `_SEEN[0]` further."""
+    c, s = np.cos(_SEEN[0]), np.sin(_SEEN[0])
+    return c * low + s * high, c * high - s * low
+
+
 def _angle_of(low: Array, high: Array) -> Array:
-    """The angle whose half has a tangent: high = tan(angle / 2) low."""
-    axes = tuple(range(1, low.ndim))
-    return np.arctan2(2 * (low * high).sum(axes), (low * low).sum(axes) - (high * high).sum(axes))
+    """The angle (k,) whose half has the tangent x: high = x low, arrays (k, ., .)."""
+    low, high = _halves(low, high)
+    x = (low.conj() * high).sum(axis=(1, 2)) / (low.conj() * low).sum(axis=(1, 2))
+    return 2 * (np.arctan(x) + _SEEN[0])
+
+
+def _separated(q_c: Array, v: Array, row: Indices) -> tuple[Array, Array]:
+    """(c (K,), v (K, 4, 3)) with the vectors (K, 12) of roots of one c, which an eigenvalue mixes, told apart.
+
+    All v of some roots span what tan(d / 2) and tan(e / 2) multiply: their eigenvectors are the v of each.
+    """
+    out = v.reshape(-1, 4, 3).copy()
+    order = np.lexsort((q_c.real, row))
+    breaks = (np.diff(row[order]) > 0) | (np.diff(q_c.real[order]) > _CLUSTER)
+    first = np.concatenate([[0], np.flatnonzero(breaks) + 1, [len(row)]])
+    sizes = np.diff(first)
+    for m in set(sizes.tolist()) - {0, 1}:
+        members = order[first[:-1][sizes == m][:, None] + np.arange(m)]
+        some = v[members] / np.linalg.norm(v[members], axis=2)[:, :, None]
+        each = some.reshape(-1, m, 4, 3)
+        A = np.zeros((len(each), m, m), dtype=complex)
+        for weight, low, high in ((1.0, each[:, :, :3], each[:, :, 1:]), (0.6, each[..., :2], each[..., 1:])):
+            low, high = (x.reshape(len(each), m, -1).transpose(0, 2, 1) for x in _halves(low, high))
+            A += weight * (np.linalg.pinv(low) @ high)
+        y = np.linalg.eig(A)[1]
+        out[members] = (y.transpose(0, 2, 1) @ some).reshape(-1, m, 4, 3)
+        share = np.abs(y) ** 2
+        q_c[members] = (q_c[members][:, :, None] * share).sum(axis=1) / share.sum(axis=1)
+    return q_c, out
 
 
 def _loop_roots(links: Sequence[Array], order: Order) -> _Roots:
@@ -227,13 +262,16 @@ def _loop_roots(links: Sequence[Array], order: Order) -> _Roots:
     q_c = 2 * (np.arctan(tangent) + _SEEN[best][:, None])
     row, column = np.nonzero(np.abs(q_c.imag) < REAL)
     # c, and from the vectors d and e.
-    g, imaginary, q_c = G[row, :, column], q_c.imag[row, column], q_c.real[row, column]
-    phase = g[np.arange(len(g)), np.abs(g).argmax(axis=1)]
-    g = (g * (np.abs(phase) / phase)[:, None]).real
-    across, along = np.cos(q_c / 2)[:, None] * g, np.sin(q_c / 2)[:, None] * _quarter(g)
-    known = np.concatenate([-(V[row] @ (across - along)[:, :, None])[:, :, 0], across + along], axis=1)
-    v = _least_squares(full_BH[:, :, :12], R_BH[:, :12], row, known).reshape(-1, 4, 3)
+    g, q_c = G[row, :, column], q_c[row, column]
+    half = q_c[:, None] / 2
+    plain, quarter = np.cos(half) * g, np.sin(half) * _quarter(g)
+    known = np.concatenate([-(V[row] @ (plain - quarter)[:, :, None])[:, :, 0], plain + quarter], axis=1)
+    v = _least_squares(full_BH[:, :, :12], R_BH[:, :12], row, known)
+    q_c, v = _separated(q_c, v, row)
     q_d, q_e = _angle_of(v[:, :3], v[:, 1:]), _angle_of(v[:, :, :2], v[:, :, 1:])
+    imaginary = np.max([np.abs(q.imag) for q in (q_c, q_d, q_e)], axis=0)
+    chosen = imaginary < REAL
+    row, imaginary, q_c, q_d, q_e = row[chosen], imaginary[chosen], *(q.real[chosen] for q in (q_c, q_d, q_e))
     # The products of a and b from the fourteen equations, and f from the loop.
     waves = [np.stack([np.cos(q), np.sin(q), np.ones_like(q)], axis=1) for q in (q_c, q_d, q_e)]
     y = np.einsum("kide,kd,ke->ki", Y.reshape(k, 14, 3, 3)[row], waves[1], waves[2])
@@ -413,7 +451,7 @@ class GeneralInverse(Value):
             with np.errstate(all="ignore"):
                 roots = _loop_roots([L[left] for L in loop], order)
             # Of a pair that is not real, one; polished, with what each meets nearby.
-            chosen = (roots.imaginary >= 0) | (-roots.imaginary < SURE)
+            chosen = np.ones(len(roots.row), bool)
             multipliers, offsets, _ = self._joints
             starts = (roots.angles[chosen] - offsets) / multipliers
             more = self._polished(starts, left[roots.row[chosen]], poses, held)
