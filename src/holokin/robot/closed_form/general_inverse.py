@@ -42,7 +42,7 @@ SAME = 1e-6
 CLOSED = 1e-10
 """Distance [m] and angle [rad] between the tool at a posture and the pose, up to which it is one."""
 
-SINGULAR = 1e-6
+SINGULAR = 1e-7
 """Smallest over largest singular value of the Jacobian of the six joints below which two roots meet."""
 
 NEAR = 1e-3
@@ -71,6 +71,11 @@ _LONGEST = 0.3
 
 _ASIDE = 0.02
 """How far [rad] a singular posture is moved on, to see whether it is on a curve of them."""
+
+_BESIDE = 1e-3
+"""How far [m, rad] from a singular pose the postures are that it is asked by."""
+
+_OBLIQUE = np.array([0.5, -0.7, 0.5])
 
 _PAIRS = np.array([0, 4, 8, 11, 1, 5, 9, 12])
 """Rows of X without its 1 that a turn about z moves: the x of p, l, p x l and the last vector, then their y."""
@@ -203,12 +208,17 @@ def _separated(q_c: Array, v: Array, row: Indices) -> tuple[Array, Array]:
         members = order[first[:-1][sizes == m][:, None] + np.arange(m)]
         some = v[members] / np.linalg.norm(v[members], axis=2)[:, :, None]
         each = some.reshape(-1, m, 4, 3)
-        A = np.zeros((len(each), m, m), dtype=complex)
+        A, open_ = np.zeros((len(each), m, m), dtype=complex), np.zeros(len(each), dtype=bool)
         for weight, low, high in ((1.0, each[:, :, :3], each[:, :, 1:]), (0.6, each[..., :2], each[..., 1:])):
             low, high = (x.reshape(len(each), m, -1).transpose(0, 2, 1) for x in _halves(low, high))
-            A += weight * (np.linalg.pinv(low) @ high)
+            X = np.linalg.pinv(low) @ high
+            A += weight * X
+            open_ |= np.linalg.norm(high - low @ X, axis=(1, 2)) > _CLOSED_SPAN
+        DEBUG.append((m, open_))
         y = np.linalg.eig(A)[1]
+        y[open_] = np.eye(m)
         out[members] = (y.transpose(0, 2, 1) @ some).reshape(-1, m, 4, 3)
+        out[members[open_]] = out[members[open_]].real
         share = np.abs(y) ** 2
         q_c[members] = (q_c[members][:, :, None] * share).sum(axis=1) / share.sum(axis=1)
     return q_c, out
@@ -256,6 +266,7 @@ def _loop_roots(links: Sequence[Array], order: Order) -> _Roots:
     leading, trailing = seen[best, np.arange(k)], c[best][:, None, None] * F[0] + s[best][:, None, None] * F[1]
     ill = ~np.isfinite(size.max(axis=0))
     leading[ill], trailing[ill] = np.eye(16), 0.0
+    ill |= _lost_rank(R[:, :8]) | _lost_rank(R_BH[:, :12])
     inverse = np.linalg.inv(leading)
     ill |= np.linalg.norm(leading, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) > _ILL
     tangent, G = np.linalg.eig(-inverse @ trailing)
@@ -290,8 +301,18 @@ def _loop_roots(links: Sequence[Array], order: Order) -> _Roots:
     return _Roots(angles, row, imaginary, ill)
 
 
+_CLOSED_SPAN = 1e-6
+DEBUG=[]
+def _lost_rank(R: Array) -> Flags:
+    """Which triangular matrices (k, m, m) are singular, but for round-off."""
+    diagonal = np.abs(np.diagonal(R, axis1=1, axis2=2))
+    return diagonal.min(axis=1) < diagonal.max(axis=1) / _ILL
+
+
 def _least_squares(Q: Array, R: Array, row: Indices, known: Matrix) -> Matrix:
-    """x (K, m) with Q R x = known (K, .), of Q (k, ., m) and R (k, m, m) at the rows."""
+    """x (K, m) with Q R x = known (K, .), of Q (k, ., m) and triangular R (k, m, m) at the rows."""
+    some = np.arange(R.shape[1])
+    R[:, some, some] += 1e-300 * (R[:, some, some] == 0)
     return np.linalg.solve(R[row], (known[:, None] @ Q[row]).transpose(0, 2, 1))[:, :, 0]
 
 
@@ -443,38 +464,39 @@ class GeneralInverse(Value):
         poses = _rigid(np.asarray(poses, dtype=float))
         k = len(poses)
         held = np.broadcast_to(np.asarray(held, dtype=float), (k, len(self.held)))
-        loop = self._loop(poses, held)
         some = _Some(np.zeros((0, 6)), np.zeros(0, dtype=int), np.zeros(0), np.zeros(0), np.zeros((0, 6)))
         doubtful = np.ones(k, dtype=bool)
         for order in self._tried:
             left = np.flatnonzero(doubtful)
-            with np.errstate(all="ignore"):
-                roots = _loop_roots([L[left] for L in loop], order)
-            # Of a pair that is not real, one; polished, with what each meets nearby.
-            chosen = np.ones(len(roots.row), bool)
-            multipliers, offsets, _ = self._joints
-            starts = (roots.angles[chosen] - offsets) / multipliers
-            more = self._polished(starts, left[roots.row[chosen]], poses, held)
+            roots = self._roots(poses[left], held[left], order)
+            more = self._polished(roots.angles, left[roots.row], poses, held)
             more = more.joined(self._partners(more, poses, held)).distinct(k)
             # Each real eigenvalue has a posture of its own, or two have one that is singular.
-            real = np.bincount(left[roots.row[np.abs(roots.imaginary) < SURE]], minlength=k)
+            real = np.bincount(left[roots.row[roots.imaginary < SURE]], minlength=k)
             doubtful[left] = roots.ill
             doubtful |= real > np.bincount(more.row, weights=1 + (more.rcond < SINGULAR), minlength=k)
             some = some.joined(more).distinct(k)
             if not doubtful.any():
                 break
+        else:
+            # What is singular is looked at beside: there a curve of postures is some of its points.
+            left = np.flatnonzero(doubtful)
+            for aside in (_BESIDE, -_BESIDE):
+                beside = poses[left].copy()
+                beside[:, :3, 3] += aside * _OBLIQUE
+                beside[:, :3, :3] = _rigid(beside)[:, :3, :3] 
+                for order in self._tried[:2]:
+                    roots = self._roots(beside, held[left] + aside, order)
+                    some = some.joined(self._polished(roots.angles, left[roots.row], poses, held)).distinct(k)
         q = self._postures_of(some.q, some.row, held)
         curve = self._curves(some, poses, held)
         return GeneralPostures(*(frozen(x) for x in (q, some.row, some.residual, some.rcond, doubtful, curve)))
 
     @cached_property
     def _tried(self) -> list[Order]:
-        """The best order, and two for poses that it leaves in doubt, each with another joint for c."""
-        out: list[Order] = []
-        for order in self.orders:
-            if order.joints[2] not in [other.joints[2] for other in out]:
-                out.append(order)
-        return out[:3]
+        """The best order, and others for poses that it leaves in doubt: first each joint for c, then the rest."""
+        c = [order.joints[2] for order in self.orders]
+        return [order for _, order in sorted(enumerate(self.orders), key=lambda x: (c[: x[0]].count(c[x[0]]), x[0]))]
 
     def _postures_of(self, q: Matrix, row: Indices, held: Matrix) -> Matrix:
         """Postures (K, n) of joints (K, 6)."""
@@ -482,6 +504,13 @@ class GeneralInverse(Value):
         out[:, list(self.held)] = held[row]
         out[:, self.others] = q
         return out
+
+    def _roots(self, poses: Array, held: Matrix, order: Order) -> _Roots:
+        """Their angles are the joints' values (K, 6)."""
+        with np.errstate(all="ignore"):
+            roots = _loop_roots(self._loop(poses, held), order)
+        multipliers, offsets, _ = self._joints
+        return roots._replace(angles=(roots.angles - offsets) / multipliers)
 
     def _polished(self, q: Matrix, row: Indices, poses: Array, held: Matrix) -> _Some:
         """The postures that Newton's method on the robot's model comes to, from joints (K, 6)."""
