@@ -14,7 +14,7 @@ from ..model import Robot
 from .arm_classes import Link, NoClass, links_of, no_six_hinges
 from .loop_roots import ORDERS, LoopRoots, Order, inverse_poses, loop_roots, turn_z
 
-SURE = 1e-6
+SURE = 1e-4
 """Imaginary part [rad] below which a root must come to a posture of its own, or the pose is doubtful."""
 
 SAME = 1e-6
@@ -52,13 +52,15 @@ _FAIR = 1e-4
 
 
 class _Some(NamedTuple):
-    """Joints (K, 6) of postures, the pose (K,) of each, residual (K,), rcond (K,), and where the tool moves least (K, 6)."""
+    """Joints (K, 6) of postures, the pose (K,) of each, residual (K,), rcond (K,), where the tool moves least (K, 6), and
+    how many real roots (K,) came to it."""
 
     q: Matrix
     row: Indices
     residual: Vector
     rcond: Vector
     null: Matrix
+    roots: Indices
 
     def at(self, chosen: Array) -> _Some:
         return _Some(*(x[chosen] for x in self))
@@ -70,17 +72,21 @@ class _Some(NamedTuple):
         """Without those that are another of the same of k poses, in the order of these."""
         some = self.at(np.argsort(self.row, kind="stable"))
         count = np.bincount(some.row, minlength=k)
-        place = np.arange(len(some.row)) - (np.cumsum(count) - count)[some.row]
+        begin = np.cumsum(count) - count
+        place = np.arange(len(some.row)) - begin[some.row]
         each = np.full((k, max(1, count.max(initial=0)), 6), np.nan)
         each[some.row, place] = some.q
         later, before = np.tril_indices(each.shape[1], -1)
-        _, again = row, pair = np.nonzero(_apart(each[:, later], each[:, before]) < SAME)
-        first = np.ones(each.shape[:2], dtype=bool)
-        first[row, later[pair]] = False
-        return some.at(first[some.row, place]) if len(again) else some
+        row, pair = np.nonzero(_apart(each[:, later], each[:, before]) < SAME)
+        if not len(row):
+            return some
+        first = np.arange(len(some.row))
+        np.minimum.at(first, begin[row] + later[pair], begin[row] + before[pair])
+        roots = np.bincount(first, weights=some.roots, minlength=len(first)).astype(int)
+        return some._replace(roots=roots).at(first == np.arange(len(first)))
 
 
-_NONE = _Some(np.zeros((0, 6)), np.zeros(0, dtype=int), np.zeros(0), np.zeros(0), np.zeros((0, 6)))
+_NONE = _Some(np.zeros((0, 6)), np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros(0, int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +138,13 @@ class GeneralInverse(Value):
         for order in self.orders:
             left = np.flatnonzero(doubtful)
             roots = self._roots(poses[left], held[left], order)
-            more = self._polished(roots.angles, left[roots.row], poses, held)
+            more = self._polished(roots.angles, left[roots.row], poses, held, roots.imaginary < SURE)
             more = more.joined(self._partners(more, poses, held)).distinct(k)
-            # Each real root has a posture of its own, or two have one that is singular.
+            # Each real root comes to a posture of its own; only one that is singular is that of several.
             real = np.bincount(left[roots.row[roots.imaginary < SURE]], minlength=k)
+            serves = np.where(more.rcond < SINGULAR, np.maximum(more.roots, 1), 1)
             doubtful[left] = roots.ill
-            doubtful |= real > np.bincount(more.row, weights=1 + (more.rcond < SINGULAR), minlength=k)
+            doubtful |= real > np.bincount(more.row, weights=serves, minlength=k)
             some = some.joined(more).distinct(k) if len(some.row) else more
             if not doubtful.any():
                 break
@@ -231,8 +238,8 @@ class GeneralInverse(Value):
         out[:, self.others] = q
         return out
 
-    def _polished(self, q: Matrix, row: Indices, poses: Array, held: Matrix) -> _Some:
-        """The postures that Newton's method on the robot's model comes to, from joints (K, 6)."""
+    def _polished(self, q: Matrix, row: Indices, poses: Array, held: Matrix, real: ArrayLike = 0) -> _Some:
+        """The postures that Newton's method on the robot's model comes to, from joints (K, 6) of roots, real or not."""
         if not len(q):
             return _NONE
         q, goal, middle = q.copy(), poses[row], self._joints[2]
@@ -251,7 +258,8 @@ class GeneralInverse(Value):
         residual = np.abs(self.robot.pose(posture, self.tip) - goal).max(axis=(1, 2))
         closed = np.flatnonzero(residual < CLOSED)
         _, size, V = np.linalg.svd(self.robot.jacobian(posture[closed], self.tip)[:, :, self.others])
-        return _Some(q[closed], row[closed], residual[closed], size[:, -1] / size[:, 0], V[:, -1])
+        roots = np.broadcast_to(real, len(q))[closed].astype(int)
+        return _Some(q[closed], row[closed], residual[closed], size[:, -1] / size[:, 0], V[:, -1], roots)
 
     def _partners(self, some: _Some, poses: Array, held: Matrix) -> _Some:
         """The postures that nearly singular ones meet nearby: where the tool is back, after s t + h t^2 = 0."""
