@@ -22,8 +22,8 @@ from ...symbolic.native import allowed
 VALUES = 64
 """Values of the held coordinate at which a pose is looked at: steps of 0.1 rad."""
 
-FINER = 8
-"""Times as many values where ends of arcs do not meet, since an arc is hidden between two values; twice."""
+MEETINGS = 3
+"""Times that arcs are looked for which end where others begin, and are hidden between two values."""
 
 WIDEST = 0.3
 """Largest step [joint units] of a joint between neighbours on a curve."""
@@ -87,35 +87,30 @@ class Curves(NamedTuple):
     closed: Flags
 
 
-def curves_of(cut: Cut, poses: Array, values: int = VALUES) -> Curves:
+def curves_of(cut: Cut, poses: Array) -> Curves:
     """The self-motions of poses (S, 4, 4), one pose after another."""
-    arcs = _arcs(cut, poses, _sampled(cut, poses, values))
+    points = _sampled(cut, poses)
+    arcs = _arcs(cut, poses, points)
     partner = _partners(arcs)
-    curves = _refined(cut, poses, arcs, _chained(arcs, partner))
-    alone = (partner < 0) & (arcs.step >= 0)
-    if not alone.any() or values >= VALUES * FINER**2:
-        return curves
-    # An arc is hidden between values: those poses are looked at closer.
-    again = np.unique(np.repeat(arcs.track, 2)[alone] // 8)
-    closer = curves_of(cut, poses[again], values * FINER)
-    return _replaced(curves, closer._replace(pose=again[closer.pose]), again)
-
-
-def _replaced(curves: Curves, others: Curves, poses: Indices) -> Curves:
-    """Curves where others take the place of those of some poses."""
-    left = ~np.isin(curves.pose, poses)
-    number = np.concatenate([np.flatnonzero(left), len(left) + np.arange(len(others.pose))])
-    pose, closed = np.concatenate([curves.pose, others.pose]), np.concatenate([curves.closed, others.closed])
-    number = number[np.argsort(pose[number], kind="stable")]
-    place = np.full(len(pose), -1)
-    place[number] = np.arange(len(number))
-    curve = place[np.concatenate([curves.curve, len(left) + others.curve])]
-    order = np.argsort(curve, kind="stable")[np.sum(curve < 0) :]
-    q = np.concatenate([curves.q, others.q])
-    return Curves(q[order], curve[order], pose[number], closed[number])
+    for _ in range(MEETINGS):
+        hidden = _hidden(cut, poses, arcs, np.flatnonzero((partner < 0) & (arcs.step >= 0)))
+        if not len(hidden.c):
+            break
+        points = points.with_others(cut, hidden)
+        arcs = _arcs(cut, poses, points)
+        partner = _partners(arcs)
+    return _refined(cut, poses, arcs, _chained(arcs, partner))
 
 
 # --- The tracks at values of c, and the arcs on which they are real.
+
+
+class _Answers(NamedTuple):
+    """Answers (N, n + 5) at values c (N,) of tracks (N,)."""
+
+    rows: Matrix
+    track: Indices
+    c: Vector
 
 
 class _Points(NamedTuple):
@@ -148,16 +143,23 @@ class _Points(NamedTuple):
         """How real they are (N,)."""
         return self.rows[:, -2]
 
+    def with_others(self, cut: Cut, others: _Answers) -> _Points:
+        """Those and others."""
+        c = (others.c - cut.low) % (2 * np.pi) + cut.low if cut.turning else others.c
+        track, c = np.append(self.track, others.track), np.append(self.c, c)
+        order = np.lexsort((c, track))
+        return _Points.of(np.vstack([self.rows, others.rows])[order], track[order], c[order])
 
-def _sampled(cut: Cut, poses: Array, values: int) -> _Points:
+
+def _sampled(cut: Cut, poses: Array) -> _Points:
     """The answers at values of c, and where between two of them a share may pass 0 and come back."""
-    grid = np.linspace(cut.low, cut.high, values, endpoint=not cut.turning)
-    every = np.empty((len(poses), 8 * values, cut.task.n + 5))
-    signs, places = np.divmod(np.arange(8 * values), values)
+    grid = np.linspace(cut.low, cut.high, VALUES, endpoint=not cut.turning)
+    every = np.empty((len(poses), 8 * VALUES, cut.task.n + 5))
+    signs, places = np.divmod(np.arange(8 * VALUES), VALUES)
     for pose, out in zip(poses, every, strict=True):
         cut.rows(pose[None], grid[places], signs, out)
     rows = every.reshape(-1, cut.task.n + 5)
-    points = _Points.of(rows, np.arange(len(rows)) // values, np.tile(grid, 8 * len(poses)))
+    points = _Points.of(rows, np.arange(len(rows)) // VALUES, np.tile(grid, 8 * len(poses)))
     # Where the share of a step is least in size among its neighbours, which have the same sign, and the other steps are
     # real: there a parabola through three values may come near to 0.
     shares = rows[:, -5:-2]
@@ -184,10 +186,7 @@ def _sampled(cut: Cut, poses: Array, values: int) -> _Points:
         answers = cut.rows(poses, around, np.repeat(track, 3)).reshape(len(c), 3, -1)
         three = answers[np.arange(len(c)), :, cut.task.n + which]
         three = np.where(negative[place, which], -1, 1)[:, None] * three
-    c = (c - cut.low) % (2 * np.pi) + cut.low if cut.turning else c
-    track, c = np.append(points.track, track), np.append(points.c, c)
-    order = np.lexsort((c, track))
-    return _Points.of(np.vstack([rows, answers[:, 1]])[order], track[order], c[order])
+    return points.with_others(cut, _Answers(answers[:, 1], track, c))
 
 
 class _Arcs(NamedTuple):
@@ -234,11 +233,11 @@ def _arcs(cut: Cut, poses: Array, points: _Points) -> _Arcs:
     shares = (points.rows[j[i], -5:-2] for j in (inside, outside))
     fold[i], step[i] = _folds(cut, poses, track[i], begin[i], fold[i], *shares)
     # Answers towards them, evenly along the arc, which is like a parabola there.
-    left = np.sqrt(NEAR_FOLD / np.maximum(points.share[inside], NEAR_FOLD))
+    left = np.sqrt(np.minimum(NEAR_FOLD / points.share[inside], 0.01))
     parts = np.array([1, 2, 3]) / 3
     near_c = (fold[:, None] + (begin - fold)[:, None] * (1 - parts * (1 - left)[:, None]) ** 2).ravel()
     near = cut.rows(poses, near_c, np.repeat(track, 3))
-    sound = (near[:, -2] > EXACT_FOLD) & np.repeat(left < 0.5, 3)
+    sound = near[:, -2] > EXACT_FOLD
     near_key = (key[inside][:, None] + 0.5 * np.sign(way)[:, None] * parts).ravel()
     # All of them, in the order of arcs and c.
     arc_of_row = np.concatenate([arc[real], np.repeat(arc[inside], 3)[sound]])
@@ -311,6 +310,18 @@ def _partners(arcs: _Arcs) -> Indices:
         if partner[one] < 0:
             partner[one], partner[other] = other, one
     return partner
+
+
+def _hidden(cut: Cut, poses: Array, arcs: _Arcs, ends: Indices) -> _Answers:
+    """Answers of arcs on which ends (k,) of others go on: each behind its fold, as near to it as it takes."""
+    first = ends % 2 == 0
+    last = np.where(first, arcs.first[ends // 2], arcs.first[ends // 2 + 1] - 1)
+    track, fold = arcs.track[ends // 2] ^ (4 >> arcs.step[ends]), arcs.fold[ends]
+    c = (fold[:, None] + (arcs.c[last] - fold)[:, None] * 0.25 ** np.arange(12)).ravel()
+    rows = cut.rows(poses, c, np.repeat(track, 12)).reshape(-1, 12, cut.task.n + 5)
+    real = rows[:, :, -2] > EXACT_FOLD
+    i, j = np.flatnonzero(real.any(axis=1)), real.argmax(axis=1)
+    return _Answers(rows[i, j[i]], track[i], c.reshape(-1, 12)[i, j[i]])
 
 
 def _chained(arcs: _Arcs, partner: Indices) -> list[tuple[Chain, bool]]:

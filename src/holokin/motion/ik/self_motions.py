@@ -25,6 +25,11 @@ from ...symbolic import SX, Function, fmin, symbol, vertcat
 from .arcs import Cut, curves_of
 from .posture_search import postures_from, spread
 
+TOGETHER = 16
+"""Poses whose curves are made together: as many as stay in a processor's memory."""
+
+NONE = np.zeros(0, dtype=np.intp)
+
 STARTS = 64
 """Starts of Newton's method at each pose of an arm without closed forms."""
 
@@ -111,8 +116,15 @@ def self_motions_at(task: Task, p: Matrix, R: Array) -> SelfMotions:
     cut = _cut(task)
     if cut is None:
         return _by_search(task, p, R)
-    found = curves_of(cut, pose_from(p, R))
-    return SelfMotions(task, p, R, found.q, found.pose[found.curve], found.curve, found.closed)
+    poses, parts = pose_from(p, R), []
+    for first in range(0, len(poses), TOGETHER):
+        parts.append(curves_of(cut, poses[first : first + TOGETHER]))
+    counts = np.cumsum([0, *(len(part.pose) for part in parts)])
+    pose = np.concatenate([NONE, *(part.pose + k * TOGETHER for k, part in enumerate(parts))])
+    curve = np.concatenate([NONE, *(part.curve + k for k, part in zip(counts, parts, strict=False))])
+    closed = np.concatenate([NONE.astype(bool), *(part.closed for part in parts)])
+    q = np.concatenate([np.zeros((0, task.n)), *(part.q for part in parts)])
+    return SelfMotions(task, p, R, q, pose[curve], curve, closed)
 
 
 def _by_search(task: Task, p: Matrix, R: Array) -> SelfMotions:
