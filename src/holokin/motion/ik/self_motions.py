@@ -1,0 +1,151 @@
+"""Self-motions: all postures that hold the tool at a pose, where one joint is redundant, as curves.
+
+Where one joint is held at c, an arm of a class of closed forms has at most eight postures, numbered by the signs of the
+slopes s_i of three steps. So the postures of a pose are at most eight arcs c -> q(c; signs), which end where an s_i is
+0, and there go on as the arc with that sign turned round. Other arms have curves that are traced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, reduce
+
+import numpy as np
+
+from ...base.poses import pose_from
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ...robot import Robot
+from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
+from ...robot.closed_form.six_hinges import posture
+from ...strategies.radial_strategy import SelfMotions as CurveTracer
+from ...strategies.radial_strategy import away
+from ...strategies.tasks.frame_task import FrameTask
+from ...strategies.tasks.task import Task, TipFrame
+from ...symbolic import SX, Function, fmin, symbol, vertcat
+from .arcs import Cut, curves_of
+from .posture_search import postures_from, spread
+
+TOGETHER = 16
+"""Poses whose curves are made together: as many as stay in a processor's memory."""
+
+NONE = np.zeros(0, dtype=np.intp)
+
+STARTS = 64
+"""Starts of Newton's method at each pose of an arm without closed forms."""
+
+STEP = 0.2
+"""Arc length [joint units] between the postures of a curve that is traced."""
+
+
+@dataclass(frozen=True, eq=False)
+class SelfMotions(Value):
+    """The postures q (N, n) at tool poses p (S, 3), R (S, 3, 3), at that of `pose` (N,), as curves.
+
+    Rows of one curve follow each other in its order, numbered by `curve` (N,); hinges are continuous along it, at some
+    whole turn. closed (C,): which curves come back: the last row is the first one, but for whole turns.
+    """
+
+    task: Task
+    p: Matrix
+    R: Array
+    q: Matrix
+    pose: Indices
+    curve: Indices
+    closed: Flags
+
+    @cached_property
+    def beyond(self) -> Vector:
+        """How far (N,) [joint units] the postures are beyond the joint limits, at the turns where they are least so; at
+        most 0 within them."""
+        robot = self.task.robot
+        q = self.q - 2 * np.pi * robot.hinges * np.round((self.q - _middle(robot)) / (2 * np.pi))
+        return np.max(np.maximum(robot.lower - q, q - robot.upper), axis=1, initial=-np.inf)
+
+    def of(self, pose: int) -> SelfMotions:
+        """Those of one of the poses."""
+        first, last = np.searchsorted(self.pose, [pose, pose + 1])
+        curves = np.unique(self.curve[first:last])
+        which = np.searchsorted(curves, self.curve[first:last])
+        at = slice(pose, pose + 1)
+        return SelfMotions(self.task, self.p[at], self.R[at], self.q[first:last], which * 0, which, self.closed[curves])
+
+
+def _middle(robot: Robot) -> Vector:
+    with np.errstate(invalid="ignore"):
+        return np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), 0.0)
+
+
+@kept
+def cut_class(task: Task) -> ArmClass | None:
+    """The class of the arm that is left of a task's robot when one joint is held, of those whose signs tell postures
+    apart; None where no joint leaves one."""
+    whole_pose = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))
+    if not whole_pose or task.n != 7:
+        return None
+    ranged = np.isfinite(task.robot.upper - task.robot.lower)
+    for k in reversed(range(task.n)):
+        found = arm_class(task.robot, (k,), task.tip)
+        if isinstance(found, ArmClass) and found.proven and (task.robot.hinges[k] or ranged[k]):
+            return found
+    return None
+
+
+@kept
+def _cut(task: Task) -> Cut | None:
+    """The cut of a task whose self-motions have a closed form."""
+    found = cut_class(task)
+    if found is None:
+        return None
+    inverse, k = ClosedInverse(found, limits=False), found.held[0]
+    c, pose, signs = symbol("c", 1), symbol("pose", 4, 4), symbol("signs", 3)
+    chain, own = inverse.numbers(c)
+    joints = SX(np.nan_to_num(inverse.joints))
+    six, roots, correction = posture(found.form, True, chain, pose, own, joints, signs)
+    q = SX.zeros(task.n, 1)
+    q[inverse.others], q[k] = six, c
+    shares = [root.share for root in roots]
+    answer = vertcat(q, *shares, reduce(fmin, shares), correction)
+    branch = Function("branch", {"c": c, "pose": pose, "signs": signs}, {"answer": answer})
+    turning = bool(task.robot.hinges[k])
+    low, high = (-np.pi, np.pi) if turning else (float(task.robot.lower[k]), float(task.robot.upper[k]))
+    return Cut(task, branch, low, high, turning)
+
+
+def self_motions_at(task: Task, p: Matrix, R: Array) -> SelfMotions:
+    """All self-motions at tool poses p (S, 3), R (S, 3, 3), whatever the joint limits."""
+    cut = _cut(task)
+    if cut is None:
+        return _by_search(task, p, R)
+    poses, parts = pose_from(p, R), []
+    for first in range(0, len(poses), TOGETHER):
+        parts.append(curves_of(cut, poses[first : first + TOGETHER]))
+    counts = np.cumsum([0, *(len(part.pose) for part in parts)])
+    pose = np.concatenate([NONE, *(part.pose + k * TOGETHER for k, part in enumerate(parts))])
+    curve = np.concatenate([NONE, *(part.curve + k for k, part in zip(counts, parts, strict=False))])
+    closed = np.concatenate([NONE.astype(bool), *(part.closed for part in parts)])
+    q = np.concatenate([np.zeros((0, task.n)), *(part.q for part in parts)])
+    return SelfMotions(task, p, R, q, pose[curve], curve, closed)
+
+
+def _by_search(task: Task, p: Matrix, R: Array) -> SelfMotions:
+    """The curves through postures that Newton's method finds from STARTS starts at each pose, each curve once."""
+    task = task._geometric_twin  # which has no singular angles on the way
+    pose = np.repeat(np.arange(len(p)), STARTS)
+    q, arrived = postures_from(task, spread(task.robot, STARTS * len(p)), p[pose], R[pose])
+    q, pose = q[arrived], pose[arrived]
+    rest, curves = np.arange(len(q)), []
+    # Trace the curve of one posture at each pose, and leave out the postures that lie on it, until none is left.
+    while len(rest):
+        poses, first = np.unique(pose[rest], return_index=True)
+        first = rest[first]
+        lines = CurveTracer(task, p[poses], R[poses]).traced(q[first], step=STEP, length=20.0, limits=False)
+        curves += list(zip(poses.tolist(), lines, strict=True))
+        others = [rest[(pose[rest] == k) & (rest != i)] for k, i in zip(poses, first, strict=True)]
+        far = [away(task, q[i][:, None], line.q).min(axis=1) > STEP for i, line in zip(others, lines, strict=True)]
+        rest = np.concatenate([i[apart] for i, apart in zip(others, far, strict=True)])
+    curves.sort(key=lambda curve: curve[0])
+    rows = [np.vstack([line.q, line.q[:1]]) if line.closed else line.q for _, line in curves]
+    curve = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
+    closed = np.array([line.closed for _, line in curves], dtype=bool)
+    own = np.array([k for k, _ in curves], dtype=np.intp)[curve]
+    return SelfMotions(task, p, R, np.concatenate([np.zeros((0, task.n)), *rows]), own, curve, closed)
