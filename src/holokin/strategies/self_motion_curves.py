@@ -127,11 +127,13 @@ class CurveTracer(Value):
         return cls(task, *task._poses(Q))
 
     def traced(
-        self, Q: Matrix, *, step: float, length: float, limits: bool, directions: Matrix | None = None
+        self, Q: Matrix, *, step: float, length: float, limits: bool | Flags, directions: Matrix | None = None
     ) -> list[SelfMotionCurve]:
         """The curves through postures (S, n), both ways, each round once.
 
-        Args: as `self_motion`; directions (S, n): in which they begin, where several joints are redundant.
+        Args:
+            step, length: as of `self_motion`. limits: whether joint limits count, or those of which joints (n,).
+            directions: in which they begin (S, n), where several joints are redundant.
         """
         v = null_vectors(self.task, Q) if directions is None else directions
         postures, sizes, place, endings = self.postures(Q, v, step=step, length=length, limits=limits)
@@ -145,7 +147,7 @@ class CurveTracer(Value):
         return curves
 
     def postures(
-        self, Q: Matrix, v: Matrix, *, step: float, length: float, limits: bool
+        self, Q: Matrix, v: Matrix, *, step: float, length: float, limits: bool | Flags
     ) -> tuple[Matrix, Indices, Indices, list[tuple[CurveEnd, CurveEnd]]]:
         """The postures (N, n) of the curves through Q (S, n) that begin along v (S, n), one curve after another.
 
@@ -205,7 +207,7 @@ class CurveTracer(Value):
         return postures, along, sound[..., 0] > 0
 
     def _one_way(
-        self, Q: Matrix, v: Matrix, i: Indices, step: float, length: float, limits: bool
+        self, Q: Matrix, v: Matrix, i: Indices, step: float, length: float, limits: bool | Flags
     ) -> tuple[Matrix, Indices, list[CurveEnd]]:
         """The postures (N, n) behind Q (k, n) in the direction v, those of a curve in their order; of which curve each
         is (N,); why there are no more (k,)."""
@@ -237,7 +239,7 @@ class CurveTracer(Value):
                 good & (made[walking][:, None] + number > 2) & (away(self.task, q, Q[walking][:, None]) < 0.75 * step)
             )
             round_again &= np.einsum("ktn,kn->kt", ahead, first[walking]) > 0.9
-            beyond = good & ~robot.within(q.reshape(-1, robot.n)).reshape(good.shape) & limits
+            beyond = good & ((robot.beyond(q) > 0) & limits).any(axis=2)
             ended, end = (round_again | beyond).any(axis=1), (round_again | beyond).argmax(axis=1)
             at_limit = beyond[np.arange(len(walking)), end]
             ends[walking[ended & at_limit]], ends[walking[ended & ~at_limit]] = CurveEnd.LIMIT, CurveEnd.CLOSED
