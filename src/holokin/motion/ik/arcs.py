@@ -14,7 +14,7 @@ import numpy as np
 
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...robot.closed_form.closed_inverse import SIGNS
-from ...strategies.radial_strategy import least_motion
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import Function
 from ...symbolic.native import allowed
@@ -409,8 +409,9 @@ def _narrowed(
             break
         a, b, folds = c[left], c[right], np.isfinite(at)
         b_at = at + 2 * np.pi * np.round((b - at) / (2 * np.pi))
-        new_c = np.column_stack([np.where(folds, (3 * at + a) / 4, a + (b - a) / 3),
-                                 np.where(folds, (3 * b_at + b) / 4, b - (b - a) / 3)])
+        new_c = np.column_stack(
+            [np.where(folds, (3 * at + a) / 4, a + (b - a) / 3), np.where(folds, (3 * b_at + b) / 4, b - (b - a) / 3)]
+        )
         new_track = np.column_stack([track[left], track[right]])
         answers = cut.rows(poses, new_c.ravel(), new_track.ravel())
         sound = (answers[:, -2] > EXACT_FOLD).reshape(-1, 2).all(axis=1)
