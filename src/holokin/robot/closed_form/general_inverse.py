@@ -166,12 +166,8 @@ class GeneralInverse(Value):
 
         None, where the equations are singular for all poses.
         """
-        # Random postures; slides within a metre.
-        robot = self.robot
-        low = np.where(robot.hinges, -np.pi, np.clip(robot.lower, -1, 1))
-        high = np.where(robot.hinges, np.pi, np.clip(robot.upper, -1, 1))
-        q = np.random.default_rng(0).uniform(low, high, (_PROBES, robot.n))
-        loop = self._loop(robot.pose(q, self.tip), q[:, list(self.held)])
+        q = _probes(self.robot)
+        loop = self._loop(self.robot.pose(q, self.tip), q[:, list(self.held)])
         multipliers, offsets, _ = self._joints
         marks = []
         for order in ORDERS:
@@ -298,13 +294,22 @@ class GeneralInverse(Value):
 def general_inverse(robot: Robot, held: Sequence[int], tip: str | None = None) -> GeneralInverse | NoClass:
     """The general inverse of what is left when the coordinates `held` are, or why it is none of its arms."""
     links, held = links_of(robot, tip), tuple(held)
-    reason = no_six_hinges(links, held)
-    if reason is None:
-        inverse = GeneralInverse(robot, held, tip)
-        if inverse.orders:
-            return inverse
-        reason = "the equations of the general inverse are singular for its axes, at every pose"
-    return NoClass(held, reason)
+    if reason := no_six_hinges(links, held):
+        return NoClass(held, reason)
+    inverse = GeneralInverse(robot, held, tip)
+    if inverse.orders:
+        return inverse
+    J = robot.jacobian(_probes(robot), tip)[:, :, inverse.others]
+    if (np.linalg.cond(J) > 1 / SINGULAR).all():
+        return NoClass(held, "every posture of what is left is singular", singular=True)
+    return NoClass(held, "the equations of the general inverse are singular at every pose")
+
+
+def _probes(robot: Robot) -> Matrix:
+    """Random postures (16, n), slides within a metre."""
+    low = np.where(robot.hinges, -np.pi, np.clip(robot.lower, -1, 1))
+    high = np.where(robot.hinges, np.pi, np.clip(robot.upper, -1, 1))
+    return np.random.default_rng(0).uniform(low, high, (_PROBES, robot.n))
 
 
 def _apart(q: Array, other: Array) -> Array:

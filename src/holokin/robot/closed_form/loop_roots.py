@@ -146,14 +146,19 @@ def _loop_roots(links: Sequence[Array], order: Order) -> LoopRoots:
     ahead[singular], across[singular] = np.eye(16), 0.0
     inverse = np.linalg.inv(ahead)
     ill = singular | (np.linalg.norm(ahead, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) > ILL)
-    tangent, G = np.linalg.eig(-inverse @ across)
+    system = -inverse @ across
+    lost = ~np.isfinite(system).all(axis=(1, 2))
+    system[lost] = 0.0
+    ill |= lost
+    tangent, G = np.linalg.eig(system)
     every = 2 * (np.arctan(tangent.astype(complex)) + _SEEN[best][:, None])
     # v of each, then d and e.
     R_v, lost = _sound(R_v[:, :12])
     ill |= lost
     half = every[:, None] / 2
     solved = np.linalg.solve(R_v, np.cos(half) * (F[0][:, :12] @ G) + np.sin(half) * (F[1][:, :12] @ G))
-    row, column = np.nonzero(np.abs(every.imag) < REAL)
+    size = np.abs(solved).max(axis=1)
+    row, column = np.nonzero((np.abs(every.imag) < REAL) & np.isfinite(size) & (size > 0))
     c, v = _separated(every[row, column], solved[row, :, column], row)
     d, e = _angle_of(v[:, :3], v[:, 1:]), _angle_of(v[:, :, :2], v[:, :, 1:])
     imaginary = np.abs([c.imag, d.imag, e.imag]).max(axis=0)
@@ -228,8 +233,9 @@ def _sound(R: Array) -> tuple[Array, Flags]:
     """Triangular matrices (k, m, m) that can be divided by, and which (k,) were singular but for round-off."""
     R, some = R.copy(), np.arange(R.shape[1])
     diagonal = np.abs(R[:, some, some])
-    R[:, some, some] += 1e-300 * (diagonal == 0)
-    return R, diagonal.min(axis=1) < diagonal.max(axis=1) / ILL
+    least = np.maximum(diagonal.max(axis=1, keepdims=True), 1) / ILL
+    R[:, some, some] = np.where(diagonal < least, least, R[:, some, some])
+    return R, (diagonal < least).any(axis=1)
 
 
 def _quarter(F: Array) -> Array:
