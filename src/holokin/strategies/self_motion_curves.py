@@ -36,6 +36,10 @@ from .tasks.task import Task
 ROUGH = 1e-4
 """Last correction [joint units] of a good step, at most: the next one would be of the order of its square."""
 
+BESIDE = 0.05
+"""First correction of a good step, over its length, at most: where curves bend as usual it is a thousandth; near a
+singular posture, where two curves pass each other closely, a longer one may lead to the other."""
+
 BLOCK = 32
 """Steps that are made before it is looked where curves end: a Panda's have 30 to 130 of them."""
 
@@ -273,14 +277,16 @@ def _curve_step(task: Task) -> Function:
     along, corrected = as_map([q, v], direction), as_map([q, v, p, R], vertcat(correction, direction))
     way = along(q + length / 2 * v, v)
     end = q + length * way
-    for _ in range(2):
-        moves = corrected(end, way, p, R)
-        end, way = end + moves[: task.n], moves[task.n :]
+    first = corrected(end, way, p, R)
+    second = corrected(end + first[: task.n], first[task.n :], p, R)
+    end, way = end + first[: task.n] + second[: task.n], second[task.n :]
     size = SX(0)
-    for move in vertsplit(moves[: task.n]):
+    for move in vertsplit(second[: task.n]):
         size = fmax(size, fabs(move))
-    near = norm_2(end - q) < 2 * fabs(length) + ROUGH  # not where something is not finite
-    outputs = {"q_next": end, "v_next": way, "sound": if_else(near, size < ROUGH, 0)}
+    # Not where something is not finite, nor where the way leads to another curve that is near.
+    near = norm_2(end - q) < 2 * fabs(length) + ROUGH
+    beside = norm_2(first[: task.n]) < BESIDE * fabs(length) + ROUGH
+    outputs = {"q_next": end, "v_next": way, "sound": if_else(near, if_else(beside, size < ROUGH, 0), 0)}
     return Function("curve_step", {"q": q, "v": v, "p": p, "R": R, "length": length}, outputs)
 
 
