@@ -33,7 +33,7 @@ from .closed_leaf import DOUBT, Following, closed_leaf
 from .leaf import check_levels, with_leaves
 from .level_roots import roots_along
 from .posture_search import SAME, SAMPLED, free_hinges, leaf_postures, nearest_equivalent, spread, turned
-from .self_motions import SelfMotions, self_motions_at
+from .self_motions import SelfMotions, cut_class, self_motions_at
 
 STARTS = 1024
 """Of Newton's method where postures are searched for: with several redundant joints, or with none."""
@@ -44,12 +44,14 @@ class Postures(Result, Value):
     """The postures q (k, n) at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
 
     Each is at the pose and on the leaf; of those that differ by whole turns of hinges it is one, see `near` of
-    `all_postures`. rcond (k,): how regular [J; J_g] is there. `singular` times two of them meet in one posture that is
-    singular; these are not counted. `outside` postures lie outside the joint limits and were left out.
+    `all_postures`. rcond (k,): how regular [J; J_g] is there. Where a part of a self-motion is on the leaf, one posture
+    stands for it, and family (k,) is the length of that part [joint units]; else it is 0. `singular` postures, where
+    [J; J_g] is singular, as where two meet, are not counted. `outside` postures lie outside the joint limits and were
+    left out.
 
-    curves: how many self-motions of the pose g was looked at along, at postures at most `step` [joint units] apart; of
-    `doubt` places between them it stays open whether there are more.
-    starts: how many a search began with, 0 where there was none; found (k,): from how many each was found.
+    curves: along how many self-motions of the pose g was looked at, in steps of `step` [joint units] at most; searched:
+    whether these were found by a search. doubt: places where it stays open whether there is a posture. starts: of how
+    many a search for the postures themselves began, else 0; found (k,): from how many of them each was found.
     """
 
     q: Matrix
@@ -57,12 +59,14 @@ class Postures(Result, Value):
     level: Vector
     found: Vector
     rcond: Vector
+    family: Vector
     starts: int
     singular: int
     outside: int
-    curves: int = 0
+    curves: int | None = None
     step: float = 0.0
     doubt: int = 0
+    searched: bool = False
 
     def __len__(self) -> int:
         return len(self.q)
@@ -70,33 +74,48 @@ class Postures(Result, Value):
     @property
     def unseen(self) -> float:
         """About how likely one more start is to find a posture that is not yet here: the share of starts whose posture
-        no other start found [Goo53]; 0 where there was no search."""
+        no other start found [Goo53]; 0 without starts."""
         return float(np.sum(self.found == 1)) / self.starts if self.starts else 0.0
 
     @property
     def closed(self) -> bool:
         """Whether a closed form gave them: then there are no others."""
-        return not self.starts and not self.curves
+        return not self.starts and self.curves is None
 
     @property
     def sentence(self) -> str:
         """What was found, and how."""
-        many = f"{len(self)} posture{'' if len(self) == 1 else 's'}"
+        on_leaf = " on this leaf" if len(self.level) else ""
+        at = f"{len(self)} posture{'' if len(self) == 1 else 's'} at this tool pose{on_leaf}"
         left = f"; {self.outside} more outside the joint limits" if self.outside else ""
         meet = "; two postures meet here, at a singular one, and are not counted" if self.singular else ""
-        at = f"{many} at this tool pose" + (" on this leaf" if len(self.level) else "")
         if self.closed:
             return f"{at}, by a closed form{left}; there are no others{meet}"
-        if self.curves:
-            where = f"{self.curves} self-motion{'' if self.curves == 1 else 's'} of this pose"
-            open_still = f"; of {self.doubt} places it stays open whether there are more" if self.doubt else ""
-            return f"{at}: the roots of g along the {where}, looked at every {self.step:.2g} at least{left}{meet}{open_still}"
+        if self.curves is not None:
+            return f"{at}, {self._along}{left}{meet}{self._open}"
         least = f", each from {int(self.found.min())} of them at least" if len(self) else ""
         more = f"; one more start would find another with a chance of {self.unseen:.1g}" if self.unseen else ""
         return (
             f"{at} found by Newton's method from {self.starts} starts spread over the "
             f"joint ranges{least}{left}{more}; a search, no proof that there are no others"
         )
+
+    @property
+    def _along(self) -> str:
+        if not self.curves:
+            return "which has no self-motion" + ", as far as a search finds them" * self.searched
+        curves = f"{self.curves} curve{'' if self.curves == 1 else 's'}"
+        by = "that a search found" if self.searched else "of its self-motion"
+        return f"where g passes the level on the {curves} {by}, in steps of {self.step:.1g} at most"
+
+    @property
+    def _open(self) -> str:
+        many = int(np.sum(self.family > 0))
+        families = (
+            f"; {many} of them stand{'s' * (many == 1)} for a part of a curve that is on the leaf" if many else ""
+        )
+        places = f"{self.doubt} place{'' if self.doubt == 1 else 's'}"
+        return families + (f"; at {places} it stays open whether there is another" if self.doubt else "")
 
     def __str__(self) -> str:
         return self.sentence
@@ -172,24 +191,30 @@ def _of_closed_form(
     rcond = np.array([strategy.gain(posture)[1] for posture in q])  # one by one: so few cost less than a batch
     order = _order(q)
     outside = int(np.sum(~inside))
-    return Postures(q[order], pose, c.copy(), np.ones(len(q)), rcond[order], 0, int(doubtful.any()), outside)
+    return Postures(
+        q[order], pose, c.copy(), np.ones(len(q)), rcond[order], np.zeros(len(q)), 0, int(doubtful.any()), outside
+    )
 
 
 def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector, limits: bool) -> Postures:
     task = strategy.task
     motions = self_motions_at(task, pose[None, :3, 3], pose[None, :3, :3])
-    turns = _turns_of(strategy, motions.q)
+    curves = len(motions.closed)
+    if not curves:
+        none = np.zeros(0)
+        return Postures(np.zeros((0, task.n)), pose, c.copy(), none, none, none, 0, 0, 0, 0)
     low, high = _bounds(task.robot, limits)
+    turns = _turns_of(strategy, motions.q)
     if turns.varying.any():
         motions = _copied(motions, turns.varying, aim, low, high)
-    curves = len(motions.closed)
-    roots = roots_along(strategy, motions, float(c[0]), turns.levels(strategy, motions.q))
+    roots = roots_along(strategy, motions, float(c[0]), turns.levels(strategy))
     q, inside = turns.nearest(roots.q, -roots.shift, aim, low, high, any(strategy.constraint.angular))
     inside &= np.all((q >= low) & (q <= high), axis=1)
     order = np.flatnonzero(inside)[_order(q[inside])]
+    found, outside = np.ones(len(order)), int(np.sum(~inside))
     return Postures(
-        q[order], pose, c.copy(), np.ones(len(order)), roots.rcond[order], 0, roots.singular,
-        int(np.sum(~inside)), max(1, len(motions.closed)), roots.step, roots.doubt,
+        q[order], pose, c.copy(), found, roots.rcond[order], roots.family[order], 0, roots.singular, outside,
+        curves, roots.step, roots.doubt, cut_class(task) is None,
     )  # fmt: skip
 
 
@@ -212,7 +237,8 @@ def _of_search(
     counts = np.array([len(members) for members in classes], dtype=float)[inside]
     order = _order(postures)
     rcond = np.array([strategy.gain(posture)[1] for posture in postures[order]])
-    return Postures(postures[order], pose, c.copy(), counts[order], rcond, STARTS, singular, int(np.sum(~inside)))
+    found, outside = counts[order], int(np.sum(~inside))
+    return Postures(postures[order], pose, c.copy(), found, rcond, 0 * rcond, STARTS, singular, outside)
 
 
 def _order(q: Matrix) -> Indices:
@@ -261,8 +287,8 @@ class _Turns:
     change: Vector
     varying: Flags
 
-    def levels(self, strategy: HolonomicStrategy, Q: Matrix) -> Vector:
-        """The changes (k,) of g that whole turns can make, none among them, within the range of g at postures."""
+    def levels(self, strategy: HolonomicStrategy) -> Vector:
+        """The changes (k,) of g that whole turns can make, 0 among them."""
         change = np.unique(np.round(np.abs(self.change[self.change != 0]), 12))
         if any(strategy.constraint.angular):
             change = np.unique(np.append(change, 2 * np.pi))
@@ -358,13 +384,15 @@ def _turns_at(strategy: HolonomicStrategy, q: Matrix) -> _Turns:
 def _copied(motions: SelfMotions, varying: Flags, aim: Vector, low: Vector, high: Vector) -> SelfMotions:
     """The parts of the curves within the limits, at all whole turns of hinges (n,); without limits, of one turn about
     a posture `aim` (n,)."""
-    around = np.where(varying & ~np.isfinite(low + high), np.pi, np.inf)
+    around = np.where(varying & ~(np.isfinite(low) & np.isfinite(high)), np.pi, np.inf)
     low, high = np.maximum(low, aim - around), np.minimum(high, aim + around)
     which = np.flatnonzero(varying)
     options = _turn_options(motions.q[:, which], aim[which], low[which], high[which])
     linked = np.append(motions.curve[1:] == motions.curve[:-1], False)
     middle = _middle(motions.task.robot, limits=True)
-    nearest = np.where(motions.task.robot.hinges, middle + (motions.q - middle + np.pi) % (2 * np.pi) - np.pi, motions.q)
+    nearest = np.where(
+        motions.task.robot.hinges, middle + (motions.q - middle + np.pi) % (2 * np.pi) - np.pi, motions.q
+    )
     q, curve, last = [], [], 0
     for option in options:
         moved = motions.q.copy()
