@@ -16,7 +16,7 @@ import numpy as np
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...strategies import HolonomicStrategy
-from ...strategies.radial_strategy import joint_gap
+from ...strategies.self_motion_curves import joint_gap
 from ...symbolic import Function
 from ...symbolic.linear import least_norm, null_space_expression
 from ...symbolic.native import allowed

@@ -18,7 +18,7 @@ from ...base.types import (
 from ...path.workspaces import sobol
 from ...robot import Robot
 from ...strategies import HolonomicStrategy
-from ...strategies.radial_strategy import least_motion
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from .leaf import leaf_step
 

@@ -27,7 +27,7 @@ from ...base.types import (
 from ...robot import Robot
 from ...robot.closed_form import Held
 from ...strategies import HolonomicStrategy, Strategy
-from ...strategies.radial_strategy import joint_gap
+from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import of_one_tool
 from .closed_leaf import DOUBT, Following, closed_leaf
 from .leaf import check_levels, with_leaves
