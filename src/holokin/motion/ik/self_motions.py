@@ -95,8 +95,8 @@ def _cut(task: Task) -> Cut | None:
     six, roots, correction = posture(found.form, True, chain, pose, own, joints, signs)
     q = SX.zeros(task.n, 1)
     q[inverse.others], q[k] = six, c
-    shares = [root.share for root in roots]
-    answer = vertcat(q, *shares, reduce(fmin, shares), correction)
+    share = reduce(fmin, [root.share for root in roots])
+    answer = vertcat(q, *(root.square for root in roots), share, correction)
     branch = Function("branch", {"c": c, "pose": pose, "signs": signs}, {"answer": answer})
     turning = bool(task.robot.hinges[k])
     low, high = (-np.pi, np.pi) if turning else (float(task.robot.lower[k]), float(task.robot.upper[k]))
