@@ -5,7 +5,7 @@ Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`.
 
 from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
-from .posture_search import Postures, all_postures
+from .postures_of_pose import Postures, all_postures
 from .solutions import InverseStatus, Solutions
 
 __all__ = [
