@@ -60,13 +60,13 @@ class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
 
 def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
     """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
-    Q, reach = reached(task, T, None)
+    reach = reached(task, T, None)
     rest = np.full(len(T), int(PoseRest.NOT_COVERED))
     rest[~reach.within] = PoseRest.LIMITS
     rest[~reach.anyhow] = PoseRest.OUT_OF_REACH
     if clear is not None and reach.within.any():
         blocked = np.flatnonzero(reach.within)
-        rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
+        rest[blocked[~clear(reach.q[blocked])]] = PoseRest.BLOCKED
         for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
             postures = postures_at(task, T[i])
             if len(postures) and clear(postures).any():
