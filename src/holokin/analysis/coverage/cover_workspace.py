@@ -156,7 +156,9 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
             if status is PoseStatus.LIMIT:
                 rows += [(f"{joint} is beyond its {side} limit", k) for (joint, side), k in self.at_limits().items()]
             elif status in (PoseStatus.BEYOND_LIMITS, PoseStatus.OUT_OF_REACH) and self.reach is not None:
-                rows += self.reach.obstacles(np.flatnonzero(self.status == status))
+                out = "out of reach: " if status is PoseStatus.OUT_OF_REACH else ""
+                obstacles = self.reach.obstacles(np.flatnonzero(self.status == status))
+                rows += [(f"{out}{obstacle}", k) for obstacle, k in obstacles]
             elif self.count(status):
                 rows.append((status.text, self.count(status)))
         return rows
@@ -304,6 +306,7 @@ def coverage(
         best[rest] = of_rest.q
         reach = Reach(robot, best, of_rest.complete)
     if explain and reach is not None:
+        reach = Reach(robot, np.where(reach.anyhow[:, None], reach.q, q), reach.complete)
         status[rest & ~(reach.within if limits else reach.anyhow)] = PoseStatus.BEYOND_LIMITS
         status[rest & ~reach.anyhow & ~on_leaf] = PoseStatus.OUT_OF_REACH
     # The turn to the middle orientation is 0 for given poses, and where the task leaves it free

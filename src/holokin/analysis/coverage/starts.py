@@ -106,11 +106,26 @@ def regular_starts(task: Task) -> Matrix:
 
 def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     """Postures (k, n) within the joint limits with the tool at a pose (4, 4), far from each other; none where there
-    are none. The most comfortable is the first.
+    are none. The most comfortable is the first."""
+    Q = postures_within_limits(task, pose)
+    if not len(Q):
+        return Q
+    # The most comfortable, then those that are comfortable and far from all before
+    values = np.array([_comfort(task, q) for q in Q])
+    chosen = [int(np.argmax(values))]
+    away = np.full(len(Q), np.inf)
+    while len(chosen) < min(count, len(Q)):
+        away = np.minimum(away, np.linalg.norm(Q - Q[chosen[-1]], axis=1))
+        chosen.append(int(np.argmax(away * values)))
+    return Q[chosen]
 
-    They are chosen from all self-motions of the pose where a closed form gives them. Elsewhere they are searched for
-    from random postures, and moved by self-motion towards the middle of the joints' ranges. No hinge has a whole turn
-    too many.
+
+def postures_within_limits(task: Task, pose: Matrix) -> Matrix:
+    """Postures (k, n) within the joint limits with the tool at a pose (4, 4).
+
+    They are those of all its self-motions, a tenth of a radian apart, where a closed form gives them. Elsewhere they
+    are searched for from random postures, and moved by self-motion towards the middle of the joints' ranges. No hinge
+    has a whole turn too many.
     """
     p, R, seeds = pose[:3, 3], pose[:3, :3], 96
     lower, upper = task.robot.ranges(FREE)
@@ -126,15 +141,7 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     else:
         Q = np.vstack([best.q, at_best_turns(task.robot, every.q)])
     Q = unwound(task.robot, Q)
-    Q = Q[task.robot.within(Q)]
-    # The most comfortable, then those that are comfortable and far from all before
-    values = np.array([_comfort(task, q) for q in Q])
-    chosen = [int(np.argmax(values))]
-    away = np.full(len(Q), np.inf)
-    while len(chosen) < min(count, len(Q)):
-        away = np.minimum(away, np.linalg.norm(Q - Q[chosen[-1]], axis=1))
-        chosen.append(int(np.argmax(away * values)))
-    return Q[chosen]
+    return Q[task.robot.within(Q)]
 
 
 def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:

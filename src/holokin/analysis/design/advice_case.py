@@ -325,9 +325,13 @@ def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
     """Why no pose of a workspace is served."""
     name = f"the workspace of {task.robot.name!r}, {workspace},"
     if reach.anyhow.any():
-        return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
+        obstacles = "; ".join(f"{obstacle}: {k}" for obstacle, k in reach.obstacles(np.arange(len(reach.q))))
+        return OutOfReachError(
+            f"{name} has no pose that is reached within the joint limits ({obstacles})", "move or turn it"
+        )
     cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
-    return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
+    none = "no posture has any of its poses" if reach.complete else "no posture was found at any of its poses"
+    return OutOfReachError(f"{name} is out of reach altogether: {none}", cure)
 
 
 @typed

@@ -101,7 +101,8 @@ class PosePaths(Value):
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
         if search and status in FAILED and self.closed is None:  # a closed form has told that there is a posture
-            if (obstacle := obstacle_at(strategy.task, p, R, q, self.limits)[0]) is not None:
+            obstacle, _ = obstacle_at(strategy.task, p, R, q, self.limits)
+            if obstacle is not None:
                 fact = f"the pose is out of reach of {strategy.task.robot.name!r}: {obstacle}"
                 raise OutOfReachError(fact, doubtful_target(strategy.task, p) or "give a pose nearer to the base")
         if status is InverseStatus.LIMIT:

@@ -94,7 +94,7 @@ class Reach(Result, Value):
         rows.sort(key=lambda row: -row[1])
         if len(reached) < len(which):
             none = "no posture has the pose" if self.complete else "no posture was found"
-            rows.append((f"out of reach: {none}", len(which) - len(reached)))
+            rows.append((none, len(which) - len(reached)))
         return rows
 
     def __str__(self) -> str:
@@ -126,7 +126,7 @@ def _turns(robot: Robot) -> _Turns:
     middle = np.zeros(robot.n)
     middle[lower] = robot.lower[lower] + 2 * np.pi
     middle[upper] = robot.upper[upper] - 2 * np.pi
-    middle[lower & upper] = 0.5 * (robot.lower + robot.upper)[lower & upper]
+    middle[lower & upper] = 0.5 * (robot.lower[lower & upper] + robot.upper[lower & upper])
     return _Turns(middle, np.where(turning, 2 * np.pi, np.inf))
 
 
@@ -284,7 +284,7 @@ def _cubic(begin: Matrix, move: Matrix, first: Matrix, last: Matrix, u: Matrix) 
 
 
 def _polished(task: Task, p: Matrix, R: Array, q: Matrix, given: Matrix, along: Matrix) -> Matrix:
-    """Postures (k, n) at poses, from others nearby, with the least excess; the given ones (k, n) where these are better.
+    """Postures (k, n) at poses, with the least excess, from others nearby; the given ones (k, n) where they are better.
 
     Where two joints are equally far beyond their limits, the place is found by their slopes, as by Newton's method.
     """
