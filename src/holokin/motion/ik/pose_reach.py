@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -212,6 +211,8 @@ def obstacle_at(task: Task, p: Vector, R: Matrix, near: Vector, limits: bool) ->
     if nearest.reached[0] or not nearest.ended[0]:
         return None, nearest.q[0]
     reach = reach_of(task, p[None], R[None], near[None], limits=False)
+    if reach.within[0] and limits:
+        return None, reach.q[0]
     off = f"no search came closer to it than {nearest.missing[0]:.3g} (m or rad)"
     if not limits or not reach.anyhow[0]:
         return f"{off}, even without joint limits", nearest.q[0]
@@ -290,25 +291,21 @@ def _polished(task: Task, p: Matrix, R: Array, q: Matrix, given: Matrix, along: 
     """
     robot, every = task.robot, np.arange(len(q))
     best, least = given.copy(), _excess(robot, given).max(axis=1)
-    correct = to_poses(task, p, R)
+    correct, (i, j) = to_poses(task, p, R), np.triu_indices(2 * task.n, 1)
     for _ in range(4):
         q, sound = newton(correct, q, steps=6, exact=EXACT)
         q = at_best_turns(robot, q)
         excess = np.where(sound, _excess(robot, q).max(axis=1), np.inf)
         better = excess < least
+        if not better.any():
+            break
         best[better], least[better] = q[better], excess[better]
-        # Both limits of each joint as lines over the way along the curve: the lowest place of the highest of them.
+        # Both limits of each joint as lines over the way along the curve: where the highest of them is lowest.
         v = _direction(task, best, along)
         values, slopes = np.hstack([robot.lower - best, best - robot.upper]), np.hstack([-v, v])
         with np.errstate(all="ignore"):
-            ways = [(values[:, i] - values[:, j]) / (slopes[:, j] - slopes[:, i]) for i, j in _pairs(2 * task.n)]
-        ways = np.column_stack([np.zeros(len(q)), *ways])
-        ways = np.clip(np.nan_to_num(ways, nan=0.0), -SHORT, SHORT)
-        highest = (values[:, None] + np.nan_to_num(slopes[:, None] * ways[:, :, None])).max(axis=2)
-        way = ways[every, np.argmin(highest, axis=1)]
-        q = best + way[:, None] * v
+            crossings = (values[:, i] - values[:, j]) / (slopes[:, j] - slopes[:, i])
+        ways = np.clip(np.where(np.isfinite(crossings), crossings, 0.0), -SHORT, SHORT)
+        highest = (values[:, None] + slopes[:, None] * ways[:, :, None]).max(axis=2)
+        q = best + ways[every, np.argmin(highest, axis=1)][:, None] * v
     return best
-
-
-def _pairs(count: int) -> list[tuple[int, int]]:
-    return list(combinations(range(count), 2))
