@@ -36,6 +36,9 @@ LOOKS = 9
 
 ROUNDS = 6
 
+CLOSER = 0.05
+"""Share of the way between two of a curve, each way, in which the best posture is looked for once more."""
+
 SHORT = 0.01
 """Way [joint units] along a curve within which the joints move as their slopes say."""
 
@@ -241,23 +244,55 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     first, move, distance = first[near], move[near], distance[near]
     if not len(first):
         return
-    # Look closer and closer at the least excess on the cubic through both with the curve's directions.
-    begin, pose = postures.q[first], postures.pose[first]
-    slopes = [distance[:, None] * _direction(task, postures.q[i], move) for i in (first, first + 1)]
-    low, high = np.zeros(len(first)), np.ones(len(first))
-    every = np.arange(len(first))
-    for _ in range(ROUNDS):
-        u = low[:, None] + np.linspace(0.0, 1.0, LOOKS) * (high - low)[:, None]
-        values = _excess(robot, at_best_turns(robot, _cubic(begin, move, *slopes, u))).max(axis=2)
-        i = np.argmin(values, axis=1)
-        low, high = u[every, np.maximum(i - 1, 0)], u[every, np.minimum(i + 1, LOOKS - 1)]
-        best, value = u[every, i], values[every, i]
-    # The best one of each pose, taken to the curve.
+    # The least excess on the cubic through both with the curve's directions, and the best one of each pose.
+    pose, cubics = postures.pose[first], _Cubics.between(task, postures.q[first], move)
+    u, value = cubics.least(robot)
     order = np.lexsort((value, pose))
     which, index = np.unique(pose[order], return_index=True)
-    chosen = order[index]
-    refined = _cubic(begin[chosen], move[chosen], slopes[0][chosen], slopes[1][chosen], best[chosen, None])[:, 0]
-    q[which] = _polished(task, postures.p[which], postures.R[which], refined, q[which], move[chosen])
+    chosen, (p, R) = order[index], (postures.p[which], postures.R[which])
+    # Once more on a cubic through two near it, which is nearer to the curve; then on the curve.
+    correct, places = to_poses(task, p, R), u[chosen, None] + [-CLOSER, CLOSER]
+    ends = cubics.some(chosen).at(places)
+    ends = [newton(correct, ends[:, k], steps=6, exact=EXACT)[0] for k in (0, 1)]
+    cubics = _Cubics.between(task, ends[0], ends[1] - ends[0])
+    refined = cubics.at(cubics.least(robot)[0][:, None])[:, 0]
+    q[which] = _polished(task, p, R, refined, q[which], move[chosen])
+
+
+class _Cubics(NamedTuple):
+    """Cubics from postures begin (k, n) to begin + move, with their slopes (k, n) at both."""
+
+    begin: Matrix
+    move: Matrix
+    first: Matrix
+    last: Matrix
+
+    @staticmethod
+    def between(task: Task, begin: Matrix, move: Matrix) -> _Cubics:
+        """Those with the directions of self-motions."""
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        return _Cubics(begin, move, *(length * _direction(task, q, move) for q in (begin, begin + move)))
+
+    def some(self, rows: Indices) -> _Cubics:
+        """Some of them."""
+        return _Cubics(*(part[rows] for part in self))
+
+    def at(self, u: Matrix) -> Array:
+        """Postures (k, j, n) at shares (k, j) of their ways."""
+        u = u[:, :, None]
+        bend = self.first[:, None] * (1 - u) - self.last[:, None] * u + self.move[:, None] * (2 * u - 1)
+        return self.begin[:, None] + u * (self.move[:, None] + (1 - u) * bend)
+
+    def least(self, robot: Robot) -> tuple[Vector, Vector]:
+        """(shares (k,) at which they are least beyond the limits, how far there), looked at closer and closer."""
+        rows = np.arange(len(self.begin))
+        low, high = np.zeros(len(rows)), np.ones(len(rows))
+        for _ in range(ROUNDS):
+            u = low[:, None] + np.linspace(0.0, 1.0, LOOKS) * (high - low)[:, None]
+            values = _excess(robot, at_best_turns(robot, self.at(u))).max(axis=2)
+            i = np.argmin(values, axis=1)
+            low, high = u[rows, np.maximum(i - 1, 0)], u[rows, np.minimum(i + 1, LOOKS - 1)]
+        return u[rows, i], values[rows, i]
 
 
 def _bends(first: Indices, move: Matrix, distance: Vector) -> Matrix:
@@ -275,13 +310,6 @@ def _direction(task: Task, q: Matrix, along: Matrix) -> Matrix:
     with np.errstate(invalid="ignore", divide="ignore"):
         v = v / np.linalg.norm(v, axis=1, keepdims=True)
     return np.where(np.isfinite(v).all(axis=1, keepdims=True), v, along)
-
-
-def _cubic(begin: Matrix, move: Matrix, first: Matrix, last: Matrix, u: Matrix) -> Array:
-    """Postures (k, j, n) at u (k, j) in [0, 1] of cubics from postures (k, n), with slopes at both ends."""
-    u = u[:, :, None]
-    bend = first[:, None] * (1 - u) - last[:, None] * u + move[:, None] * (2 * u - 1)
-    return begin[:, None] + u * (move[:, None] + (1 - u) * bend)
 
 
 def _polished(task: Task, p: Matrix, R: Array, q: Matrix, given: Matrix, along: Matrix) -> Matrix:
