@@ -285,14 +285,14 @@ class _Cubics(NamedTuple):
 
     def least(self, robot: Robot) -> tuple[Vector, Vector]:
         """(shares (k,) at which they are least beyond the limits, how far there), looked at closer and closer."""
-        rows = np.arange(len(self.begin))
-        low, high = np.zeros(len(rows)), np.ones(len(rows))
+        rows, width = np.arange(len(self.begin)), 0.5
+        best, value = np.full(len(rows), 0.5), np.full(len(rows), np.inf)
         for _ in range(ROUNDS):
-            u = low[:, None] + np.linspace(0.0, 1.0, LOOKS) * (high - low)[:, None]
+            u = np.clip(best[:, None] + width * np.linspace(-1.0, 1.0, LOOKS), 0.0, 1.0)
             values = _excess(robot, at_best_turns(robot, self.at(u))).max(axis=2)
             i = np.argmin(values, axis=1)
-            low, high = u[rows, np.maximum(i - 1, 0)], u[rows, np.minimum(i + 1, LOOKS - 1)]
-        return u[rows, i], values[rows, i]
+            best, value, width = u[rows, i], values[rows, i], 2 * width / (LOOKS - 1)
+        return best, value
 
 
 def _bends(first: Indices, move: Matrix, distance: Vector) -> Matrix:
