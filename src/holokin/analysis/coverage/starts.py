@@ -12,7 +12,8 @@ import numpy as np
 
 from ...base.errors import ArgumentError, NoArmError, NotFiniteError
 from ...base.types import Array, Matrix, Value, Vector
-from ...motion.ik.pose_paths import nearest_postures, surely_beyond
+from ...motion.ik.least_squares import nearest_postures
+from ...motion.ik.pose_reach import Reach, at_best_turns, every_posture, reach_of
 from ...path.workspaces import PoseRange
 from ...path.workspaces import workspace as pose_range
 from ...robot import Robot
@@ -33,7 +34,6 @@ from ...strategies.constraints import (
 from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import pose, position
-from .cover_workspace import Reach
 
 FREE = 1.2
 """Range [rad or m] on either side of zero for a joint without limits."""
@@ -106,20 +106,10 @@ def regular_starts(task: Task) -> Matrix:
 
 def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     """Postures (k, n) within the joint limits with the tool at a pose (4, 4), far from each other; none where there
-    are none. The most comfortable is the first.
-
-    Searched for from random postures, so that they are of all branches and all over the self-motions, and moved from
-    there by self-motion towards the middle of the joints' ranges. No hinge has a whole turn too many.
-    """
-    p, R, seeds = pose[:3, 3], pose[:3, :3], 96
-    lower, upper = task.robot.ranges(FREE)
-    near = np.random.default_rng(0).uniform(lower, upper, (seeds, task.n))
-    if not nearest_postures(task, p[None], R[None], near[:1], limits=True).reached[0]:
-        return np.zeros((0, task.n))
-    # Postures of all branches, and others on their ways to the middle of the ranges
-    nearest = nearest_postures(task, np.tile(p, (seeds, 1)), np.tile(R, (seeds, 1, 1)), near, limits=True)
-    Q = unwound(task.robot, _centred(task, nearest.q[nearest.reached], p, R))
-    Q = Q[task.robot.within(Q)]
+    are none. The most comfortable is the first."""
+    Q = postures_within_limits(task, pose)
+    if not len(Q):
+        return Q
     # The most comfortable, then those that are comfortable and far from all before
     values = np.array([_comfort(task, q) for q in Q])
     chosen = [int(np.argmax(values))]
@@ -128,6 +118,30 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
         away = np.minimum(away, np.linalg.norm(Q - Q[chosen[-1]], axis=1))
         chosen.append(int(np.argmax(away * values)))
     return Q[chosen]
+
+
+def postures_within_limits(task: Task, pose: Matrix) -> Matrix:
+    """Postures (k, n) within the joint limits with the tool at a pose (4, 4).
+
+    They are those of all its self-motions, a tenth of a radian apart, where a closed form gives them. Elsewhere they
+    are searched for from random postures, and moved by self-motion towards the middle of the joints' ranges. No hinge
+    has a whole turn too many.
+    """
+    p, R, seeds = pose[:3, 3], pose[:3, :3], 96
+    lower, upper = task.robot.ranges(FREE)
+    near = np.random.default_rng(0).uniform(lower, upper, (seeds, task.n))
+    best = reach_of(task, p[None], R[None], near[:1])
+    if not best.within[0]:
+        return np.zeros((0, task.n))
+    every = every_posture(task, p[None], R[None])
+    if every is None:
+        # Postures of all branches, and others on their ways to the middle of the ranges
+        nearest = nearest_postures(task, np.tile(p, (seeds, 1)), np.tile(R, (seeds, 1, 1)), near, limits=True)
+        Q = _centred(task, nearest.q[nearest.reached], p, R)
+    else:
+        Q = np.vstack([best.q, at_best_turns(task.robot, every.q)])
+    Q = unwound(task.robot, Q)
+    return Q[task.robot.within(Q)]
 
 
 def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:
@@ -342,21 +356,11 @@ def proposed_workspace(task: Task, q0: Vector) -> PoseRange:
         return pose_range(box=(tool[:3, 3].round(3), half.round(3)), rotation=tool[:3, :3], tilt=tilt, spin=spin)
 
     # Half sides over the length of the arm; 97 % of 64 poses are nearly all
-    sides = (side for side in (0.15, 0.1, 0.07) if reached(task, box(side).poses(64), q0)[1].within.mean() >= 0.97)
+    sides = (side for side in (0.15, 0.1, 0.07) if reached(task, box(side).poses(64), q0).within.mean() >= 0.97)
     return box(next(sides, 0.05))
 
 
-def reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:
-    """Postures (k, n) at poses (k, 4, 4), within the limits if there are such, NaN where there are none."""
-    p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+def reached(task: Task, T: Array, start: Vector | None) -> Reach:
+    """By which postures poses (k, 4, 4) are reached; a search begins at a start (n,), else at a regular posture."""
     near = np.tile(regular_starts(task)[0] if start is None else start, (len(T), 1))
-    Q, known = np.full_like(near, np.nan), {}
-    rest = np.flatnonzero(~surely_beyond(task, p, R))
-    for limits in (True, False):
-        known[limits] = np.isfinite(Q).all(axis=1)
-        if len(rest):
-            nearest = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits)
-            Q[rest[nearest.reached]] = nearest.q[nearest.reached]
-            known[limits][rest] = nearest.reached
-            rest = rest[~nearest.reached]
-    return Q, Reach(known[False], known[True])
+    return reach_of(task, np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3]), near)
