@@ -498,19 +498,29 @@ def solver(form: Form, polish: bool) -> Function:
 
 def answer(form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joints: SX, signs: SX) -> SX:
     """The answer (12,) of `solver` as an expression of its arguments."""
+    q, roots, _ = posture(form, polish, numbers, pose, own_numbers, joints, signs)
+    within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
+    share = reduce(fmin, [root.share for root in roots])
+    return vertcat(q, *(root.slope for root in roots), share, within, _fault(pose))
+
+
+def posture(
+    form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joints: SX, signs: SX
+) -> tuple[SX, list[Root], SX]:
+    """(six joints (6,), roots of the three steps, largest last correction) as expressions of `solver`'s arguments."""
     chain, own = (_chain(form, x, *_frame(pose)) for x in (numbers, own_numbers))
     turns, roots = _solved(form, chain, [signs[i] for i in range(3)])
+    last = [SX(0)] * 6
     if polish:
         first = _corrections(form.family, own, turns)
         turns = [_plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
     angles = [turn.angle for turn in turns]
     if polish:
-        angles = [a + more for a, more in zip(angles, _corrections(form.family, own, turns), strict=True)]
-    share = fmin(fmin(roots[0].share, roots[1].share), roots[2].share)
+        last = _corrections(form.family, own, turns)
+        angles = [a + more for a, more in zip(angles, last, strict=True)]
     q = joints[0, :].T * (vertcat(*(angles[::-1] if form.reversed else angles)) - joints[1, :].T)
     q = q + 2 * np.pi * floor((joints[2, :].T - q) / (2 * np.pi) + 0.5)
-    within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
-    return vertcat(q, *(root.slope for root in roots), share, within, _fault(pose))
+    return q, roots, reduce(fmax, [fabs(more) for more in last])
 
 
 def _fault(pose: SX) -> SX:
