@@ -7,7 +7,7 @@ import pytest
 
 import holokin as hk
 from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
-from holokin.analysis.design.designed_strategy import Floor
+from holokin.analysis.design.least_costs import Floor
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.base.types import Array, Flags, Matrix
 from holokin.motion.ik.pose_paths import nearest_postures

@@ -7,7 +7,7 @@ each from the best postures before: the least found may then be too high.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,7 @@ from ...base.errors import ArgumentError, RobotFileError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.ik.leaf import leaf_step
-from ...motion.ik.posture_search import newton, postures_from, spread
+from ...motion.ik.posture_search import newton
 from ...path.path import straight
 from ...robot import Robot, is_model, load, model_links, model_root
 from ...strategies import HolonomicStrategy
@@ -30,160 +30,6 @@ from ...strategies.self_motion_curves import CurveTracer, away
 from ...strategies.tasks.frame_task import FrameTask, completing, leaves_free, parts_of
 from ...strategies.tasks.task import Task
 from ...symbolic import SX, Function, jacobian, runge_kutta, symbol
-
-STARTS = 64
-"""Starts of Newton's method at each pose. A Panda and an iiwa 14 have 4 to 8 self-motions at a pose, and each of them
-draws a tenth of the starts or more: 64 miss one once in a thousand poses."""
-
-STEP = 0.2
-"""Arc length between the postures of a self-motion [joint units]."""
-
-Cost = Callable[[Matrix], Vector]
-"""Postures (k, n) -> values (k,), inf for those that do not count."""
-
-
-@dataclass(frozen=True, eq=False)
-class PosePostures(Value):
-    """Postures q (N, n) found at tool poses p (S, 3), R (S, 3, 3), that at `pose` (N,) of them.
-
-    Where one joint is redundant they are those of whole self-motions, in their order, numbered by `curve` (N,).
-    Elsewhere each is a curve of its own.
-    """
-
-    task: Task
-    p: Matrix
-    R: Array
-    q: Matrix
-    pose: Indices
-    curve: Indices
-
-    @property
-    def traced(self) -> bool:
-        """Whether they are whole self-motions."""
-        return self.task.n - self.task.m == 1
-
-    def least(self, cost: Cost, excess_of: Cost) -> Vector:
-        """The least (S,) of a cost at each pose, looked for between these postures, too; inf where it is inf at all.
-
-        Args:
-            excess_of: what is above 0 where the cost is inf, and falls towards where it is not (k,).
-        """
-        return (_on_curves if self.traced else _on_lines)(self, cost, excess_of)
-
-    @cached_property
-    def motions(self) -> CurveTracer:
-        """The self-motions at these poses."""
-        return CurveTracer(self.task, self.p, self.R)
-
-
-def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int) -> PosePostures:
-    """The postures at tool poses p (S, 3), R (S, 3, 3), on the self-motions of Q (S, n) and of those that Newton's
-    method finds from so many starts at each pose.
-    """
-    task = task._geometric_twin  # which has no singular angles on the way
-    S = len(Q)
-    pose = np.repeat(np.arange(S), starts)
-    q, arrived = postures_from(task, spread(task.robot, starts * S), p[pose], R[pose])
-    q, pose = np.concatenate([Q, q[arrived]]), np.concatenate([np.arange(S), pose[arrived]])
-    if task.n - task.m > 1:
-        return PosePostures(task, p, R, q, pose, np.arange(len(q)))
-    # Walk the self-motion of one posture at each pose, and leave out the postures that lie on it, until none is left.
-    # A walk goes 20 joint units each way; a Panda's self-motions close after 20 or less
-    rest, curves, curve_poses = np.arange(len(q)), [], []
-    while len(rest):
-        poses, first = np.unique(pose[rest], return_index=True)
-        first = rest[first]
-        motions = CurveTracer(task, p[poses], R[poses])
-        lines = [line.q for line in motions.traced(q[first], step=STEP, length=20.0, limits=False)]
-        curves, curve_poses = curves + lines, [*curve_poses, *poses]
-        others = [rest[(pose[rest] == k) & (rest != i)] for k, i in zip(poses, first, strict=True)]
-        far = [away(task, q[i][:, None], line).min(axis=1) > STEP for i, line in zip(others, lines, strict=True)]
-        rest = np.concatenate([i[apart] for i, apart in zip(others, far, strict=True)])
-    curve = np.repeat(np.arange(len(curves)), [len(line) for line in curves])
-    return PosePostures(task, p, R, np.concatenate(curves), np.array(curve_poses)[curve], curve)
-
-
-def _on_curves(postures: PosePostures, cost: Cost, excess_of: Cost) -> Vector:
-    """The least cost (S,) on whole self-motions: at their postures, then ever closer round the best places.
-
-    Between two postures that do not count there may be one that does: such places are looked at, too.
-    """
-    q, pose, rng = postures.q, postures.pose, np.random.default_rng(0)
-    value, excess, best = cost(q), excess_of(q), np.full(len(postures.p), np.inf)
-    np.minimum.at(best, pose, value)
-    # Places where the cost is no higher than beside them, or where the excess is, and may come down to 0 between them:
-    # it is less than it changes to a neighbour.
-    lowest, _ = _dips(value, postures.curve)
-    dips, change_to_neighbour = _dips(excess, postures.curve)
-    hidden = np.isinf(value) & dips & (excess < change_to_neighbour)
-    places, step = np.flatnonzero(lowest | hidden), STEP
-    value = np.where(hidden, 0.0, value)  # to be looked at before all others
-    q, pose, value, excess = q[places], pose[places], value[places], excess[places]
-    # Three times with steps shorter by eight: the least is then right to 1e-5, also where a limit cuts the self-motion
-    for count, parts in ((8, 8), (3, 8), (1, 8)):
-        chosen, step = _lowest(value, excess, pose, count), step / parts
-        q, pose = q[chosen], pose[chosen]
-        # Of a random direction only the share along the self-motion counts.
-        line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, parts)
-        q, value, excess = best_of(line, cost, excess_of)
-        np.minimum.at(best, pose, value)
-    return best
-
-
-def _on_lines(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
-    """The least cost (S,) that lines in random directions of the self-motions come down to, from the best postures.
-
-    Twelve lines for each redundant joint, of ten steps each way: a third of them from the six best postures of a pose,
-    a third from the two best with steps shorter by five, and a third from the best, shorter again.
-    """
-    pose, rng, best = postures.pose, np.random.default_rng(0), np.full(len(postures.p), np.inf)
-    q, value, excess = best_of(postures.q[None], cost, over)
-    for third, count in enumerate((6, 2, 1)):
-        chosen, step = _lowest(value, excess, pose, count), STEP / 5**third
-        q, pose = q[chosen], pose[chosen]
-        for _ in range(4 * (postures.task.n - postures.task.m)):
-            line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, 10)
-            q, value, excess = best_of(line, cost, over)
-    np.minimum.at(best, pose, value)
-    return best
-
-
-def line_through(motions: CurveTracer, q: Matrix, v: Matrix, pose: Indices, step: float, count: int) -> Array:
-    """Postures (2 count + 1, k, n) on self-motions through some (k, n): these, and so many steps both ways."""
-    line = [q]
-    for sign in (1.0, -1.0):
-        posture, along, _ = motions.step(q, sign * v, pose, np.zeros(len(q)))
-        for _ in range(count):
-            posture, along, _ = motions.step(posture, along, pose, np.full(len(q), step))
-            line.append(posture)
-    return np.array(line)
-
-
-def best_of(line: Array, cost: Cost, over: Cost) -> tuple[Matrix, Vector, Vector]:
-    """(the best (k, n) of postures (j, k, n), its cost (k,) and excess (k,)); of those that cost inf the nearest."""
-    flat = line.reshape(-1, line.shape[2])
-    value, excess = cost(flat).reshape(line.shape[:2]), over(flat).reshape(line.shape[:2])
-    every = np.arange(line.shape[1])
-    chosen = np.where(np.isfinite(value).any(axis=0), value.argmin(axis=0), excess.argmin(axis=0))
-    return line[chosen, every], value[chosen, every], excess[chosen, every]
-
-
-def _dips(value: Vector, curve: Indices) -> tuple[Flags, Vector]:
-    """(where values along curves are finite and not above their neighbours', by how much they differ from these)."""
-    same = np.diff(curve) == 0
-    after = np.append(np.where(same, value[1:], np.inf), np.inf)
-    before = np.append(np.inf, np.where(same, value[:-1], np.inf))
-    with np.errstate(invalid="ignore"):
-        steps = np.fmax(*(np.where(np.isfinite(v), np.abs(v - value), 0.0) for v in (before, after)))
-    return np.isfinite(value) & (value <= np.minimum(before, after)), steps
-
-
-def _lowest(value: Vector, excess: Vector, pose: Indices, count: int) -> Indices:
-    """Which of some places cost the least at their poses, so many of each."""
-    order = np.lexsort((excess, value, pose))
-    first = np.searchsorted(pose[order], pose[order])
-    return order[np.arange(len(order)) - first < count]
-
 
 # --- The coordinates of a workspace in which polynomials are written: those of the tool pose that vary in it, scaled.
 

@@ -30,7 +30,8 @@ from ..coverage.starts import (
     proposed_workspace,
     reached,
 )
-from .designed_strategy import Design, Floor, design
+from .designed_strategy import Design, design
+from .least_costs import Floor
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of
 from .objectives import Objective, costs_of
 from .trials import (
