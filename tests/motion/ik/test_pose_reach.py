@@ -13,7 +13,8 @@ from holokin.base.errors import OutOfReachError
 from holokin.base.types import Array, Matrix, Vector
 from holokin.motion.ik.least_squares import nearest_postures
 from holokin.motion.ik.pose_reach import Reach, all_known, at_best_turns, reach_of
-from holokin.motion.ik.posture_search import all_postures, postures_from, spread
+from holokin.motion.ik.posture_search import postures_from, spread
+from holokin.motion.ik.postures_of_pose import all_postures
 from holokin.robot import Robot
 from holokin.strategies import self_motion
 

@@ -10,7 +10,14 @@ import pytest
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, sampled, urdf
 from holokin.analysis.coverage import PoseStatus
-from holokin.base.errors import ArgumentError, CallError, ShapeError, SingularityError, SingularityKind, UnknownNameError
+from holokin.base.errors import (
+    ArgumentError,
+    CallError,
+    ShapeError,
+    SingularityError,
+    SingularityKind,
+    UnknownNameError,
+)
 from holokin.strategies.constraints import find_arm
 from holokin.symbolic import Function, jacobian, symbol
 

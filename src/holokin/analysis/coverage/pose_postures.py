@@ -26,7 +26,6 @@ from ...robot import Robot, is_model, load, model_links, model_root
 from ...strategies import HolonomicStrategy
 from ...strategies.constraints.constraint import ChartFunction
 from ...strategies.right_inverses import Terms, monomials, monomials_up_to
-from ...strategies.self_motion_curves import CurveTracer, away
 from ...strategies.tasks.frame_task import FrameTask, completing, leaves_free, parts_of
 from ...strategies.tasks.task import Task
 from ...symbolic import SX, Function, jacobian, runge_kutta, symbol

@@ -20,7 +20,6 @@ from ...robot import check_metres, start_posture
 from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import Constraint, linear, tilted
 from ...strategies.right_inverses import monomials_up_to
-from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic.linear import null_space
 from ..coverage.pose_postures import Coordinates, Polynomial, chart_of, coordinates_of

@@ -17,7 +17,7 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, frozen, kept
 from ...robot import Robot
 from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
-from ...strategies.radial_strategy import least_motion
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 from .closed_leaf import DOUBT
