@@ -1,33 +1,37 @@
 """All ways to close a loop of six hinges, up to sixteen, by one eigenvalue problem. [RR90], [MC94]
 
-A loop is R_1 L_1 R_2 L_2 ... R_6 L_6 = 1: R_i turns about z by an angle, the links L_i are given. Its joints, from any of
-them on and either way round, are a, b, c, d, e, f.
+A loop is R_1 L_1 R_2 L_2 ... R_6 L_6 = 1: R_i turns about z by an angle, the links L_i are given. Its joints, from any
+of them on and either way round, are a, b, c, d, e, f.
 
-An axis with direction l through a point p, as X = (1, p, p.p, l, p.l, p x l, (p.p) l - 2 (p.l) p), is moved linearly by
-a rigid motion, X -> S(L) X (15 x 15). A turn about z turns four pairs of its numbers and keeps the others. The axis f,
-seen from joint c, is the same both ways round the loop (Raghavan and Roth's fourteen equations):
+An axis of direction l through a point p, as X = (1, p, p.p, l, p.l, p x l, (p.p) l - 2 (p.l) p), is moved linearly by a
+rigid motion, X -> S(L) X (15 x 15). A turn about z turns four pairs of its numbers and keeps the others. The axis f,
+seen from joint c, is the same both ways round the loop (the fourteen equations of Raghavan and Roth):
 
     R_c S(L_c) R_d S(L_d) R_e S(L_e) X_0 = S(L_b^-1) R_b^-1 S(L_a^-1) R_a^-1 S(L_f^-1) X_0.
 
-1. On the right is Q (14 x 8) times the products of cosines and sines of a and b, and a column. The complement of Q leaves
-   six equations in c, d, e. With them times tan(d / 2), twelve equations are linear in the twelve products v of powers of
-   tan(d / 2), up to the third, and tan(e / 2), up to the second.
-2. They are M v + V R_c H v = 0: H v are sixteen numbers in eight pairs, and R_c turns each pair. With J a quarter turn of
-   all pairs and H v = (cos(c/2) - sin(c/2) J) g, so that R_c H v = (cos(c/2) + sin(c/2) J) g, the complement of the columns
-   of (M, H) leaves (cos(c/2) F_0 + sin(c/2) F_1) g = 0, of size sixteen. The usual form of size 24 has eight eigenvalues
-   more, +-i.
-3. The eigenvalues are tan(c / 2), seen from the best of some angles, so that none is near infinity; v gives d and e, the
-   fourteen equations a and b, the loop f. Where roots have the same c, v is a mixture: see `_separated`.
+1. On the right is Q (14 x 8) times the products of cosines and sines of a and b, and a column. The complement of Q
+   leaves six equations in c, d, e. With them times tan(d / 2), twelve are linear in the twelve products v of powers of
+   tan(d / 2), up to the third, and of tan(e / 2), up to the second.
+2. They are M v + V R_c H v = 0: H v are sixteen numbers in eight pairs, each of which R_c turns. J being a quarter turn
+   of all pairs, let H v = (cos(c / 2) - sin(c / 2) J) g, so that R_c H v = (cos(c / 2) + sin(c / 2) J) g. The
+   complement of the columns of (M, H) leaves (cos(c / 2) F_0 + sin(c / 2) F_1) g = 0, of size sixteen. The usual form
+   has size 24, and eight eigenvalues more, +-i.
+3. The eigenvalues are tan(c / 2), seen from the best of some angles, so that none is near infinity; v gives d and e,
+   the fourteen equations a and b, the loop f. Where roots have the same c, v is a mixture: see `_separated`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.types import Array, Flags, Indices, Matrix, Vector
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+"""Complex numbers, in an array of any shape."""
 
 REAL = 0.1
 """Imaginary part of an angle [rad] up to which a root is told. What it is, real or not, is for its polishing to say."""
@@ -39,7 +43,7 @@ _CLUSTER = 1e-5
 """Distance [rad] of angles c within which the vectors v are taken for mixed."""
 
 _SPAN = 1e-6
-"""How far vectors v of length 1 may be from spanning what tan(d / 2) times them spans: else there is a curve of roots."""
+"""How far vectors v of length 1 may be from spanning what tan(d / 2) times them spans; else they are of a curve."""
 
 _SEEN = 0.35 + np.arange(3) * np.pi / 3
 """Half angles of c from one of which it is seen: of no special arm."""
@@ -109,83 +113,114 @@ class LoopRoots(NamedTuple):
 def loop_roots(links: Sequence[Array], order: Order) -> LoopRoots:
     """The roots whose angles are nearly real, of loops with links (6), each (k, 4, 4), not yet polished."""
     with np.errstate(all="ignore"):
-        return _loop_roots(links, order)
+        loop = np.array(order.links(links))
+        loop[:, :, :3, 3] /= np.linalg.norm(loop[:, :, :3, 3], axis=2).max(axis=0)[:, None]
+        equations = _equations(loop)
+        every, G, ill = _eigenvalues(equations.F)
+        row, c, d, e, imaginary, lost = _three_angles(equations, every, G)
+        a, b, more = _two_angles(equations, row, c, d, e)
+    T = loop[5][row] @ turn_z(a)
+    for angle, link in zip((b, c, d, e), loop, strict=False):
+        T = T @ link[row] @ turn_z(angle)
+    T = T @ loop[4][row]
+    f = np.arctan2(T[:, 0, 1] - T[:, 1, 0], T[:, 0, 0] + T[:, 1, 1])
+    angles = np.empty((len(row), 6))
+    angles[:, order.joints] = np.stack([a, b, c, d, e, f], axis=1) * (-1 if order.reversed else 1)
+    return LoopRoots(angles, row, imaginary, ill | lost | more)
 
 
-def _loop_roots(links: Sequence[Array], order: Order) -> LoopRoots:
-    k = len(links[0])
-    loop = np.array(order.links(links))
-    loop[:, :, :3, 3] /= np.linalg.norm(loop[:, :, :3, 3], axis=2).max(axis=0)[:, None]
-    # The fourteen equations: Y (k, 14, 9) times (cos, sin, 1) of d and e, Z (k, 14, 9) times those of b and a.
+class _Equations(NamedTuple):
+    """Y (k, 14, 9) times (cos, sin, 1) of d and e, turned by c, is Z (k, 14, 9) times those of b and a.
+
+    Q_ab (k, 14, 8), R_ab (k, 8, 8): of Z without its column of 1. F, two of (k, 28, 16): (cos(c / 2) F_0 + sin(c / 2)
+    F_1) g is -R_v v in its first twelve rows, R_v (k, 12, 12), and 0 in the others.
+    """
+
+    Y: Array
+    Z: Array
+    Q_ab: Array
+    R_ab: Array
+    F: tuple[Array, Array]
+    R_v: Array
+
+
+def _equations(loop: Array) -> _Equations:
+    """Those of links a to f, (6, k, 4, 4)."""
+    k = loop.shape[1]
     back = inverse_poses(loop[[0, 1, 5]])
     of_c, of_d, of_a, of_b = _moving(np.stack([loop[2], loop[3], back[0], back[1]]))
     start = _axes(np.stack([loop[4], back[2]]))
     Y = (of_c @ _turned(_AHEAD, of_d @ _turned(_AHEAD, start[0])))[:, 1:]
     Z = (of_b @ _turned(_BACK, of_a @ _turned(_BACK, start[1])))[:, 1:]
-    # Six without a and b; twelve in v; sixteen in g.
+    # Six equations without a and b, of which the means are not turned by c and the pairs are.
     Q_ab, R_ab = np.linalg.qr(Z[:, :, :8], mode="complete")
     left = Q_ab[:, :, 8:].transpose(0, 2, 1)
     in_v = Y @ _PRODUCTS
     mean = left[:, :, _FIXED] @ in_v[:, _FIXED] - (left @ Z[:, :, 8:]) * _PRODUCTS[8]
-    H, paired = in_v[:, _PAIRS], left[:, :, _PAIRS]
+    # Twelve in v; sixteen in g.
     twelve, V = np.zeros((k, 28, 12)), np.zeros((k, 12, 16))
     for i in range(2):
         twelve[:, 6 * i : 6 * i + 6, 3 * i : 3 * i + 9] = mean
-        twelve[:, 12 + 8 * i : 20 + 8 * i, 3 * i : 3 * i + 9] = H
-        V[:, 6 * i : 6 * i + 6, 8 * i : 8 * i + 8] = paired
+        twelve[:, 12 + 8 * i : 20 + 8 * i, 3 * i : 3 * i + 9] = in_v[:, _PAIRS]
+        V[:, 6 * i : 6 * i + 6, 8 * i : 8 * i + 8] = left[:, :, _PAIRS]
     Q_v, R_v = np.linalg.qr(twelve, mode="complete")
-    top, below = Q_v.transpose(0, 2, 1)[:, :, :12] @ V, Q_v.transpose(0, 2, 1)[:, :, 12:]
-    F = top - below, _quarter(top + below)  # their first twelve rows tell v, the others are 0
-    # The angle from which c is seen is that of the largest determinant, which is farthest from all roots.
+    across = Q_v.transpose(0, 2, 1)
+    top, below = across[:, :, :12] @ V, across[:, :, 12:]
+    return _Equations(Y, Z, Q_ab[:, :, :8], R_ab[:, :8], (top - below, _quarter(top + below)), R_v[:, :12])
+
+
+def _eigenvalues(F: tuple[Array, Array]) -> tuple[Complex, Complex, Flags]:
+    """(c (k, 16), g (k, 16, 16) in columns, ill (k,)), of the equations F."""
+    # c is seen from the angle at which the determinant is largest: it is the product of the distances from all roots.
+    k, F_0, F_1 = len(F[0]), F[0][:, 12:], F[1][:, 12:]
     cos, sin = np.cos(_SEEN)[:, None, None, None], np.sin(_SEEN)[:, None, None, None]
-    seen = cos * F[1][:, 12:] - sin * F[0][:, 12:]
-    size = np.linalg.slogdet(seen)[1]
+    ahead = cos * F_1 - sin * F_0
+    size = np.linalg.slogdet(ahead)[1]
     best = np.argmax(size, axis=0)
-    ahead, across = seen[best, np.arange(k)], cos[best, 0] * F[0][:, 12:] + sin[best, 0] * F[1][:, 12:]
-    singular = ~np.isfinite(size.max(axis=0))
-    ahead[singular], across[singular] = np.eye(16), 0.0
+    ahead, level = ahead[best, np.arange(k)], cos[best, 0] * F_0 + sin[best, 0] * F_1
+    ill = ~np.isfinite(size.max(axis=0))
+    ahead[ill] = np.eye(16)
     inverse = np.linalg.inv(ahead)
-    ill = singular | (np.linalg.norm(ahead, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) > ILL)
-    system = -inverse @ across
-    lost = ~np.isfinite(system).all(axis=(1, 2))
-    system[lost] = 0.0
-    ill |= lost
-    tangent, G = np.linalg.eig(system)
-    every = 2 * (np.arctan(tangent.astype(complex)) + _SEEN[best][:, None])
-    # v of each, then d and e.
-    R_v, lost = _sound(R_v[:, :12])
-    ill |= lost
+    system = -inverse @ level
+    ill |= ~np.isfinite(system).all(axis=(1, 2))
+    system[ill] = 0.0
+    pairs: Any = np.linalg.eig(system)
+    tangent, G = pairs.eigenvalues.astype(complex), pairs.eigenvectors.astype(complex)
+    ill |= np.linalg.norm(ahead, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) > ILL
+    return 2 * (np.arctan(tangent) + _SEEN[best][:, None]), G, ill
+
+
+def _three_angles(
+    equations: _Equations, every: Complex, G: Complex
+) -> tuple[Indices, Vector, Vector, Vector, Vector, Flags]:
+    """(row (K,), c, d, e, imaginary part (K,), ill (k,)) of the roots that are nearly real."""
+    R_v, ill = _sound(equations.R_v)
+    F_0, F_1 = (F[:, :12] for F in equations.F)
     half = every[:, None] / 2
-    solved = np.linalg.solve(R_v, np.cos(half) * (F[0][:, :12] @ G) + np.sin(half) * (F[1][:, :12] @ G))
+    solved = np.linalg.solve(R_v, np.cos(half) * (F_0 @ G) + np.sin(half) * (F_1 @ G))
     size = np.abs(solved).max(axis=1)
     row, column = np.nonzero((np.abs(every.imag) < REAL) & np.isfinite(size) & (size > 0))
     c, v = _separated(every[row, column], solved[row, :, column], row)
     d, e = _angle_of(v[:, :3], v[:, 1:]), _angle_of(v[:, :, :2], v[:, :, 1:])
-    imaginary = np.abs([c.imag, d.imag, e.imag]).max(axis=0)
+    angles: Any = np.array([c, d, e])
+    imaginary = np.abs(angles.imag).max(axis=0)
     near = np.flatnonzero(imaginary < REAL)
-    row, imaginary, c, d, e = row[near], imaginary[near], c[near].real, d[near].real, e[near].real
-    # a and b from the fourteen equations, f from the loop.
-    R_ab, lost = _sound(R_ab[:, :8])
-    ill |= lost
+    return row[near], *angles.real[:, near], imaginary[near], ill
+
+
+def _two_angles(equations: _Equations, row: Indices, c: Vector, d: Vector, e: Vector) -> tuple[Vector, Vector, Flags]:
+    """(a (K,), b (K,), ill (k,)) of the roots, from the fourteen equations."""
+    R_ab, ill = _sound(equations.R_ab)
     of_d, of_e = (np.stack([np.cos(q), np.sin(q), np.ones_like(q)], axis=1) for q in (d, e))
-    y = (Y[row] @ (of_d[:, :, None] * of_e[:, None]).reshape(-1, 9, 1))[:, :, 0]
+    y = (equations.Y[row] @ (of_d[:, :, None] * of_e[:, None]).reshape(-1, 9, 1))[:, :, 0]
     x_part, y_part, cos, sin = y[:, _PAIRS[:4]], y[:, _PAIRS[4:]], np.cos(c)[:, None], np.sin(c)[:, None]
     y[:, _PAIRS] = np.concatenate([cos * x_part - sin * y_part, sin * x_part + cos * y_part], axis=1)
-    from_y = np.linalg.solve(R_ab, Q_ab[:, :, :8].transpose(0, 2, 1))
-    of_ab = (from_y[row] @ (y - Z[row, :, 8])[:, :, None])[:, :, 0]
-    a, b = np.arctan2(of_ab[:, 7], of_ab[:, 6]), np.arctan2(of_ab[:, 5], of_ab[:, 2])
-    at = loop[:, row]
-    T = at[5] @ turn_z(a)
-    for angle, link in zip((b, c, d, e), at, strict=False):
-        T = T @ link @ turn_z(angle)
-    T = T @ at[4]
-    f = np.arctan2(T[:, 0, 1] - T[:, 1, 0], T[:, 0, 0] + T[:, 1, 1])
-    angles = np.empty((len(row), 6))
-    angles[:, order.joints] = np.stack([a, b, c, d, e, f], axis=1) * (-1 if order.reversed else 1)
-    return LoopRoots(angles, row, imaginary, ill)
+    solver = np.linalg.solve(R_ab, equations.Q_ab.transpose(0, 2, 1))
+    of_ab = (solver[row] @ (y - equations.Z[row, :, 8])[:, :, None])[:, :, 0]
+    return np.arctan2(of_ab[:, 7], of_ab[:, 6]), np.arctan2(of_ab[:, 5], of_ab[:, 2]), ill
 
 
-def _separated(c: Vector, v: Matrix, row: Indices) -> tuple[Vector, Array]:
+def _separated(c: Complex, v: Complex, row: Indices) -> tuple[Complex, Complex]:
     """(c (K,), v (K, 4, 3)) with the vectors (K, 12) of roots of the same c, which are mixed, told apart.
 
     They span what tan(d / 2) times them spans, and tan(e / 2) too: these are matrices X, Y of a size of their number,
@@ -216,14 +251,14 @@ def _separated(c: Vector, v: Matrix, row: Indices) -> tuple[Vector, Array]:
     return c, out
 
 
-def _seen_aside(low: Array, high: Array) -> tuple[Array, Array]:
+def _seen_aside(low: Complex, high: Complex) -> tuple[Complex, Complex]:
     """Those whose quotient is the tangent of the half angle, less `_SEEN[0]`."""
     c, s = np.cos(_SEEN[0]), np.sin(_SEEN[0])
     return c * low + s * high, c * high - s * low
 
 
-def _angle_of(low: Array, high: Array) -> Vector:
-    """The angle (K,) whose half has the tangent x, high = x low, arrays (K, ., .) that are complex."""
+def _angle_of(low: Complex, high: Complex) -> Complex:
+    """The angle (K,) whose half has the tangent x, high = x low, arrays (K, ., .)."""
     low, high = _seen_aside(low, high)
     x = (low.conj() * high).sum(axis=(1, 2)) / (low.conj() * low).sum(axis=(1, 2))
     return 2 * (np.arctan(x) + _SEEN[0])

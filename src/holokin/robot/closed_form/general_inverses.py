@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen, joined, some
 from ..model import Robot
 from .arm_classes import Link, NoClass, links_of, no_six_hinges
 from .loop_roots import ORDERS, LoopRoots, Order, inverse_poses, loop_roots, turn_z
@@ -51,9 +51,12 @@ _FAIR = 1e-4
 """How well a root closes the loop, and finds a posture again [m, rad], that is not yet polished."""
 
 
-class _Some(NamedTuple):
-    """Joints (K, 6) of postures, the pose (K,) of each, residual (K,), rcond (K,), where the tool moves least (K, 6), and
-    how many real roots (K,) came to it."""
+@dataclass(frozen=True, eq=False)
+class _Polished(Value):
+    """Joints (K, 6) of postures, and the pose (K,), residual (K,) and rcond (K,) of each.
+
+    null (K, 6): where the tool moves least. roots (K,): how many real ones came to it.
+    """
 
     q: Matrix
     row: Indices
@@ -62,31 +65,25 @@ class _Some(NamedTuple):
     null: Matrix
     roots: Indices
 
-    def at(self, chosen: Array) -> _Some:
-        return _Some(*(x[chosen] for x in self))
-
-    def joined(self, others: _Some) -> _Some:
-        return _Some(*(np.concatenate([x, y]) for x, y in zip(self, others, strict=True)))
-
-    def distinct(self, k: int) -> _Some:
+    def distinct(self, k: int) -> _Polished:
         """Without those that are another of the same of k poses, in the order of these."""
-        some = self.at(np.argsort(self.row, kind="stable"))
-        count = np.bincount(some.row, minlength=k)
+        ordered = some(self, np.argsort(self.row, kind="stable"))
+        count = np.bincount(ordered.row, minlength=k)
         begin = np.cumsum(count) - count
-        place = np.arange(len(some.row)) - begin[some.row]
+        place = np.arange(len(ordered.row)) - begin[ordered.row]
         each = np.full((k, max(1, count.max(initial=0)), 6), np.nan)
-        each[some.row, place] = some.q
+        each[ordered.row, place] = ordered.q
         later, before = np.tril_indices(each.shape[1], -1)
         row, pair = np.nonzero(_apart(each[:, later], each[:, before]) < SAME)
         if not len(row):
-            return some
-        first = np.arange(len(some.row))
+            return ordered
+        first = np.arange(len(ordered.row))
         np.minimum.at(first, begin[row] + later[pair], begin[row] + before[pair])
-        roots = np.bincount(first, weights=some.roots, minlength=len(first)).astype(int)
-        return some._replace(roots=roots).at(first == np.arange(len(first)))
+        roots = np.bincount(first, weights=ordered.roots, minlength=len(first)).astype(int)
+        return some(replace(ordered, roots=roots), first == np.arange(len(first)))
 
 
-_NONE = _Some(np.zeros((0, 6)), np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros(0, int))
+_NONE = _Polished(np.zeros((0, 6)), np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros(0, int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +122,7 @@ class GeneralInverse(Value):
     held: tuple[int, ...]
     tip: str | None = None
 
-    def postures(self, poses: Array, held: ArrayLike) -> GeneralPostures:
+    def postures(self, poses: ArrayLike, held: ArrayLike) -> GeneralPostures:
         """The postures at tool poses (k, 4, 4), the held joints having values (k, r) or (r,).
 
         The values of hinges are at the turn nearest to the middle of their range; nothing is left out for its limits.
@@ -134,26 +131,26 @@ class GeneralInverse(Value):
         poses = _rigid(np.asarray(poses, dtype=float))
         k = len(poses)
         held = np.broadcast_to(np.asarray(held, dtype=float), (k, len(self.held)))
-        some, doubtful = _NONE, np.ones(k, dtype=bool)
+        known, doubtful = _NONE, np.ones(k, dtype=bool)
         for order in self.orders:
             left = np.flatnonzero(doubtful)
             roots = self._roots(poses[left], held[left], order)
             more = self._polished(roots.angles, left[roots.row], poses, held, roots.imaginary < SURE)
-            more = more.joined(self._partners(more, poses, held)).distinct(k)
+            more = joined(more, self._partners(more, poses, held)).distinct(k)
             # Each real root comes to a posture of its own; only one that is singular is that of several.
             real = np.bincount(left[roots.row[roots.imaginary < SURE]], minlength=k)
             serves = np.where(more.rcond < SINGULAR, np.maximum(more.roots, 1), 1)
             doubtful[left] = roots.ill
             doubtful |= real > np.bincount(more.row, weights=serves, minlength=k)
-            some = some.joined(more).distinct(k) if len(some.row) else more
+            known = joined(known, more).distinct(k) if len(known.row) else more
             if not doubtful.any():
                 break
         left = np.flatnonzero(doubtful)
         if len(left):
-            some = some.joined(self._beside(left, poses, held)).distinct(k)
-        q = self._whole(some.q, some.row, held)
-        curve = self._curves(some, poses, held)
-        return GeneralPostures(*(frozen(x) for x in (q, some.row, some.residual, some.rcond, doubtful, curve)))
+            known = joined(known, self._beside(left, poses, held)).distinct(k)
+        q = self._whole(known.q, known.row, held)
+        curve = self._curves(known, poses, held)
+        return GeneralPostures(*(frozen(x) for x in (q, known.row, known.residual, known.rcond, doubtful, curve)))
 
     @cached_property
     def others(self) -> list[int]:
@@ -234,7 +231,7 @@ class GeneralInverse(Value):
         out[:, self.others] = q
         return out
 
-    def _polished(self, q: Matrix, row: Indices, poses: Array, held: Matrix, real: ArrayLike = 0) -> _Some:
+    def _polished(self, q: Matrix, row: Indices, poses: Array, held: Matrix, real: ArrayLike = 0) -> _Polished:
         """The postures that Newton's method on the robot's model comes to, from joints (K, 6) of roots, real or not."""
         if not len(q):
             return _NONE
@@ -255,11 +252,11 @@ class GeneralInverse(Value):
         closed = np.flatnonzero(residual < CLOSED)
         _, size, V = np.linalg.svd(self.robot.jacobian(posture[closed], self.tip)[:, :, self.others])
         roots = np.broadcast_to(real, len(q))[closed].astype(int)
-        return _Some(q[closed], row[closed], residual[closed], size[:, -1] / size[:, 0], V[:, -1], roots)
+        return _Polished(q[closed], row[closed], residual[closed], size[:, -1] / size[:, 0], V[:, -1], roots)
 
-    def _partners(self, some: _Some, poses: Array, held: Matrix) -> _Some:
+    def _partners(self, known: _Polished, poses: Array, held: Matrix) -> _Polished:
         """The postures that nearly singular ones meet nearby: where the tool is back, after s t + h t^2 = 0."""
-        near = some.at(some.rcond < NEAR)
+        near = some(known, known.rcond < NEAR)
         if not len(near.q):
             return _NONE
         t = 1e-3
@@ -270,20 +267,20 @@ class GeneralInverse(Value):
         along = np.clip(along, -_LONGEST, _LONGEST)
         return self._polished(near.q + along[:, None] * near.null, near.row, poses, held)
 
-    def _beside(self, left: Indices, poses: Array, held: Matrix) -> _Some:
+    def _beside(self, left: Indices, poses: Array, held: Matrix) -> _Polished:
         """Postures at poses (left,) that are singular, from those at poses beside them: of a curve, some points."""
         out = _NONE
         for sign in (1, -1):
             beside = poses[left] @ _placed(np.eye(3), sign * _BESIDE)
             for order in self.orders[:2]:
                 roots = self._roots(beside, held[left] + sign * _BESIDE[0], order)
-                out = out.joined(self._polished(roots.angles, left[roots.row], poses, held))
+                out = joined(out, self._polished(roots.angles, left[roots.row], poses, held))
         return out
 
-    def _curves(self, some: _Some, poses: Array, held: Matrix) -> Flags:
+    def _curves(self, known: _Polished, poses: Array, held: Matrix) -> Flags:
         """At which poses (k,) a singular posture can move on while the tool stays."""
         out = np.zeros(len(poses), dtype=bool)
-        singular = some.at(some.rcond < SINGULAR)
+        singular = some(known, known.rcond < SINGULAR)
         moved = self._polished(singular.q + _ASIDE * singular.null, singular.row, poses, held)
         for q, row, rcond in zip(moved.q, moved.row, moved.rcond, strict=True):
             away = _apart(q, singular.q[singular.row == row])
@@ -328,11 +325,11 @@ def _error(T: Array, goal: Array) -> Matrix:
     return out
 
 
-def _solved(J: Array, error: Matrix) -> Matrix:
+def _solved(J: Array, error: Matrix) -> Any:
     """x (K, 6) with J x = error."""
     try:
         return np.linalg.solve(J, error[:, :, None])[:, :, 0]
-    except np.linalg.LinAlgError:  # of one that is singular to the last digit
+    except np.linalg.LinAlgError:  # one is singular to the last digit
         return (np.linalg.pinv(J) @ error[:, :, None])[:, :, 0]
 
 
