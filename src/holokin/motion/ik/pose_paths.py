@@ -21,7 +21,8 @@ from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic.native import InverseKernel
 from .branch import on_ray
-from .closed_leaf import ClosedBranch, closed_branch, closed_leaf
+from .closed_leaf import ClosedBranch, closed_branch, closed_leaf, turn_before_jump
+from .continuation import continuation_code
 from .edge import inverse_code, stretch_code
 from .leaf import (
     REGULAR,
@@ -289,7 +290,7 @@ class PosePaths(Value):
         if self.kernel is None:
             return self._walk(p, R, begin)
         q = begin[None].copy()
-        status = self.kernel(in_rows(p[None], R[None]), self.context, q, not self._cold(begin), 1)
+        status = self.kernel(in_rows(p[None], R[None]), self.context, q, int(not self._cold(begin)), 1)
         return q[0], InverseStatus(int(status[0]))
 
     def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
@@ -301,12 +302,13 @@ class PosePaths(Value):
             return q, status
         return self.go_paths(p, R, threads)
 
-    def go_paths(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
-        """The same by paths, also where there is a closed form."""
+    def go_paths(self, p: Matrix, R: Array, threads: int | None, shown: bool = False) -> tuple[Matrix, Indices]:
+        """The same by paths, also where there is a closed form. shown: only in pieces shown to keep to the branch."""
         if self.kernel is None:
             return self._walk_each(p, R, [self.q0] * len(p))
         q = np.tile(self.q0, (len(p), 1))
-        return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
+        how = 2 * shown if self._cold(self.q0) else 1
+        return q, self.kernel(in_rows(p, R), self.context, q, how, threads)
 
     def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
         """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
@@ -314,7 +316,7 @@ class PosePaths(Value):
             q, status = self._walk_each(p, R, begin)
         else:
             q = np.ascontiguousarray(begin).copy()
-            status = np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads))
+            status = np.asarray(self.kernel(in_rows(p, R), self.context, q, 1, threads))
         return q, status == InverseStatus.REACHED
 
     def _walk_each(self, p: Matrix, R: Array, begin: Sequence[Vector] | Matrix) -> tuple[Matrix, Indices]:
@@ -345,7 +347,7 @@ class PosePaths(Value):
     def kernel(self) -> InverseKernel | None:
         """Native code, built or loaded if it is not yet there; None without a compiler."""
         s = self.strategy
-        return leaf_step(s).inverse(lambda: inverse_code(s), lambda: stretch_code(s))
+        return leaf_step(s).inverse(lambda: inverse_code(s) + continuation_code(s), lambda: stretch_code(s))
 
     @cached_property
     def context(self) -> Vector:
@@ -354,7 +356,8 @@ class PosePaths(Value):
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
         p, R = self.strategy.task._place(self.q0)
-        return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side]]))
+        turn = turn_before_jump(self.strategy, self.q0)
+        return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side, turn]]))
 
     def _cold(self, begin: Vector) -> bool:
         """Whether a path from there begins at the start, and on the leaf."""

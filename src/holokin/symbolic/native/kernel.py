@@ -296,7 +296,7 @@ def _glue() -> Any:
 def _leaf_code(stretches: str, *drivers: str) -> str:
     """C of the ways along a leaf, with that of its stretches, where there is some, and of drivers."""
     models = [prelude("model.c"), stretches, prelude("stretch.c")] if stretches else []
-    before, after = ("branch.c", "newton.c", "line.c", "way.c", "fold.c"), ("ray.c", "inverse.c", *drivers)
+    before, after = ("branch.c", "newton.c", "line.c", "way.c", "fold.c"), ("ray.c", "continuation.c", "inverse.c", *drivers)
     return "".join([*map(prelude, before), *models, *map(prelude, after)])
 
 
@@ -571,8 +571,11 @@ class InverseKernel:
             calls.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))
         return None if None in calls else (calls[0], calls[1])
 
-    def __call__(self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None) -> Indices:
-        """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free."""
+    def __call__(self, targets: Matrix, context: Vector, q: Matrix, how: int, threads: int | None) -> Indices:
+        """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free.
+
+        how: 0 from the start, 1 from q, 2 from the start and only in pieces that are shown to keep to the branch.
+        """
         count = len(targets)
         status = np.empty(count, dtype=np.int64)
         most = threads or os.cpu_count() or 1
@@ -582,7 +585,7 @@ class InverseKernel:
         def part(i: int) -> None:
             first, last = edges[i], edges[i + 1]
             places = [array[first:].ctypes.data for array in (targets, q, status)]
-            self._poses(last - first, places[0], context.ctypes.data, int(warm), places[1], places[2])
+            self._poses(last - first, places[0], context.ctypes.data, how, places[1], places[2])
 
         _do_all(part, len(edges) - 1, workers)
         return status

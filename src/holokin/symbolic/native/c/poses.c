@@ -1,10 +1,11 @@
 /* The doors of inverse kinematics. hk_pose_body: q -> (T, ...), 16 numbers a frame first; hk_constraint_body: q -> g.
    A context is a row of numbers: the start, its poses (p, R), the leaf c, the joints' lower and upper limits, the sign of
-   det there. It is only read, so that threads may share it. */
+   det there, and how far the tool may turn from there before coordinates jump that g takes. It is only read, so that
+   threads may share it. */
 #include <string.h>
 
 enum { HK_START = 0, HK_FROM = HK_N, HK_LEAF = HK_FROM + HK_TARGET, HK_LOWER = HK_LEAF + HK_R, HK_UPPER = HK_LOWER + HK_N,
-       HK_SIDE = HK_UPPER + HK_N };
+       HK_SIDE = HK_UPPER + HK_N, HK_TURN };
 enum { HK_REACHED, HK_CLAMPED, HK_LIMIT, HK_LEAF_ENDS, HK_AT_SINGULAR, HK_NOT_CONVERGED, HK_NOT_FINITE, HK_NOT_A_ROTATION,
        HK_OTHER_BRANCH };
 
@@ -25,14 +26,21 @@ static int hk_beyond_limits(const double *q, const double *context) {
   return 0;
 }
 
-/* The way from q, whose pose and level are given, to a pose `to` (p, R). q becomes the posture where it ended. */
-static int hk_answer(double *q, const double *from, const double *g, const double *to, const double *context) {
+/* The way from q, whose pose and level are given, to a pose `to` (p, R). q becomes the posture where it ended. shown: only
+   in pieces that are shown to keep to the branch. */
+static int hk_answer(double *q, const double *from, const double *g, const double *to, const double *context, int shown) {
   double x[HK_N + HK_TARGET + HK_R], y[HK_N + 3];
   hk_rules rules = hk_ours;
   hk_way way;
   rules.side = context[HK_SIDE];
   hk_way_to(from, g, to, context + HK_LEAF, &way);
-  const int ended = hk_go(&way, &rules, q, x);
+#ifdef HK_CONTINUED
+  const hk_t share = shown || !(way.turn < context[HK_TURN]) ? HK_C(0) : hk_continue(&way, &rules, q);
+#else
+  const hk_t share = HK_C(0);
+  (void)shown;
+#endif
+  const int ended = hk_go(&way, &rules, share, q, x);
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   if (ended == 0) return hk_beyond_limits(q, context) ? HK_LIMIT : HK_REACHED;
   if (ended == 3) return HK_LEAF_ENDS;
@@ -43,12 +51,12 @@ static int hk_answer(double *q, const double *from, const double *g, const doubl
 }
 
 /* From the start. */
-static int hk_cold(const double *to, const double *context, double *q) {
+static int hk_cold(const double *to, const double *context, int shown, double *q) {
   for (int i = 0; i < HK_N; i++) q[i] = NAN;
   if (!hk_finite(to, HK_TARGET)) return HK_NOT_FINITE;
   if (!hk_all_rotate(to)) return HK_NOT_A_ROTATION;
   for (int i = 0; i < HK_N; i++) q[i] = context[HK_START + i];
-  return hk_answer(q, context + HK_FROM, context + HK_LEAF, to, context);
+  return hk_answer(q, context + HK_FROM, context + HK_LEAF, to, context, shown);
 }
 
 /* From the posture in q; region: one of the law, about whatever posture, which becomes one about q where it was none. */
@@ -74,7 +82,7 @@ static int hk_warm(const double *to, const double *context, hk_region *region, d
   hk_leaf_body(x, y);
   if (!(y[HK_N] > hk_ours.singular && y[HK_N + 1] > hk_ours.representation)) return HK_AT_SINGULAR;
   if (!(y[HK_N + 2] * context[HK_SIDE] > 0.0)) return HK_OTHER_BRANCH;
-  return hk_answer(q, from, g, to, context);
+  return hk_answer(q, from, g, to, context, !(context[HK_TURN] == HK_INF));
 }
 
 /* The same; 0 where a last row is not that of a pose, as of a transposed one. */
@@ -87,7 +95,7 @@ static int hk_read(const double *T, double *to) {
    region for each thread, of its last call. */
 int hk_call_cold(const double *const *in, double *const *out, const double *context) {
   double to[HK_TARGET];
-  return hk_read(in[0], to) && hk_cold(to, context, out[0]) == HK_REACHED;
+  return hk_read(in[0], to) && hk_cold(to, context, 0, out[0]) == HK_REACHED;
 }
 
 int hk_call_warm(const double *const *in, double *const *out, const double *context) {
@@ -97,13 +105,14 @@ int hk_call_warm(const double *const *in, double *const *out, const double *cont
   return hk_read(in[0], to) && hk_warm(to, context, &last, out[0]) == HK_REACHED;
 }
 
-/* Many poses (count, HK_TARGET), p and R: q (count, HK_N) has the postures to begin from where `warm`, and gets those where
-   the ways ended. */
-void hk_poses(long long count, const double *to, const double *context, int warm, double *q, long long *status) {
+/* Many poses (count, HK_TARGET), p and R: q (count, HK_N) has the postures to begin from where how is 1, and gets those where
+   the ways ended. From the start where it is 0, and 2 where only by pieces that are shown to keep to the branch. */
+void hk_poses(long long count, const double *to, const double *context, int how, double *q, long long *status) {
   hk_region region;
   memset(&region, 0, sizeof region);
   for (long long k = 0; k < count; k++) {
     double *here = q + k * HK_N;
-    status[k] = warm ? hk_warm(to + HK_TARGET * k, context, &region, here) : hk_cold(to + HK_TARGET * k, context, here);
+    const double *target = to + HK_TARGET * k;
+    status[k] = how == 1 ? hk_warm(target, context, &region, here) : hk_cold(target, context, how == 2, here);
   }
 }
