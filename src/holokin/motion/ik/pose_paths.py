@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ...strategies.jumps import states
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic.native import InverseKernel
+from .arm_reach import reach_code, some_posture
 from .branch import on_ray
 from .closed_leaf import ClosedBranch, closed_branch, closed_leaf, turn_before_jump
 from .continuation import continuation_code
@@ -261,14 +262,12 @@ class PosePaths(Value):
         strategy, (q, status) = self.strategy, self.go(p, R, begin)
         if status is InverseStatus.LEAF_ENDS and begin is self.q0 and self.closed is not None and q is begin:
             raise self.closed.problem(p, R)
+        if np.isnan(q).any():
+            raise self.out_of_reach(p)
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
         if search and status in FAILED and self.closed is None:  # a closed form has told that there is a posture
-            nearest = nearest_postures(strategy.task, p[None], R[None], q[None], limits=self.limits)
-            if nearest.ended[0] and not nearest.reached[0]:
-                fact = f"the pose is out of reach of {strategy.task.robot.name!r}: no search came closer than"
-                cure = doubtful_target(strategy.task, p) or "give a pose nearer to the base"
-                raise OutOfReachError(f"{fact} {nearest.missing[0]:.3g} (m or rad)", cure)
+            self._look_for_any(p, R, q)
         if status is InverseStatus.LIMIT:
             strategy.task.robot.check_limits(q, WITHIN)
         if status is InverseStatus.OTHER_BRANCH:
@@ -277,6 +276,21 @@ class PosePaths(Value):
         if status is not InverseStatus.REACHED:
             raise leaf_problem(strategy, q, PathEnd.FOLD if status is InverseStatus.LEAF_ENDS else PathEnd.STOPPED)
         return q
+
+    def _look_for_any(self, p: Vector, R: Matrix, q: Vector) -> None:
+        """Raises: OutOfReachError: no posture of the arm has a pose; its closed inverse tells, or a search from q."""
+        some = some_posture(self.strategy, p, R, self.limits)
+        if some is False:
+            raise self.out_of_reach(p)
+        if some is None:
+            nearest = nearest_postures(self.strategy.task, p[None], R[None], q[None], limits=self.limits)
+            if nearest.ended[0] and not nearest.reached[0]:
+                raise self.out_of_reach(p, f"no search came closer than {nearest.missing[0]:.3g} (m or rad)")
+
+    def out_of_reach(self, p: Vector, why: str = "no posture has it") -> OutOfReachError:
+        """What is said of a pose at p (3,) that no posture of the arm has."""
+        cure = doubtful_target(self.strategy.task, p) or "give a pose nearer to the base"
+        return OutOfReachError(f"the pose is out of reach of {self.strategy.task.robot.name!r}: {why}", cure)
 
     def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the path from a posture was gone, what became of it); a closed form goes none."""
@@ -290,7 +304,7 @@ class PosePaths(Value):
         if self.kernel is None:
             return self._walk(p, R, begin)
         q = begin[None].copy()
-        status = self.kernel(in_rows(p[None], R[None]), self.context, q, int(not self._cold(begin)), 1)
+        status = self.kernel(in_rows(p[None], R[None]), self.context, q, not self._cold(begin), 1)
         return q[0], InverseStatus(int(status[0]))
 
     def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
@@ -307,8 +321,7 @@ class PosePaths(Value):
         if self.kernel is None:
             return self._walk_each(p, R, [self.q0] * len(p))
         q = np.tile(self.q0, (len(p), 1))
-        how = 2 * shown if self._cold(self.q0) else 1
-        return q, self.kernel(in_rows(p, R), self.context, q, how, threads)
+        return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads, shown)
 
     def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
         """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
@@ -316,7 +329,7 @@ class PosePaths(Value):
             q, status = self._walk_each(p, R, begin)
         else:
             q = np.ascontiguousarray(begin).copy()
-            status = np.asarray(self.kernel(in_rows(p, R), self.context, q, 1, threads))
+            status = np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads))
         return q, status == InverseStatus.REACHED
 
     def _walk_each(self, p: Matrix, R: Array, begin: Sequence[Vector] | Matrix) -> tuple[Matrix, Indices]:
@@ -347,7 +360,13 @@ class PosePaths(Value):
     def kernel(self) -> InverseKernel | None:
         """Native code, built or loaded if it is not yet there; None without a compiler."""
         s = self.strategy
-        return leaf_step(s).inverse(lambda: inverse_code(s) + continuation_code(s), lambda: stretch_code(s))
+        return leaf_step(s).inverse(lambda: inverse_code(s) + continuation_code(s) + reach_code(s), lambda: stretch_code(s))
+
+    @cached_property
+    def nowhere(self) -> Callable[[Any], float | None]:
+        """(pose) -> 1.0 of a tool pose (4, 4) that no posture of the arm has, if native code tells; else None."""
+        call = None if self.kernel is None else self.kernel.nowhere(self.context)
+        return (lambda _pose: None) if call is None else call
 
     @cached_property
     def context(self) -> Vector:

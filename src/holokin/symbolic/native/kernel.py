@@ -547,12 +547,12 @@ class InverseKernel:
         frames = inputs[1][0] // 3
         head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {frames}\n#define HK_MATRICES 1\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
-        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "poses.c"))
+        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "reach.c", "poses.c"))
         long = made.instructions > LONG
         self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses
         places = [ctypes.c_void_p] * 2
-        self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, *places]
+        self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, ctypes.c_int, *places]
         self._poses.restype = None
         self._joints = inputs[0][0]
         self._pose = (4, 4) if frames == 1 else (frames, 4, 4)
@@ -571,10 +571,17 @@ class InverseKernel:
             calls.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))
         return None if None in calls else (calls[0], calls[1])
 
-    def __call__(self, targets: Matrix, context: Vector, q: Matrix, how: int, threads: int | None) -> Indices:
+    def nowhere(self, context: Vector) -> Callable[[Any], float | None] | None:
+        """(pose) -> 1.0 where no posture of the arm at all has it, as an array of floats; else None."""
+        found, place = self._library.hk_call_nowhere, self._library
+        return bound_call(found, (self._pose,), ((),), lambda _pose: None, (place, context), context)
+
+    def __call__(
+        self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None, shown: bool = False
+    ) -> Indices:
         """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free.
 
-        how: 0 from the start, 1 from q, 2 from the start and only in pieces that are shown to keep to the branch.
+        warm: paths begin at q. shown: they are gone in pieces alone that are shown to keep to the branch.
         """
         count = len(targets)
         status = np.empty(count, dtype=np.int64)
@@ -585,7 +592,9 @@ class InverseKernel:
         def part(i: int) -> None:
             first, last = edges[i], edges[i + 1]
             places = [array[first:].ctypes.data for array in (targets, q, status)]
-            self._poses(last - first, places[0], context.ctypes.data, how, places[1], places[2])
+            self._poses(
+                last - first, places[0], context.ctypes.data, int(warm), int(shown), places[1], places[2]
+            )
 
         _do_all(part, len(edges) - 1, workers)
         return status
