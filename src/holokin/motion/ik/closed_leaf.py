@@ -82,14 +82,21 @@ def closed_branch(strategy: HolonomicStrategy, q0: Vector, level: Vector, limits
     """
     if may_jump(strategy):
         return None
-    tilt, turn = strategy.constraint.tilt, np.inf
-    if tilt is not None:
-        p, R = strategy.task._place(q0)
-        turn = float(tilt.turn(strategy.task, Kinematics(SX(p), SX(R), SX(6, 0), {})))
+    turn = turn_before_jump(strategy, q0)
     leaf = closed_leaf(strategy, level, limits) if turn > 0 else None
     if leaf is not None and not leaf.inverse.arm.proven:
         return ClosedBranch(leaf, q0, None, frozen(strategy.task._place(q0)[1]), turn)
     return ClosedBranch.of(leaf, q0, turn)
+
+
+def turn_before_jump(strategy: HolonomicStrategy, q0: Vector) -> float:
+    """How far [rad] the tool may turn from its rotation at q0 before coordinates jump which g takes; infinite of most."""
+    if (tilt := strategy.constraint.tilt) is None:
+        return np.inf
+    if strategy.task.frames > 1:
+        return 0.0
+    p, R = strategy.task._place(q0)
+    return float(tilt.turn(strategy.task, Kinematics(SX(p), SX(R), SX(6, 0), {})))
 
 
 def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Held | Following | None:

@@ -511,6 +511,8 @@ class InverseKinematics(Value):
 
     def _cold(self, pose: PoseLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
+        if self.region is None and self._paths.nowhere(pose):
+            raise self._paths.out_of_reach(pose[:3, 3])
         return self._cold_at(*self._given_poses.one(pose), self._paths)
 
     def _cold_at(self, p: Vector, R: Matrix, paths: PosePaths) -> Vector:
@@ -691,7 +693,7 @@ def ends_of_paths(ik: InverseKinematics, poses: Array) -> tuple[Matrix, Indices]
     last = found.last.copy()
     untold = (found.status == InverseStatus.LEAF_ENDS) & np.isnan(last).any(axis=1)
     if untold.any():
-        last[untold] = ik._paths.go_paths(*ik._given_poses.places(poses[untold]), None)[0]
+        last[untold] = ik._paths.go_paths(*ik._given_poses.places(poses[untold]), None, shown=True)[0]
     return last, found.status
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,10 @@ from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...strategies import HolonomicStrategy, Jump, first_jump, jump_near, may_jump
 from ...strategies.jumps import states
 from ...symbolic.native import InverseKernel
+from .arm_reach import reach_code
 from .branch import on_ray
-from .closed_leaf import ClosedBranch, closed_branch, closed_leaf
+from .closed_leaf import ClosedBranch, closed_branch, closed_leaf, turn_before_jump
+from .continuation import continuation_code
 from .edge import inverse_code, stretch_code
 from .leaf import (
     REGULAR,
@@ -98,13 +100,14 @@ class PosePaths(Value):
         strategy, (q, status) = self.strategy, self.go(p, R, begin)
         if status is InverseStatus.LEAF_ENDS and begin is self.q0 and self.closed is not None and q is begin:
             raise self.closed.problem(p, R)
+        if np.isnan(q).any():
+            raise self.out_of_reach(p)
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
         if search and status in FAILED and self.closed is None:  # a closed form has told that there is a posture
             obstacle, _ = obstacle_at(strategy.task, p, R, q, self.limits)
             if obstacle is not None:
-                fact = f"the pose is out of reach of {strategy.task.robot.name!r}: {obstacle}"
-                raise OutOfReachError(fact, doubtful_target(strategy.task, p) or "give a pose nearer to the base")
+                raise self.out_of_reach(p, obstacle)
         if status is InverseStatus.LIMIT:
             strategy.task.robot.check_limits(q, WITHIN)
         if status is InverseStatus.OTHER_BRANCH:
@@ -113,6 +116,11 @@ class PosePaths(Value):
         if status is not InverseStatus.REACHED:
             raise leaf_problem(strategy, q, PathEnd.FOLD if status is InverseStatus.LEAF_ENDS else PathEnd.STOPPED)
         return q
+
+    def out_of_reach(self, p: Vector, why: str = "no posture has it") -> OutOfReachError:
+        """What is said of a pose at p (3,) that no posture of the arm has."""
+        cure = doubtful_target(self.strategy.task, p) or "give a pose nearer to the base"
+        return OutOfReachError(f"the pose is out of reach of {self.strategy.task.robot.name!r}: {why}", cure)
 
     def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the path from a posture was gone, what became of it); a closed form goes none."""
@@ -138,12 +146,12 @@ class PosePaths(Value):
             return q, status
         return self.go_paths(p, R, threads)
 
-    def go_paths(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
-        """The same by paths, also where there is a closed form."""
+    def go_paths(self, p: Matrix, R: Array, threads: int | None, shown: bool = False) -> tuple[Matrix, Indices]:
+        """The same by paths, also where there is a closed form. shown: only in pieces shown to keep to the branch."""
         if self.kernel is None:
             return self._walk_each(p, R, [self.q0] * len(p))
         q = np.tile(self.q0, (len(p), 1))
-        return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
+        return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads, shown)
 
     def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
         """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
@@ -182,7 +190,15 @@ class PosePaths(Value):
     def kernel(self) -> InverseKernel | None:
         """Native code, built or loaded if it is not yet there; None without a compiler."""
         s = self.strategy
-        return leaf_step(s).inverse(lambda: inverse_code(s), lambda: stretch_code(s))
+        return leaf_step(s).inverse(
+            lambda: inverse_code(s) + continuation_code(s) + reach_code(s), lambda: stretch_code(s)
+        )
+
+    @cached_property
+    def nowhere(self) -> Callable[[Any], float | None]:
+        """(pose) -> 1.0 of a tool pose (4, 4) that no posture of the arm has, if native code tells; else None."""
+        call = None if self.kernel is None else self.kernel.nowhere(self.context)
+        return (lambda _pose: None) if call is None else call
 
     @cached_property
     def context(self) -> Vector:
@@ -191,7 +207,8 @@ class PosePaths(Value):
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
         p, R = self.strategy.task._place(self.q0)
-        return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side]]))
+        turn = turn_before_jump(self.strategy, self.q0)
+        return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side, turn]]))
 
     def _cold(self, begin: Vector) -> bool:
         """Whether a path from there begins at the start, and on the leaf."""

@@ -323,7 +323,10 @@ def _glue() -> Any:
 def _leaf_code(stretches: str, *drivers: str) -> str:
     """C of the ways along a leaf, with that of its stretches, where there is some, and of drivers."""
     models = [prelude("model.c"), stretches, prelude("stretch.c")] if stretches else []
-    before, after = ("branch.c", "newton.c", "line.c", "way.c", "fold.c"), ("ray.c", "inverse.c", *drivers)
+    before, after = (
+        ("branch.c", "newton.c", "line.c", "way.c", "fold.c"),
+        ("ray.c", "continuation.c", "inverse.c", *drivers),
+    )
     return "".join([*map(prelude, before), *models, *map(prelude, after)])
 
 
@@ -574,12 +577,12 @@ class InverseKernel:
         frames = inputs[1][0] // 3
         head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {frames}\n#define HK_MATRICES 1\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
-        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "poses.c"))
+        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "reach.c", "poses.c"))
         long = made.instructions > LONG
         self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses
         places = [ctypes.c_void_p] * 2
-        self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, *places]
+        self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, ctypes.c_int, *places]
         self._poses.restype = None
         self._joints = inputs[0][0]
         self._pose = (4, 4) if frames == 1 else (frames, 4, 4)
@@ -598,8 +601,18 @@ class InverseKernel:
             calls.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))
         return None if None in calls else (calls[0], calls[1])
 
-    def __call__(self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None) -> Indices:
-        """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free."""
+    def nowhere(self, context: Vector) -> Callable[[Any], float | None] | None:
+        """(pose) -> 1.0 where no posture of the arm at all has it, as an array of floats; else None."""
+        found, place = self._library.hk_call_nowhere, self._library
+        return bound_call(found, (self._pose,), ((),), lambda _pose: None, (place, context), context)
+
+    def __call__(
+        self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None, shown: bool = False
+    ) -> Indices:
+        """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free.
+
+        warm: paths begin at q. shown: they are gone in pieces alone that are shown to keep to the branch.
+        """
         count = len(targets)
         status = np.empty(count, dtype=np.int64)
         most = threads or os.cpu_count() or 1
@@ -609,7 +622,7 @@ class InverseKernel:
         def part(i: int) -> None:
             first, last = edges[i], edges[i + 1]
             places = [array[first:].ctypes.data for array in (targets, q, status)]
-            self._poses(last - first, places[0], context.ctypes.data, int(warm), places[1], places[2])
+            self._poses(last - first, places[0], context.ctypes.data, int(warm), int(shown), places[1], places[2])
 
         _do_all(part, len(edges) - 1, workers)
         return status
