@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen, kept
 from ...robot.closed_form.closed_inverse import SIGNS
 from ...strategies.radial_strategy import least_motion
 from ...strategies.tasks.task import Task
@@ -443,7 +443,7 @@ def _refined(cut: Cut, poses: Array, arcs: _Arcs, curves: list[tuple[Chain, bool
     # Those that are close to a singular posture of the six joints, along the self-motion.
     q, rough = rows[:, :n], np.flatnonzero(~(rows[:, -1] < INACCURATE))
     if len(rough):
-        q[rough] = _onto(cut.task, poses[track[rough] // 8], q[rough])
+        q[rough] = onto(cut.task, poses[track[rough] // 8], q[rough])
     # Hinges are continuous from the first row of a curve on.
     turns = np.zeros_like(q)
     turns[1:] = (curve[1:] == curve[:-1])[:, None] * np.round(np.diff(q, axis=0) / (2 * np.pi))
@@ -506,9 +506,15 @@ def _narrowed(
     return rows, key, track
 
 
-def _onto(task: Task, poses: Array, q: Matrix) -> Matrix:
+@kept
+def _twin(task: Task) -> Task:
+    """The task without the singular angles of its representation."""
+    return task._geometric_twin
+
+
+def onto(task: Task, poses: Array, q: Matrix) -> Matrix:
     """Postures (k, n) that hold the tool at poses (k, 4, 4), by the least joint motion from others."""
-    task = task._geometric_twin
+    task = _twin(task)
     p, R = poses[:, :3, 3], poses[:, :3, :3]
     for _ in range(8):
         J, e = task.jacobian_batch(q)[0], task._error_function.batch(q, p, R).reshape(len(q), -1)
