@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from ...strategies import HolonomicStrategy
 from ...strategies.radial_strategy import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
 from .arcs import onto
+from .posture_search import free_hinges
 from .self_motions import self_motions_at
 
 Clear = Callable[[Matrix], Flags]
@@ -115,35 +116,31 @@ class SelfMotionArc(Value):
 class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
     """All postures with one tool pose (4, 4): the arcs of its self-motions within the joint limits.
 
-    closed: of each self-motion, limits aside, whether it is a closed curve; one that is not ends at singular postures.
+    components: how many self-motions there are, limits and contacts aside. curves: these, limits aside; one that is not
+    closed ends at contacts or singular postures, or where a slide does.
     """
 
     task: Task
     pose: Matrix
     arcs: tuple[SelfMotionArc, ...]
-    closed: tuple[bool, ...]
+    curves: tuple[SelfMotionArc, ...]
+    components: int
     limits: bool
-
-    @property
-    def components(self) -> int:
-        """How many self-motions there are, limits aside."""
-        return len(self.closed)
 
     @property
     def sentence(self) -> str:
         """How many self-motions, how many arcs of them, and where these end."""
-        if not self.closed:
+        if not self.components:
             return f"no posture of {self.task.robot.name!r} has this tool pose"
         many = f"{self.components} self-motion{'s' if self.components > 1 else ''} with this tool pose"
-        if not self.limits and all(arc.closed for arc in self.arcs):
-            return f"{many}, {sum(arc.length for arc in self.arcs):.4g} joint units long"
+        within = " within the joint limits" if self.limits else ""
         if not self.arcs:
-            return f"{many}, all beyond the joint limits"
+            return f"{many}, no arc of them{within}"
         parts = [
             f"{arc.length:.4g} joint units, " + ("closed" if arc.closed else f"from {arc.ends[0]} to {arc.ends[1]}")
             for arc in self.arcs
         ]
-        return f"{many}; arcs{' within the joint limits' if self.limits else ''}: {'; '.join(parts)}"
+        return f"{many}; arcs{within}: {'; '.join(parts)}"
 
     def __str__(self) -> str:
         return self.sentence
@@ -168,7 +165,7 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
         return self.arcs[best[1]], best[2]
 
     def levels(self, strategy: HolonomicStrategy) -> ServedLevels:
-        """The levels c of a strategy, r = 1, whose leaf g(q) = c has a posture of an arc.
+        """The levels c of a strategy, r = 1, whose leaf g(q) = c has a posture of an arc, at any turn within limits.
 
         Raises: ArgumentError: the strategy is of another task, or has no leaves.
         """
@@ -176,9 +173,36 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
             raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
         if strategy.task != self.task:
             raise ArgumentError("the strategy", strategy.name, "give one of the task of the self-motion")
-        parts = [part for arc in self.arcs for part in _intervals(strategy, arc)]
+        parts = [part for arc in self._turned(strategy) for part in _intervals(strategy, arc)]
         jumps = any(JUMPS in part.ends for part in parts)
         return ServedLevels(strategy, _union(parts, strategy.constraint.angular[0]), jumps)
+
+    def _turned(self, strategy: HolonomicStrategy) -> list[SelfMotionArc]:
+        """The arcs, at all turns within the limits of hinges of which a whole turn is another level."""
+        robot = self.task.robot
+        bound = robot.hinges & (robot.upper - robot.lower >= 2 * np.pi) & np.isfinite(robot.upper - robot.lower)
+        if not self.limits or not self.arcs or not bound.any():
+            return list(self.arcs)
+        bound &= ~free_hinges(strategy, np.vstack([arc.q[:1] for arc in self.arcs]))
+        if not bound.any():
+            return list(self.arcs)
+        arcs: list[SelfMotionArc] = []
+        for curve in self.curves:
+            q, ends, turning = curve.q, curve.ends, bound.copy()
+            # A joint that turns round along a closed curve: the curve goes on, over the joint's whole range.
+            wound = bound & curve.closed & (np.abs(q[-1] - q[0]) > np.pi)
+            if wound.any():
+                rounds = int(np.ceil((robot.upper - robot.lower)[wound].max() / (2 * np.pi))) + 1
+                q = np.vstack([q[:-1] + k * (q[-1] - q[0]) for k in range(-rounds, rounds + 1)])
+                ends = ArcEnd(EndKind.SINGULAR), ArcEnd(EndKind.SINGULAR)
+                turning[wound.argmax()] = False
+            first = np.ceil((robot.lower - q.max(axis=0)) / (2 * np.pi))
+            last = np.floor((robot.upper - q.min(axis=0)) / (2 * np.pi))
+            ranges = [np.arange(first[j], last[j] + 1) if turning[j] else np.zeros(1) for j in range(robot.n)]
+            for turns in product(*ranges):
+                pieces = _cut_at_limits(self.task, self.pose, q + 2 * np.pi * np.array(turns), ends, bound)
+                arcs += [SelfMotionArc(self.task, self.pose, part, ends, curve.curve) for part, ends in pieces]
+        return arcs
 
 
 APART = 0.1
@@ -252,13 +276,21 @@ def self_motion(task: Task, pose: PoseLike, *, limits: bool = True, clear: Clear
         raise ArgumentError(what, task.n - task.m, "give a task that leaves one")
     x = tool_pose("a tool pose", given_pose("a tool pose", pose))
     motions = self_motions_at(task, x[None, :3, 3], x[None, :3, :3])
-    arcs: list[SelfMotionArc] = []
+
+    def arc_of(piece: Piece, k: int) -> SelfMotionArc:
+        return SelfMotionArc(task, x, *piece, k)
+
+    # The curves, cut at contacts; then at limits.
+    curves: list[SelfMotionArc] = []
     for k, closed in enumerate(motions.closed.tolist()):
         q = motions.q[motions.curve == k]
-        for part, ends in _cut_at_limits(task, x, q, closed) if limits else [(q, _own_ends(task.robot, q, closed))]:
-            pieces = [(part, ends)] if clear is None else _cut_at_contacts(task, x, part, ends, clear)
-            arcs += [SelfMotionArc(task, x, piece, piece_ends, k) for piece, piece_ends in pieces]
-    return SelfMotion(task, x, tuple(arcs), tuple(motions.closed.tolist()), limits)
+        whole = q, _own_ends(task.robot, q, closed)
+        curves += [arc_of(p, k) for p in ([whole] if clear is None else _cut_at_contacts(task, x, *whole, clear))]
+    slides = np.zeros(task.n, dtype=bool)
+    arcs = (
+        [arc_of(p, c.curve) for c in curves for p in _cut_at_limits(task, x, c.q, c.ends, slides)] if limits else curves
+    )
+    return SelfMotion(task, x, tuple(arcs), tuple(curves), len(motions.closed), limits)
 
 
 Piece = tuple[Matrix, tuple[ArcEnd, ArcEnd]]
@@ -318,42 +350,42 @@ def _extremes(
 # --- Arcs within the joint limits.
 
 
-def _cut_at_limits(task: Task, pose: Matrix, q: Matrix, closed: bool) -> list[Piece]:
-    """The parts of a curve q (k, n) along which the joints are within their limits, at some turn of hinges."""
+def _cut_at_limits(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, ArcEnd], bound: Flags) -> list[Piece]:
+    """The parts of a curve q (k, n) along which the joints are within their limits, at some turn of hinges but for
+    those that are bound (n,) to theirs."""
     robot = task.robot
-    q = _with_turning_points(task, pose, q)
-    if closed:
+    turn = 2 * np.pi * (robot.hinges & ~bound)
+    q = _with_turning_points(task, pose, q, turn)
+    if ends[0].kind is EndKind.CLOSED:
         # It begins where an arc does.
-        first, last = _longest_from(robot, q, 0)
-        if first is not None and last == len(q) - 1:
-            return [(q + first, (ArcEnd(EndKind.CLOSED), ArcEnd(EndKind.CLOSED)))]
-        start = 0 if first is None else last + 1
+        turns, last = _longest_from(robot, q, turn)
+        if turns is not None and last == len(q) - 1:
+            return [(q + turns, ends)]
+        start = 0 if turns is None else last + 1
         q = np.vstack([q[start:], q[1 : start + 1] + (q[-1] - q[0])])
     # Runs of postures that are within the limits, and the steps over a limit at their ends.
     runs: list[tuple[int, int, Vector]] = []
     steps: list[tuple[int, int, Vector, Vector]] = []  # run, which end, posture within and beyond
     i = 0
     while i < len(q):
-        turns, last = _longest_from(robot, q, i)
+        turns, last = _longest_from(robot, q[i:], turn)
+        last += i
         if turns is not None:
             steps += [(len(runs), 0, q[i] + turns, q[i - 1] + turns)] if i > 0 else []
             steps += [(len(runs), 1, q[last] + turns, q[last + 1] + turns)] if last < len(q) - 1 else []
             runs.append((i, last, turns))
         i = last + 1
-    own = _own_ends(robot, q, False)
-    parts, ends = [q[first : last + 1] + turns for first, last, turns in runs], [list(own) for _ in runs]
+    parts, why = [q[first : last + 1] + turns for first, last, turns in runs], [list(ends) for _ in runs]
     for (run, side, within, _), (posture, end) in zip(steps, _at_limits(task, pose, steps), strict=True):
-        ends[run][side] = end
+        why[run][side] = end
         if np.abs(posture - within).max() > 0:
             parts[run] = np.vstack([posture, parts[run]] if side == 0 else [parts[run], posture])
-    return [(part, (end[0], end[1])) for part, end in zip(parts, ends, strict=True) if len(part) > 1]
+    return [(part, (end[0], end[1])) for part, end in zip(parts, why, strict=True) if len(part) > 1]
 
 
-def _with_turning_points(task: Task, pose: Matrix, q: Matrix) -> Matrix:
+def _with_turning_points(task: Task, pose: Matrix, q: Matrix, turn: Vector) -> Matrix:
     """A curve with the postures between its own where a joint turns back near to a limit, and may be beyond it."""
-    robot = task.robot
-    before, here, after = q[:-2], q[1:-1], q[2:]
-    turn = 2 * np.pi * robot.hinges
+    robot, (before, here, after) = task.robot, (q[:-2], q[1:-1], q[2:])
     found: list[tuple[int, int, float]] = []
     for sign, limit in ((1.0, robot.upper), (-1.0, robot.lower)):
         with np.errstate(invalid="ignore"):
@@ -375,25 +407,19 @@ def _with_turning_points(task: Task, pose: Matrix, q: Matrix) -> Matrix:
     return np.vstack([q, postures[apart]])[np.argsort(keys, kind="stable")]
 
 
-def _longest_from(robot: Robot, q: Matrix, first: int) -> tuple[Vector | None, int]:
-    """The turns (n,) to add to postures from row `first` on that keep them within the limits for the most rows, and the
-    last row of these; None where that row itself is beyond them."""
-    turn = 2 * np.pi * robot.hinges
+def _longest_from(robot: Robot, q: Matrix, turn: Vector) -> tuple[Vector | None, int]:
+    """What whole turns (n,) keep postures (k, n) within the limits for the most rows from the first one on, and the last
+    of these; None where the first one is beyond them. turn (n,): of each joint, 0 of one that has none."""
     some = np.where(turn > 0, turn, 1.0)
-    with np.errstate(invalid="ignore"):
-        least = np.ceil((robot.lower - q[first:]) / some - 1e-13)
-        most = np.floor((robot.upper - q[first:]) / some + 1e-13)
-    slides = turn == 0
-    least[:, slides] = np.where(q[first:] >= robot.lower - 1e-12, 0, 1)[:, slides]
-    most[:, slides] = np.where(q[first:] <= robot.upper + 1e-12, 0, -1)[:, slides]
+    least = np.where(turn > 0, np.ceil((robot.lower - q) / some - 1e-13), np.where(q >= robot.lower - 1e-12, 0, 1))
+    most = np.where(turn > 0, np.floor((robot.upper - q) / some + 1e-13), np.where(q <= robot.upper + 1e-12, 0, -1))
     least, most = np.maximum.accumulate(least, axis=0), np.minimum.accumulate(most, axis=0)
-    count = int((least <= most).all(axis=1).argmin()) if not (least[-1] <= most[-1]).all() else len(least)
-    if count == 0:
-        return None, first
-    low, high = least[count - 1], most[count - 1]
+    count = int((least <= most).all(axis=1).sum())
+    if not count:
+        return None, 0
     with np.errstate(invalid="ignore"):
-        wish = np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), 0.0) - q[first]
-    return turn * np.clip(np.round(wish / some), low, high), first + count - 1
+        middle = np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), 0.0)
+    return turn * np.clip(np.round((middle - q[0]) / some), least[count - 1], most[count - 1]), count - 1
 
 
 def _at_limits(
@@ -424,7 +450,7 @@ def _at_limits(
 
 
 def _at_values(task: Task, pose: Matrix, a: Matrix, b: Matrix, joint: Indices, value: Vector) -> tuple[Vector, Matrix]:
-    """(shares of the way (k,), postures (k, n)) between neighbours a and b (k, n) where a joint (k,) has a value (k,)."""
+    """(shares of the way (k,), postures (k, n)) between neighbours a and b (k, n) at which joints have values (k,)."""
     k = np.arange(len(a))
     f, g = a[k, joint] - value, b[k, joint] - value
     low, high, last = np.zeros(len(a)), np.ones(len(a)), np.zeros(len(a))
