@@ -111,6 +111,14 @@ class SelfMotionArc(Value):
         q = _points(self.task, self.pose, self.q[i], self.q[j], t)
         return q if np.ndim(s) else q[0]
 
+    def place_of(self, q: Vector) -> tuple[float, float]:
+        """Where along the arc it is nearest to a posture (n,), and how far away [joint units], whole turns aside."""
+        gap, step = joint_gap(self.task.robot, q, self.q[:-1]), np.diff(self.q, axis=0)
+        t = np.clip((gap * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-300), 0, 1)
+        away = np.linalg.norm(gap - t[:, None] * step, axis=1)
+        i = int(away.argmin())
+        return float(self.s[i] + t[i] * (self.s[i + 1] - self.s[i])), float(away[i])
+
 
 @dataclass(frozen=True, eq=False)
 class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
@@ -146,23 +154,16 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
         return self.sentence
 
     def place_of(self, q: ArrayLike) -> tuple[SelfMotionArc, float]:
-        """The arc that holds a posture (n,) with this pose, at some turns of its hinges, and how far along it is.
+        """The arc that holds a posture (n,) with this pose, at some turns of its hinges, and its arc length there.
 
         Raises: ArgumentError: none does.
         """
-        robot, best = self.task.robot, (np.inf, -1, 0.0)
-        posture = robot.checked(q)
-        for k, arc in enumerate(self.arcs):
-            gap = joint_gap(robot, posture, arc.q[:-1])
-            step = np.diff(arc.q, axis=0)
-            t = np.clip((gap * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-300), 0, 1)
-            away = np.linalg.norm(gap - t[:, None] * step, axis=1)
-            i = int(away.argmin()) if len(away) else -1
-            if i >= 0 and away[i] < best[0]:
-                best = float(away[i]), k, float(arc.s[i] + t[i] * (arc.s[i + 1] - arc.s[i]))
-        if best[0] > APART:
+        posture = self.task.robot.checked(q)
+        places = [(arc, *arc.place_of(posture)) for arc in self.arcs]
+        if not places or min(away for *_, away in places) > APART:
             raise ArgumentError("a posture of the self-motion", q, "give one that holds the tool at its pose")
-        return self.arcs[best[1]], best[2]
+        arc, s, _ = min(places, key=lambda place: place[2])
+        return arc, s
 
     def levels(self, strategy: HolonomicStrategy) -> ServedLevels:
         """The levels c of a strategy, r = 1, whose leaf g(q) = c has a posture of an arc, at any turn within limits.
