@@ -132,6 +132,20 @@ def _rows(strategy: HolonomicStrategy) -> _Rows:
     return _Rows(strategy)
 
 
+def postures_near(
+    strategy: HolonomicStrategy, starts: Matrix, p: Vector, R: Matrix, steps: int = 20, exact: float = EXACT
+) -> Matrix:
+    """The postures (k, n) at a tool pose p (3,), R (3, 3) to which Newton's method leads from some starts (s, n)."""
+    rows = _rows(strategy)
+
+    def correct(q: Matrix, k: Indices) -> tuple[Matrix, Flags]:
+        target = np.broadcast_to(p, (len(q), *p.shape)), np.broadcast_to(R, (len(q), *R.shape))
+        return rows(rows.look, q, *target)[0].reshape(q.shape), np.ones(len(q), dtype=bool)
+
+    q, arrived = newton(correct, starts, steps=steps, longest=LONGEST, exact=exact)
+    return q[arrived]
+
+
 @dataclass(frozen=True, eq=False)
 class _Pairs:
     """Stretches between points i and j (k,), with g - level - shift at both, a and b (k,).
@@ -158,13 +172,13 @@ class _Search:
     """The points of the curves that were looked at, and what was found so far.
 
     v (N, n): unit vectors along the curves, the same way as their points follow each other. slope (N,): of g along v.
-    sound (N,): where g has a value and a slope.
+    sound (N,): where g has a value and a slope. The first `given` ones are those of the curves, one after another.
     """
 
     def __init__(self, strategy: HolonomicStrategy, motions: SelfMotions, level: float, shifts: Vector) -> None:
         self.strategy, self.level, self.shifts = strategy, level, shifts
         self.p, self.R, self.curve, self.q = motions.p[0], motions.R[0], motions.curve, motions.q
-        self.angular, self.rows = any(strategy.constraint.angular), _rows(strategy)
+        self.given, self.angular, self.rows = len(motions.q), any(strategy.constraint.angular), _rows(strategy)
         _, self.v, self.g, self.slope, self.sound = self._at(motions.q)
         self.singular, self.doubt, self.step = 0, 0, 0.0
         n = motions.q.shape[1]
@@ -199,8 +213,8 @@ class _Search:
             sound = np.isfinite(g + slope) & (margin.reshape(k) > TOLERANCES.representation)
         return move.reshape(k, n), v.reshape(k, n), g, slope, sound
 
-    def _added(self, q: Matrix, far: Vector) -> tuple[Indices, Flags]:
-        """(new points, which (k,) there are) on the curve next to postures, at most so far (k,) from them."""
+    def _added(self, q: Matrix, far: Vector, beside: Indices) -> tuple[Indices, Flags]:
+        """(new points, which (k,) there are) at most so far (k,) from postures, on the curves of points beside them."""
         begun, going = q, np.arange(len(q))
         q, v, g, slope, sound = q.copy(), np.zeros_like(q), np.zeros(len(q)), np.zeros(len(q)), np.zeros(len(q), bool)
         for _ in range(8):
@@ -220,7 +234,7 @@ class _Search:
         new = len(self.q) + np.arange(int(there.sum()))
         self.q, self.v = np.vstack([self.q, q[there]]), np.vstack([self.v, v[there]])
         self.g, self.slope = np.append(self.g, g[there]), np.append(self.slope, slope[there])
-        self.sound = np.append(self.sound, sound[there])
+        self.sound, self.curve = np.append(self.sound, sound[there]), np.append(self.curve, self.curve[beside[there]])
         return new, there
 
     def _turn(self, which: Indices | slice, along: Matrix) -> None:
@@ -277,7 +291,7 @@ class _Search:
         ahead = np.einsum("kn,kn->k", self.v[i], d) >= np.einsum("kn,kn->k", self.v[j], d)
         size = np.minimum(0.5 * h, FILL) * np.where(ahead, 1.0, -1.0)
         begin = np.where(ahead, i, j)
-        new, there = self._added(self.q[begin] + size[:, None] * self.v[begin], 0.5 * np.abs(size))
+        new, there = self._added(self.q[begin] + size[:, None] * self.v[begin], 0.5 * np.abs(size), begin)
         self._turn(new, self.v[begin[there]])
         self.doubt += int(np.sum(~there))
         return np.concatenate([i[there], new]), np.concatenate([new, j[there]])
@@ -317,22 +331,20 @@ class _Search:
         return _Pairs(pairs.i, pairs.j, pairs.a, pairs.b, pairs.shift, self._error(pairs.i, pairs.j))
 
     def _take_families(self, flat: _Pairs, h: Vector) -> None:
-        """Takes one posture of each run of stretches (k,) along which g is at the level."""
-        order = np.lexsort((flat.i, flat.shift))
-        flat, h = flat[order], h[order]
-        begins = np.append(True, (flat.i[1:] != flat.j[:-1]) | (flat.shift[1:] != flat.shift[:-1]))
-        run = np.cumsum(begins) - 1
-        lengths, firsts = np.bincount(run, h), np.flatnonzero(begins)
-        middle = (firsts + np.append(firsts[1:], len(run))) // 2
+        """Takes one posture of each curve that has stretches (k,) along which g is at the level."""
+        order = np.lexsort((flat.i, flat.shift, self.curve[flat.i]))
+        flat, h, curve = flat[order], h[order], self.curve[flat.i[order]]
+        firsts = np.flatnonzero(np.append(True, (np.diff(curve) != 0) | (np.diff(flat.shift) != 0)))
+        middle = (firsts + np.append(firsts[1:], len(h))) // 2
         q = self.q[flat.i[middle]]
         rcond = np.array([float(self.strategy.gain(posture)[1]) for posture in q])
-        self.found.append((q, rcond, flat.shift[middle], lengths))
+        self.found.append((q, rcond, flat.shift[middle], np.add.reduceat(h, firsts)))
 
     def _error(self, i: Indices, j: Indices) -> Vector:
         """About how far (k,) the cubics between rows i, i + 1 are from g: by what those over two stretches miss."""
-        count, last = len(i), len(self.curve) - 1
+        count, last = len(i), self.given - 1
         left = np.concatenate([i - 1, i])
-        known = (left >= 0) & (left + 2 <= last) & np.tile(j == i + 1, 2)
+        known = (left >= 0) & (left + 2 <= last) & np.tile((j == i + 1) & (j <= last), 2)
         left = np.where(known, left, 0)
         middle, right = np.minimum(left + 1, last), np.minimum(left + 2, last)
         known &= self.curve[left] == self.curve[right]
@@ -401,7 +413,7 @@ class _Search:
             return pairs
         d, h, first, last, _ = self._stretch(pairs.i, pairs.j)
         x = _extremum(pairs.a, pairs.b, first, last)
-        new, there = self._added(self._between(pairs, d, h, x), 0.5 * h)
+        new, there = self._added(self._between(pairs, d, h, x), 0.5 * h, pairs.i)
         self.doubt += int(np.sum(~there))
         pairs, d, h, first, last, x = pairs[there], d[there], h[there], first[there], last[there], x[there]
         self._turn(new, d)

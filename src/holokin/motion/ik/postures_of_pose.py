@@ -25,18 +25,29 @@ from ...base.types import (
     tool_pose,
 )
 from ...robot import Robot
-from ...robot.closed_form import Held
+from ...robot.closed_form import ArmClass, GeneralInverse, Held, general_inverse
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import of_one_tool
-from .closed_leaf import DOUBT, Following, closed_leaf
+from .closed_leaf import DOUBT, Following, closed_leaf, held_joints, leaf_class
+from .curve_cuts import curves_through
 from .leaf import check_levels, with_leaves
-from .level_roots import roots_along
+from .level_roots import postures_near, roots_along
 from .posture_search import SAME, SAMPLED, free_hinges, leaf_postures, nearest_equivalent, spread, turned
 from .self_motions import SelfMotions, cut_class, self_motions_at
 
 STARTS = 1024
 """Of Newton's method where postures are searched for: with several redundant joints, or with none."""
+
+
+STILL = 0.3
+"""How far [joint units] a posture is from the rows of curves that it is not on: those are half as far apart."""
+
+CROSSING, BESIDE_CROSSING = 1e-4, 0.6
+"""Smallest over largest singular value of J where curves cross, and how far beside that [joint units] others start."""
+
+MEET = 1e-8
+"""rcond of six hinges where two postures meet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +176,8 @@ def all_postures(
     if (leaf := closed_leaf(strategy, c, limits)) is not None:
         return _of_closed_form(strategy, leaf, wanted, c, aim, limits)
     tool_pose("a tool pose", wanted)
+    if (known := _of_six_hinges(strategy, wanted, c, aim, limits)) is not None:
+        return known
     if r == 1:
         return _of_curves(strategy, wanted, c, aim, limits)
     return _of_search(strategy, wanted, c, aim, limits, near is not None)
@@ -179,30 +192,64 @@ def _middle(robot: Robot, limits: bool) -> Vector:
 def _of_closed_form(
     strategy: HolonomicStrategy, leaf: Held | Following, pose: Matrix, c: Vector, aim: Vector, limits: bool
 ) -> Postures:
-    answers, robot = leaf.one(pose), strategy.task.robot
+    answers = leaf.one(pose)
     if not answers[0, 11] < ROTATION:
         tool_pose("a tool pose", pose)
     real, doubtful = answers[:, 9] > DOUBT, np.abs(answers[:, 9]) <= DOUBT
+    q, meet = leaf.postures(answers[real]), int(doubtful.any())
+    return _at_turns(strategy, pose, c, q, leaf.inverse.others, aim, limits, meet)
+
+
+def _at_turns(
+    strategy: HolonomicStrategy, pose: Matrix, c: Vector, q: Matrix, turning: list[int], aim: Vector, limits: bool,
+    singular: int,
+) -> Postures:  # fmt: skip
+    """Postures (k, n) of an inverse of six hinges, `turning`, at the whole turns nearest to a posture aim (n,)."""
+    robot = strategy.task.robot
     low, high = _bounds(robot, limits)
-    q, turning = leaf.postures(answers[real]), leaf.inverse.others
     q[:, turning] = turned(q[:, turning], aim[turning], low[turning], high[turning])
     inside = np.all(robot.beyond(q) <= (TOLERANCES.limit if limits else np.inf), axis=1)
     q = q[inside]
     rcond = np.array([strategy.gain(posture)[1] for posture in q])  # one by one: so few cost less than a batch
-    order = _order(q)
-    outside = int(np.sum(~inside))
-    return Postures(
-        q[order], pose, c.copy(), np.ones(len(q)), rcond[order], np.zeros(len(q)), 0, int(doubtful.any()), outside
-    )
+    order, outside = _order(q), int(np.sum(~inside))
+    return Postures(q[order], pose, c.copy(), np.ones(len(q)), rcond[order], np.zeros(len(q)), 0, singular, outside)
+
+
+@kept
+def _general(strategy: HolonomicStrategy) -> GeneralInverse | None:
+    """The inverse of the six hinges that held joints leave; None where there is none."""
+    held = held_joints(strategy)
+    if isinstance(held, str) or held.follows is not None or isinstance(leaf_class(strategy), ArmClass):
+        return None
+    inverse = general_inverse(strategy.task.robot, held.joints, strategy.task.tip)
+    return inverse if isinstance(inverse, GeneralInverse) else None
+
+
+def _of_six_hinges(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector, limits: bool) -> Postures | None:
+    """Those of the general inverse of six hinges; None where there is none, or where it leaves one in doubt."""
+    inverse, held = _general(strategy), held_joints(strategy)
+    if inverse is None or isinstance(held, str):
+        return None
+    found = inverse.postures(pose[None], held.at(c, 0.0))
+    if found.doubtful[0] or found.curve[0]:
+        return None
+    # Two postures that meet in a singular one are not counted, as with closed forms.
+    regular = found.rcond > MEET
+    q, meet = found.q[regular], int(np.sum(~regular))
+    return _at_turns(strategy, pose, c, q, inverse.others, aim, limits, meet)
 
 
 def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector, limits: bool) -> Postures:
     task = strategy.task
     motions = self_motions_at(task, pose[None, :3, 3], pose[None, :3, :3])
+    if cut_class(task) is not None:
+        motions = _with_still_curves(strategy, motions, aim)
     curves = len(motions.closed)
     if not curves:
-        none = np.zeros(0)
-        return Postures(np.zeros((0, task.n)), pose, c.copy(), none, none, none, 0, 0, 0, 0)
+        # At the edge of the reach all postures are singular: there Newton's method halves the way with each step.
+        none, starts = np.zeros(0), np.vstack([aim, spread(task.robot, SAMPLED)])
+        edge = postures_near(strategy, starts, motions.p[0], motions.R[0], steps=40, exact=SAME)
+        return Postures(np.zeros((0, task.n)), pose, c.copy(), none, none, none, 0, int(len(edge) > 0), 0, 0)
     low, high = _bounds(task.robot, limits)
     turns = _turns_of(strategy, motions.q)
     if turns.varying.any():
@@ -216,6 +263,43 @@ def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector
         q[order], pose, c.copy(), found, roots.rcond[order], roots.family[order], 0, roots.singular, outside,
         curves, roots.step, roots.doubt, cut_class(task) is None,
     )  # fmt: skip
+
+
+def _with_still_curves(strategy: HolonomicStrategy, motions: SelfMotions, aim: Vector) -> SelfMotions:
+    """With those curves along which the held joint of `cut_class` stands still, as where two axes are one line.
+
+    They are there at special poses only. They cross others, which are then open, or pass near the posture aim (n,).
+    """
+    task, p, R = motions.task, motions.p, motions.R
+    seeds, found = [aim[None], *_beside_crossings(motions)], np.zeros((0, task.n))
+    for starts in (np.vstack(seeds), spread(task.robot, STARTS)):  # many, once there is one
+        q = postures_near(strategy, starts, p[0], R[0])
+        far = [np.abs(joint_gap(task.robot, motions.q, one)).max(axis=1).min(initial=np.inf) for one in q]
+        found = np.vstack([found, q[np.array(far, dtype=float) > STILL]])
+        if not len(found):
+            return motions
+    q = found
+    more, pose, curve, closed = curves_through(task, p, R, q, np.zeros(len(q), dtype=np.intp))
+    parts = [motions.q, more], [motions.pose, pose], [motions.curve, curve + len(motions.closed)]
+    return SelfMotions(task, p, R, *map(np.concatenate, parts), np.append(motions.closed, closed))
+
+
+def _beside_crossings(motions: SelfMotions) -> list[Matrix]:
+    """Postures around ends of open curves, where J has two null vectors: on a circle between these."""
+    if motions.closed.all():
+        return []
+    ends = np.flatnonzero(np.diff(motions.curve, prepend=-1, append=len(motions.closed)))
+    ends = np.concatenate([ends[:-1][~motions.closed], ends[1:][~motions.closed] - 1])
+    q = motions.q[ends]
+    _, size, Vt = np.linalg.svd(motions.task.jacobian_batch(q)[0])
+    crossing = size[:, -1] < CROSSING * size[:, 0]
+    q, Vt = q[crossing], Vt[crossing]
+    each = ~np.tril(np.abs(joint_gap(motions.task.robot, q[:, None], q[None])).max(axis=2) < STILL, -1).any(axis=1)
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)[:, None]
+    return [
+        posture + BESIDE_CROSSING * (np.cos(turn) * N[0] + np.sin(turn) * N[1])
+        for posture, N in zip(q[each], Vt[each, -2:], strict=True)
+    ]
 
 
 def _of_search(
