@@ -25,8 +25,8 @@ from ...path.path import straight
 from ...robot import Robot, is_model, load, model_links, model_root
 from ...strategies import HolonomicStrategy
 from ...strategies.constraints.constraint import ChartFunction
-from ...strategies.radial_strategy import SelfMotions, away
 from ...strategies.right_inverses import Terms, monomials, monomials_up_to
+from ...strategies.self_motion_curves import CurveTracer, away
 from ...strategies.tasks.frame_task import FrameTask, completing, leaves_free, parts_of
 from ...strategies.tasks.task import Task
 from ...symbolic import SX, Function, jacobian, runge_kutta, symbol
@@ -71,9 +71,9 @@ class PosePostures(Value):
         return (_on_curves if self.traced else _on_lines)(self, cost, excess_of)
 
     @cached_property
-    def motions(self) -> SelfMotions:
+    def motions(self) -> CurveTracer:
         """The self-motions at these poses."""
-        return SelfMotions(self.task, self.p, self.R)
+        return CurveTracer(self.task, self.p, self.R)
 
 
 def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int) -> PosePostures:
@@ -93,7 +93,7 @@ def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int
     while len(rest):
         poses, first = np.unique(pose[rest], return_index=True)
         first = rest[first]
-        motions = SelfMotions(task, p[poses], R[poses])
+        motions = CurveTracer(task, p[poses], R[poses])
         lines = [line.q for line in motions.traced(q[first], step=STEP, length=20.0, limits=False)]
         curves, curve_poses = curves + lines, [*curve_poses, *poses]
         others = [rest[(pose[rest] == k) & (rest != i)] for k, i in zip(poses, first, strict=True)]
@@ -148,7 +148,7 @@ def _on_lines(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
     return best
 
 
-def line_through(motions: SelfMotions, q: Matrix, v: Matrix, pose: Indices, step: float, count: int) -> Array:
+def line_through(motions: CurveTracer, q: Matrix, v: Matrix, pose: Indices, step: float, count: int) -> Array:
     """Postures (2 count + 1, k, n) on self-motions through some (k, n): these, and so many steps both ways."""
     line = [q]
     for sign in (1.0, -1.0):

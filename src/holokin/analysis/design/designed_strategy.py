@@ -20,8 +20,8 @@ from ...proof.kept_apart import clearances_of
 from ...robot import check_metres, start_posture
 from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import Constraint, linear, tilted
-from ...strategies.radial_strategy import least_motion
 from ...strategies.right_inverses import monomials_up_to
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import wrapped
 from ...symbolic.linear import null_space

@@ -16,7 +16,7 @@ from ...motion.ik.closed_leaf import leaf_class
 from ...path.workspaces import Box, PoseRange, Workspace
 from ...robot.closed_form import ArmClass
 from ...strategies import HolonomicStrategy, moore_penrose, radial
-from ...strategies.radial_strategy import SelfMotions
+from ...strategies.self_motion_curves import CurveTracer
 from ...strategies.tasks.task import Task
 from ..coverage.cover_workspace import Coverage
 from ..coverage.pose_postures import Chain, Coordinates, along_leaf, along_radial, best_of, line_through
@@ -528,7 +528,7 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
     # eight lines for each, the last ones finer
     count = round(NEAR / 0.1)
     lines = [(0.1, count), (0.01, 10)] if r == 1 else [(0.1 if k < 8 else 0.01, count) for k in range(8 * r)]
-    motions, every, best, values = SelfMotions(task, p, R), np.arange(len(Q)), Q.copy(), least(Q)
+    motions, every, best, values = CurveTracer(task, p, R), np.arange(len(Q)), Q.copy(), least(Q)
     for step, count in lines:
         line = line_through(motions, best, rng.normal(size=Q.shape), every, step, count)
         postures, speeds, _ = best_of(line, least, over)

@@ -29,7 +29,7 @@ from ...base.types import (
 from ...path.workspaces import sobol
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy
-from ...strategies.radial_strategy import joint_gap, least_motion
+from ...strategies.self_motion_curves import joint_gap, least_motion
 from ...strategies.tasks.task import Task, of_one_tool
 from .closed_leaf import DOUBT, closed_leaf
 from .leaf import check_levels, leaf_step, with_leaves
