@@ -73,21 +73,20 @@ def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector
     hidden = np.isinf(value) & dips & (excess < change_to_neighbour)
     places = np.flatnonzero(lowest | hidden)
     sides = [_gap_to(motions, places, step) for step in (-1, 1)]
-    value = np.where(hidden, 0.0, value)  # to be looked at before all others
     q, pose, value, excess = q[places], pose[places], value[places], excess[places]
-    # Three times between the neighbours, which then are eight times as near: the least is right to 1e-5, also where a
-    # limit cuts the self-motion.
-    shares = np.linspace(-1.0, 1.0, 17)[:, None, None]
-    for count in (8, 3, 1):
-        chosen = _lowest(value, excess, pose, count)
-        q, pose = q[chosen], pose[chosen]
+    # Postures between the neighbours, which then are two or eight times as near: at all places, then at the best ones.
+    # In the end the least is right to 1e-5, also where a limit cuts the self-motion.
+    for parts, count in ((2, len(q)), (8, 8), (8, 3), (8, 1)):
+        chosen, shares = _lowest(value, excess, pose, count), np.linspace(-1.0, 1.0, 2 * parts + 1)[:, None, None]
+        q, pose, every = q[chosen], pose[chosen], np.arange(len(chosen))
         line = q + np.where(shares < 0, -shares * sides[0][chosen], shares * sides[1][chosen])
         line = _held(motions, line, pose)
         at, value, excess = _best_of(line, cost, excess_of)
-        every = np.arange(len(q))
         q = line[at, every]
         sides = [line[np.clip(at + step, 0, len(line) - 1), every] - q for step in (-1, 1)]
         np.minimum.at(best, pose, value)
+        if parts == 2:
+            value = np.where(np.isinf(value), -np.inf, value)  # to be looked at again before all others
     return best
 
 
@@ -169,10 +168,10 @@ def _dips(value: Vector, curve: Indices) -> tuple[Flags, Vector]:
 
 
 def _lowest(value: Vector, excess: Vector, pose: Indices, count: int) -> Indices:
-    """Which of some places cost the least at their poses, so many of each."""
+    """Which of some places cost the least at their poses, so many of each, and all whose cost is -inf."""
     order = np.lexsort((excess, value, pose))
     first = np.searchsorted(pose[order], pose[order])
-    return order[np.arange(len(order)) - first < count]
+    return order[(np.arange(len(order)) - first < count) | np.isneginf(value[order])]
 
 
 @dataclass(frozen=True, eq=False)
