@@ -74,10 +74,11 @@ def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector
     places = np.flatnonzero(lowest | hidden)
     sides = [_gap_to(motions, places, step) for step in (-1, 1)]
     q, pose, value, excess = q[places], pose[places], value[places], excess[places]
-    # Postures between the neighbours, which then are two or eight times as near: at all places, then at the best ones.
-    # In the end the least is right to 1e-5, also where a limit cuts the self-motion.
-    for parts, count in ((2, len(q)), (8, 8), (8, 3), (8, 1)):
-        chosen, shares = _lowest(value, excess, pose, count), np.linspace(-1.0, 1.0, 2 * parts + 1)[:, None, None]
+    # Postures between the neighbours, which then are two or eight times as near: at all places, then at the best ones,
+    # twice at those that do not count. In the end they are less than a thousandth of the first distance apart.
+    for parts, count, hidden_too in ((2, len(q), True), (8, 8, True), (8, 3, False), (8, 1, False)):
+        chosen = np.union1d(_lowest(value, excess, pose, count), np.flatnonzero(np.isinf(value) & hidden_too))
+        shares = np.linspace(-1.0, 1.0, 2 * parts + 1)[:, None, None]
         q, pose, every = q[chosen], pose[chosen], np.arange(len(chosen))
         line = q + np.where(shares < 0, -shares * sides[0][chosen], shares * sides[1][chosen])
         line = _held(motions, line, pose)
@@ -85,8 +86,6 @@ def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector
         q = line[at, every]
         sides = [line[np.clip(at + step, 0, len(line) - 1), every] - q for step in (-1, 1)]
         np.minimum.at(best, pose, value)
-        if parts == 2:
-            value = np.where(np.isinf(value), -np.inf, value)  # to be looked at again before all others
     return best
 
 
@@ -149,12 +148,13 @@ def _line_through(motions: CurveTracer, q: Matrix, v: Matrix, pose: Indices, ste
 
 def _best_of(line: Array, cost: Cost, over: Cost) -> tuple[Indices, Vector, Vector]:
     """(which of the j postures (j, k, n) is the best (k,), its cost (k,) and excess (k,)); of those that cost inf the
-    nearest."""
-    flat = line.reshape(-1, line.shape[2])
-    value, excess = cost(flat).reshape(line.shape[:2]), over(flat).reshape(line.shape[:2])
-    every = np.arange(line.shape[1])
+    nearest, of equal ones that nearest to the middle one."""
+    j, k, n = line.shape
+    order, every = np.argsort(np.abs(np.arange(j) - j // 2), kind="stable"), np.arange(k)
+    flat = line[order].reshape(-1, n)
+    value, excess = cost(flat).reshape(j, k), over(flat).reshape(j, k)
     best = np.where(np.isfinite(value).any(axis=0), value.argmin(axis=0), excess.argmin(axis=0))
-    return best, value[best, every], excess[best, every]
+    return order[best], value[best, every], excess[best, every]
 
 
 def _dips(value: Vector, curve: Indices) -> tuple[Flags, Vector]:
@@ -168,10 +168,10 @@ def _dips(value: Vector, curve: Indices) -> tuple[Flags, Vector]:
 
 
 def _lowest(value: Vector, excess: Vector, pose: Indices, count: int) -> Indices:
-    """Which of some places cost the least at their poses, so many of each, and all whose cost is -inf."""
+    """Which of some places cost the least at their poses, so many of each."""
     order = np.lexsort((excess, value, pose))
     first = np.searchsorted(pose[order], pose[order])
-    return order[(np.arange(len(order)) - first < count) | np.isneginf(value[order])]
+    return order[np.arange(len(order)) - first < count]
 
 
 @dataclass(frozen=True, eq=False)

@@ -409,8 +409,9 @@ def _narrowed(
             break
         a, b, folds = c[left], c[right], np.isfinite(at)
         b_at = at + 2 * np.pi * np.round((b - at) / (2 * np.pi))
-        new_c = np.column_stack([np.where(folds, (3 * at + a) / 4, a + (b - a) / 3),
-                                 np.where(folds, (3 * b_at + b) / 4, b - (b - a) / 3)])
+        new_c = np.column_stack(
+            [np.where(folds, (3 * at + a) / 4, a + (b - a) / 3), np.where(folds, (3 * b_at + b) / 4, b - (b - a) / 3)]
+        )
         new_track = np.column_stack([track[left], track[right]])
         answers = cut.rows(poses, new_c.ravel(), new_track.ravel())
         sound = (answers[:, -2] > EXACT_FOLD).reshape(-1, 2).all(axis=1)
