@@ -8,11 +8,12 @@ where an s_i is 0, a fold, and go on there as those with that sign turned round.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen, kept
 from ...robot.closed_form.closed_inverse import SIGNS
 from ...strategies.radial_strategy import least_motion
 from ...strategies.tasks.task import Task
@@ -34,14 +35,14 @@ NEAR_FOLD = 1e-4
 EXACT_FOLD = 1e-11
 """How real, at most, a fold is. Where a share only touches 0, so near, self-motions cross: the pose is singular."""
 
-SAME_FOLD = 1e-5
+SAME_FOLD = 1e-4
 """Folds of c [joint units] so near, of the same step and on the same side, are one."""
 
 ORIGIN = 0.123
 """Where c is counted from to compare folds [rad]: no multiple of pi / 2, at which they may be."""
 
-SECTIONS = 16
-"""Times that a step which is too wide is cut in three: to 1e-8 of a step of c. Farther in, c is no coordinate."""
+SECTIONS = 11
+"""Times that a step which is too wide is cut in five: to 1e-8 of a step of c. Farther in, c is no coordinate."""
 
 INACCURATE = 1e-8
 """Last correction [joint units] from which on an answer is corrected along the self-motion: those before it are its
@@ -54,8 +55,8 @@ SIGN_ROWS = np.ascontiguousarray(SIGNS)
 class Cut(Value):
     """The postures of poses by one held coordinate c, in [low, high]; turning: which comes round, after 2 pi.
 
-    branch: (c (1,), pose (4, 4), signs (3,)) -> posture (n,), shares of the three steps (3,), the least of them, and
-    the size of the last correction.
+    branch: (c (1,), pose (4, 4), signs (3,)) -> posture (n,), squares of the slopes of the three steps (3,), below 0
+    where there is none, the share, how real it is, and the size of the last correction.
     """
 
     task: Task
@@ -93,8 +94,8 @@ def curves_of(cut: Cut, poses: Array) -> Curves:
     arcs = _arcs(cut, poses, points)
     partner = _partners(arcs)
     for _ in range(MEETINGS):
-        hidden = _hidden(cut, poses, arcs, np.flatnonzero((partner < 0) & (arcs.step >= 0)))
-        if not len(hidden.c):
+        alone = np.flatnonzero((partner < 0) & (arcs.step >= 0))
+        if not len(alone) or not len((hidden := _hidden(cut, poses, arcs, alone)).c):
             break
         points = points.with_others(cut, hidden)
         arcs = _arcs(cut, poses, points)
@@ -111,6 +112,10 @@ class _Answers(NamedTuple):
     rows: Matrix
     track: Indices
     c: Vector
+
+    def at(self, i: Indices) -> _Answers:
+        """Some of them."""
+        return _Answers(self.rows[i], self.track[i], self.c[i])
 
 
 class _Points(NamedTuple):
@@ -130,13 +135,7 @@ class _Points(NamedTuple):
     @staticmethod
     def of(rows: Matrix, track: Indices, c: Vector) -> _Points:
         """With the neighbours."""
-        last = np.flatnonzero(np.diff(track, append=-1))
-        first = np.append(0, last[:-1] + 1)
-        before, after = np.arange(-1, len(c) - 1), np.arange(1, len(c) + 1)
-        before[first], after[last] = last, first
-        ahead = c[after] - c
-        ahead[last] += 2 * np.pi
-        return _Points(rows, track, c, rows[:, -2] > EXACT_FOLD, before, after, ahead)
+        return _Points(rows, track, c, rows[:, -2] > EXACT_FOLD, *_neighbours(track, c))
 
     @property
     def share(self) -> Vector:
@@ -151,41 +150,77 @@ class _Points(NamedTuple):
         return _Points.of(np.vstack([self.rows, others.rows])[order], track[order], c[order])
 
 
+def _neighbours(track: Indices, c: Vector) -> tuple[Indices, Indices, Vector]:
+    """`before`, `after` and `ahead` of points."""
+    last = np.flatnonzero(np.diff(track, append=-1))
+    first = np.append(0, last[:-1] + 1)
+    before, after = np.arange(-1, len(c) - 1), np.arange(1, len(c) + 1)
+    before[first], after[last] = last, first
+    ahead = c[after] - c
+    ahead[last] += 2 * np.pi
+    return before, after, ahead
+
+
+@lru_cache(maxsize=64)
+def _grid(low: float, high: float, turning: bool, poses: int) -> tuple[Array, ...]:
+    """Values of c and signs of the tracks of one pose; tracks, values and neighbours of so many poses."""
+    grid = np.linspace(low, high, VALUES, endpoint=not turning)
+    track, c = np.repeat(np.arange(8 * poses), VALUES), np.tile(grid, 8 * poses)
+    return tuple(map(frozen, (c[: 8 * VALUES], track[: 8 * VALUES], track, c, *_neighbours(track, c))))
+
+
+_ROUND = np.arange(-1, VALUES + 1) % VALUES
+
+
 def _sampled(cut: Cut, poses: Array) -> _Points:
-    """The answers at values of c, and where between two of them a share may pass 0 and come back."""
-    grid = np.linspace(cut.low, cut.high, VALUES, endpoint=not cut.turning)
-    every = np.empty((len(poses), 8 * VALUES, cut.task.n + 5))
-    signs, places = np.divmod(np.arange(8 * VALUES), VALUES)
-    for pose, out in zip(poses, every, strict=True):
-        cut.rows(pose[None], grid[places], signs, out)
-    rows = every.reshape(-1, cut.task.n + 5)
-    points = _Points.of(rows, np.arange(len(rows)) // VALUES, np.tile(grid, 8 * len(poses)))
-    # Where the share of a step is least in size among its neighbours, which have the same sign, and the other steps are
-    # real: there a parabola through three values may come near to 0.
-    shares = rows[:, -5:-2]
-    size, negative = np.abs(shares), shares < 0
-    before, after = size[points.before], size[points.after]
-    lowest = (size <= before) & (size <= after) & (negative == negative[points.before])
-    lowest &= (negative == negative[points.after]) & ((~negative).sum(axis=1)[:, None] + negative == 3)
-    place, which = np.nonzero(lowest & ((points.after > points.before) | cut.turning)[:, None])
-    three = np.column_stack([before[place, which], size[place, which], after[place, which]])
+    """The answers at values of c, and where between two of them the square of a slope may pass 0 and come back."""
+    values, signs, track, c, *neighbours = _grid(cut.low, cut.high, cut.turning, len(poses))
+    rows = np.empty((len(track), cut.task.n + 5))
+    for pose, out in zip(poses, rows.reshape(len(poses), len(signs), -1), strict=True):
+        cut.rows(pose[None], values, signs, out)
+    points = _Points(rows, track, c, rows[:, -2] > EXACT_FOLD, *neighbours)
+    # Where the square of a slope is least in size among its neighbours, which have the same sign, and the other slopes
+    # are real: there a parabola through three values may come near to 0.
+    squares = rows.reshape(-1, VALUES, rows.shape[1])[:, :, -5:-2].transpose(2, 0, 1)[:, :, _ROUND]
+    size, negative = np.abs(squares), squares < 0
+    before, here, after = size[:, :, :-2], size[:, :, 1:-1], size[:, :, 2:]
+    lowest = (here <= before) & (here <= after)
+    sign = negative[:, :, 1:-1]
+    lowest &= (sign == negative[:, :, :-2]) & (sign == negative[:, :, 2:])
+    lowest[0] &= ~(sign[1] | sign[2])
+    lowest[1] &= ~(sign[0] | sign[2])
+    lowest[2] &= ~(sign[0] | sign[1])
+    if not cut.turning:
+        lowest[:, :, [0, -1]] = False
+    which, line, column = np.nonzero(lowest)
+    three = np.stack([x[which, line, column] for x in (before, here, after)], axis=1)
     bend = 0.5 * (three[:, 0] + three[:, 2]) - three[:, 1]
     with np.errstate(all="ignore"):
         near = np.flatnonzero(three[:, 1] - (three[:, 2] - three[:, 0]) ** 2 / (16 * bend) < bend)
     if not len(near):
         return points
     # The lowest points of such parabolas, in smaller and smaller steps.
-    place, which, three = place[near], which[near], three[near]
-    track, c, step = points.track[place], points.c[place], grid[1] - grid[0]
+    which, three = which[near], three[near]
+    place = line[near] * VALUES + column[near]
+    track, c, step, below = (
+        track[place],
+        c[place],
+        values[1] - values[0],
+        squares[which, line[near], column[near] + 1] < 0,
+    )
     for _ in range(4):
         bend = three[:, 0] + three[:, 2] - 2 * three[:, 1]
         with np.errstate(all="ignore"):
-            shift = np.nan_to_num(0.5 * (three[:, 0] - three[:, 2]) / bend)
-        c, step = c + step * np.clip(shift, -1, 1), step / 8
+            c = c + step * np.clip(np.nan_to_num(0.5 * (three[:, 0] - three[:, 2]) / bend), -1, 1)
+        step = step / 8
         around = (c[:, None] + step * np.array([-1, 0, 1])).ravel()
         answers = cut.rows(poses, around, np.repeat(track, 3)).reshape(len(c), 3, -1)
         three = answers[np.arange(len(c)), :, cut.task.n + which]
-        three = np.where(negative[place, which], -1, 1)[:, None] * three
+        three = np.where(below, -1, 1)[:, None] * three
+        near = np.flatnonzero(three[:, 1] < 0.5 * (three[:, 0] + three[:, 2] - 2 * three[:, 1]))
+        if not len(near):
+            return points
+        which, three, track, c, below, answers = (v[near] for v in (which, three, track, c, below, answers))
     return points.with_others(cut, _Answers(answers[:, 1], track, c))
 
 
@@ -230,8 +265,12 @@ def _arcs(cut: Cut, poses: Array, points: _Points) -> _Arcs:
     touches = (np.abs(points.share[outside]) <= EXACT_FOLD) & real[points.before[outside]] & real[points.after[outside]]
     fold, step, track = begin + way, np.full(len(ends), -1), points.track[inside]
     i = np.flatnonzero(~touches)
-    shares = (points.rows[j[i], -5:-2] for j in (inside, outside))
-    fold[i], step[i] = _folds(cut, poses, track[i], begin[i], fold[i], *shares)
+    inner = np.where(forward, points.before[inside], points.after[inside])
+    third = begin - np.where(forward, points.ahead[inner], -points.ahead[inside])
+    three = np.column_stack([inner, inside, outside])[i]
+    values = np.column_stack([third, begin, fold])[i]
+    with np.errstate(all="ignore"):
+        fold[i], step[i] = _folds(cut, poses, track[i], values, points.rows[three, -5:-2])
     # Answers towards them, evenly along the arc, which is like a parabola there.
     left = np.sqrt(np.minimum(NEAR_FOLD / points.share[inside], 0.01))
     parts = np.array([1, 2, 3]) / 3
@@ -252,41 +291,61 @@ def _arcs(cut: Cut, poses: Array, points: _Points) -> _Arcs:
     return _Arcs(rows, c, np.append(first, len(c)), points.track[start][kept], around[kept], folds, steps)
 
 
-def _folds(
-    cut: Cut, poses: Array, track: Indices, inside: Vector, outside: Vector, shares: Matrix, others: Matrix
-) -> tuple[Vector, Indices]:
-    """Where (k,) the shares of tracks (k,) become 0 between values of c (k,) inside arcs and outside, and of which step
-    it is the share (k,).
+AROUND = np.array([-0.1, -0.01, -0.001, 0.001, 0.01, 0.1])
+"""Places around where a fold is expected, as shares of where it may be."""
 
-    shares, others: those of the three steps (k, 3) inside and outside. By the method of Anderson and Bjoerck, on the
-    least share of those that are below 0 outside.
+
+def _folds(cut: Cut, poses: Array, track: Indices, c: Matrix, squares: Array) -> tuple[Vector, Indices]:
+    """Where (k,) a slope of tracks (k,) becomes 0, and that of which step (k,).
+
+    It is expected by inverse quadratic interpolation of the least square of a slope, among those that are below 0 off
+    the arc, and looked for around that place.
+
+    Args:
+        c: values (k, 3), two of them on an arc, the last one off it. squares: those of the slopes there (k, 3, 3).
     """
-    fold, step, going = outside.copy(), np.full(len(track), -1), np.arange(len(track))
-    near, far, near_weight, far_weight = inside, outside, np.ones(len(track)), np.ones(len(track))
-    was_real = np.zeros(len(track), dtype=bool)
-    for round in range(80):
+    fold, step, going = c[:, 2].copy(), np.full(len(c), -1), np.arange(len(c))
+    for _ in range(60):
+        x, first = _expected(c, squares)
+        fold[going], step[going] = x, first
         if not len(going):
             break
-        below = others <= np.maximum(0.0, others.min(axis=1))[:, None]
-        f, g = (np.where(below, x, np.inf).min(axis=1) for x in (shares, others))
-        x = (near * g * far_weight - far * f * near_weight) / (g * far_weight - f * near_weight)
-        rows = cut.rows(poses, x, track[going])
-        found = rows[:, -5:-2]
-        fold[going], step[going] = x, np.abs(found).argmin(axis=1)
-        # An end that stays for a second time is taken for nearer to 0.
-        real, value = rows[:, -2] > 0, np.where(below, found, np.inf).min(axis=1)
-        less = 1 - value / np.where(real, f, g)
-        less = np.where((less > 0) & (less < 1), less, 0.5)
-        again = (real == was_real) & (round > 0)
-        near_weight = np.where(real, 1.0, np.where(again, less, 1.0) * near_weight)
-        far_weight = np.where(real, np.where(again, less, 1.0) * far_weight, 1.0)
-        near, far = np.where(real, x, near), np.where(real, far, x)
-        shares, others = np.where(real[:, None], found, shares), np.where(real[:, None], others, found)
-        left = np.abs(rows[:, -2]) > EXACT_FOLD
-        going, near, far, shares, others, was_real, near_weight, far_weight = (
-            v[left] for v in (going, near, far, shares, others, real, near_weight, far_weight)
-        )
+        width = c[:, 2] - c[:, 1]
+        share = np.clip(((x - c[:, 1]) / width)[:, None] + AROUND, 0, 1)
+        places = c[:, 1:2] + share * width[:, None]
+        rows = cut.rows(poses, places.ravel(), np.repeat(track, len(AROUND))).reshape(len(c), len(AROUND), -1)
+        # Of all values, in their order, the two before the first one that is off the arc, and this.
+        off = ~(rows[:, :, -2] > 0)
+        j = np.where(off.any(axis=1), off.argmax(axis=1), len(AROUND))
+        three = j[:, None] + np.arange(3)
+        values = np.concatenate([c[:, :2], places, c[:, 2:]], axis=1)
+        every = np.concatenate([squares[:, :2], rows[:, :, -5:-2], squares[:, 2:]], axis=1)
+        line = np.arange(len(c))[:, None]
+        c, squares = values[line, three], every[line, three]
+        exact = (j == len(AROUND) // 2) | (np.abs(c[:, 2] - c[:, 1]) < SAME_FOLD**2)
+        if exact.any():
+            fold[going[exact]], step[going[exact]] = _expected(c[exact], squares[exact])
+            left = ~exact
+            going, track, c, squares = going[left], track[left], c[left], squares[left]
     return fold, step
+
+
+def _expected(c: Matrix, squares: Array) -> tuple[Vector, Indices]:
+    """Where (k,) a slope becomes 0 by its squares (k, 3, 3) at values c (k, 3), and of which step; between the last
+    two values."""
+    # The step whose square is the first to be 0 on the straight line between these.
+    near, far = squares[:, 1], squares[:, 2]
+    share = np.where(far <= np.maximum(far.min(axis=1), 0.0)[:, None], near / (near - far), np.inf)
+    step = share.argmin(axis=1)
+    line = np.arange(len(c))
+    h, f, g = squares[line, :, step].T
+    straight = c[:, 1] + (c[:, 2] - c[:, 1]) * share[line, step]
+    x = (
+        c[:, 1] * (g * h / ((f - g) * (f - h)))
+        + c[:, 2] * (f * h / ((g - f) * (g - h)))
+        + c[:, 0] * (f * g / ((h - f) * (h - g)))
+    )
+    return np.where((x - c[:, 1]) * (x - c[:, 2]) <= 0, x, straight), step
 
 
 # --- Curves: arcs joined at their folds.
@@ -313,15 +372,20 @@ def _partners(arcs: _Arcs) -> Indices:
 
 
 def _hidden(cut: Cut, poses: Array, arcs: _Arcs, ends: Indices) -> _Answers:
-    """Answers of arcs on which ends (k,) of others go on: each behind its fold, as near to it as it takes."""
-    first = ends % 2 == 0
-    last = np.where(first, arcs.first[ends // 2], arcs.first[ends // 2 + 1] - 1)
-    track, fold = arcs.track[ends // 2] ^ (4 >> arcs.step[ends]), arcs.fold[ends]
-    c = (fold[:, None] + (arcs.c[last] - fold)[:, None] * 0.25 ** np.arange(12)).ravel()
-    rows = cut.rows(poses, c, np.repeat(track, 12)).reshape(-1, 12, cut.task.n + 5)
-    real = rows[:, :, -2] > EXACT_FOLD
-    i, j = np.flatnonzero(real.any(axis=1)), real.argmax(axis=1)
-    return _Answers(rows[i, j[i]], track[i], c.reshape(-1, 12)[i, j[i]])
+    """Answers of arcs on which ends (k,) of others go on: each behind its fold, as near to it as it takes; and answers
+    that are not real behind the other ends of their tracks, from which those arcs are apart."""
+    end = np.arange(len(arcs.step))
+    near = arcs.c[np.where(end % 2 == 0, arcs.first[end // 2], arcs.first[end // 2 + 1] - 1)] - arcs.fold
+    track = arcs.track[ends // 2] ^ (4 >> arcs.step[ends])
+    c = (arcs.fold[ends][:, None] + near[ends][:, None] * 0.25 ** np.arange(12)).ravel()
+    found = _Answers(cut.rows(poses, c, np.repeat(track, 12)), np.repeat(track, 12), c)
+    real = (found.rows[:, -2] > EXACT_FOLD).reshape(-1, 12)
+    found = found.at(12 * np.flatnonzero(real.any(axis=1)) + real.argmax(axis=1)[real.any(axis=1)])
+    others = np.flatnonzero(np.isin(arcs.track[end // 2], found.track) & (arcs.step >= 0))
+    track, c = arcs.track[others // 2], arcs.fold[others] - near[others]
+    apart = _Answers(cut.rows(poses, c, track), track, c)
+    apart = apart.at(np.flatnonzero(~(apart.rows[:, -2] > EXACT_FOLD)))
+    return _Answers(*(np.concatenate(pair) for pair in zip(found, apart, strict=True)))
 
 
 def _chained(arcs: _Arcs, partner: Indices) -> list[tuple[Chain, bool]]:
@@ -379,7 +443,7 @@ def _refined(cut: Cut, poses: Array, arcs: _Arcs, curves: list[tuple[Chain, bool
     # Those that are close to a singular posture of the six joints, along the self-motion.
     q, rough = rows[:, :n], np.flatnonzero(~(rows[:, -1] < INACCURATE))
     if len(rough):
-        q[rough] = _onto(cut.task, poses[track[rough] // 8], q[rough])
+        q[rough] = onto(cut.task, poses[track[rough] // 8], q[rough])
     # Hinges are continuous from the first row of a curve on.
     turns = np.zeros_like(q)
     turns[1:] = (curve[1:] == curve[:-1])[:, None] * np.round(np.diff(q, axis=0) / (2 * np.pi))
@@ -400,30 +464,33 @@ def _narrowed(
 ) -> tuple[Matrix, Vector, Indices]:
     """(rows, keys that order them, tracks) with answers between rows `wide` and the next ones, until these are near.
 
-    Between two of an arc they divide c in three; at a fold there is one on each side, a quarter as far from it.
+    Between two of an arc they divide c in five; at a fold there are two on each side, closer to it.
     """
     key, left, right, at = np.arange(len(rows), dtype=float), wide, wide + 1, fold[wide]
-    thirds = np.array([1, 2]) / 3
+    parts, closer = np.arange(1, 5) / 5, np.array([1 / 4, 1 / 16])
     for _ in range(SECTIONS):
         if not len(left):
             break
         a, b, folds = c[left], c[right], np.isfinite(at)
         b_at = at + 2 * np.pi * np.round((b - at) / (2 * np.pi))
-        new_c = np.column_stack(
-            [np.where(folds, (3 * at + a) / 4, a + (b - a) / 3), np.where(folds, (3 * b_at + b) / 4, b - (b - a) / 3)]
-        )
-        new_track = np.column_stack([track[left], track[right]])
+        between = a[:, None] + (b - a)[:, None] * parts
+        at_fold = [at[:, None] + (a - at)[:, None] * closer, b_at[:, None] + (b - b_at)[:, None] * closer[::-1]]
+        new_c = np.where(folds[:, None], np.concatenate(at_fold, axis=1), between)
+        new_track = np.repeat(np.column_stack([track[left], track[right]]), 2, axis=1)
         answers = cut.rows(poses, new_c.ravel(), new_track.ravel())
-        sound = (answers[:, -2] > EXACT_FOLD).reshape(-1, 2).all(axis=1)
-        both = np.repeat(sound, 2)
-        new = len(c) + np.arange(2 * sound.sum()).reshape(-1, 2)
+        sound = (answers[:, -2] > EXACT_FOLD).reshape(-1, 4).all(axis=1)
+        every = np.repeat(sound, 4)
+        new = len(c) + np.arange(4 * sound.sum()).reshape(-1, 4)
         left, right, at = left[sound], right[sound], at[sound]
-        new_key = key[left][:, None] + (key[right] - key[left])[:, None] * thirds
-        rows, key = np.vstack([rows, answers[both]]), np.append(key, new_key)
-        c, track = np.append(c, new_c.ravel()[both]), np.append(track, new_track.ravel()[both])
-        none = np.full(len(at), np.nan)
-        left, right = np.concatenate([left, new[:, 0], new[:, 1]]), np.concatenate([new[:, 0], new[:, 1], right])
-        at = np.concatenate([none, at, none])
+        rows, key = (
+            np.vstack([rows, answers[every]]),
+            np.append(key, key[left][:, None] + (key[right] - key[left])[:, None] * parts),
+        )
+        c, track = np.append(c, new_c.ravel()[every]), np.append(track, new_track.ravel()[every])
+        ways = np.column_stack([left, new, right])
+        folds = np.full((len(left), 5), np.nan)
+        folds[:, 2] = at
+        left, right, at = ways[:, :-1].ravel(), ways[:, 1:].ravel(), folds.ravel()
         far = _widths(cut, rows[right], rows[left]) > WIDEST
         left, right, at = left[far], right[far], at[far]
     # Where c is no coordinate: along the straight line, corrected.
@@ -439,9 +506,15 @@ def _narrowed(
     return rows, key, track
 
 
-def _onto(task: Task, poses: Array, q: Matrix) -> Matrix:
+@kept
+def _twin(task: Task) -> Task:
+    """The task without the singular angles of its representation."""
+    return task._geometric_twin
+
+
+def onto(task: Task, poses: Array, q: Matrix) -> Matrix:
     """Postures (k, n) that hold the tool at poses (k, 4, 4), by the least joint motion from others."""
-    task = task._geometric_twin
+    task = _twin(task)
     p, R = poses[:, :3, 3], poses[:, :3, :3]
     for _ in range(8):
         J, e = task.jacobian_batch(q)[0], task._error_function.batch(q, p, R).reshape(len(q), -1)

@@ -104,21 +104,22 @@ class Turn(NamedTuple):
 
 
 class Root(NamedTuple):
-    """A root, the slope s there, and how real it is, (a^2 + b^2 - d^2) / (a^2 + b^2)."""
+    """A root, the slope s there, how real it is, s^2 / (a^2 + b^2), and s^2 = a^2 + b^2 - d^2, below 0 without a root."""
 
     turn: Turn
     slope: SX
     share: SX
+    square: SX
 
 
 def _root(a: SX, b: SX, d: SX, sign: SX) -> Root:
     """The root of a cos q + b sin q = d whose slope has a sign, 1 or -1; where there is none, the q nearest to one."""
     square = a * a + b * b
-    share = 1 - d * d / square
-    size = sqrt(fmax(square - d * d, 0))
+    share, inside = 1 - d * d / square, square - d * d
+    size = sqrt(fmax(inside, 0))
     d = fmin(fmax(d, -sqrt(square)), sqrt(square))
     s = sign * size
-    return Root(Turn.along(a * d + b * s, b * d - a * s, square), s, share)
+    return Root(Turn.along(a * d + b * s, b * d - a * s, square), s, share, inside)
 
 
 class Wave(NamedTuple):
@@ -249,7 +250,7 @@ def _to_point_in_space(h: list[SX], p: list[SX], normal: SX, start: SX, goal: SX
     second = _between(h[1], x, y.at(third.turn) * normal + z.at(third.turn) * across)
     first = _between(h[0], d * normal + second.about(h[1], x), v)
     third = third._replace(slope=d * sine * third.slope)
-    return [first, second, third.turn], [third, Root(second, SX(1), SX(1))]
+    return [first, second, third.turn], [third, Root(second, SX(1), SX(1), SX(1))]
 
 
 def _root_of_degree_four(squared: list[Wave], less: Wave, signs: list[SX]) -> Root:
@@ -290,7 +291,7 @@ def _root_of_degree_four(squared: list[Wave], less: Wave, signs: list[SX]) -> Ro
         more = -value * slope / (slope * slope + 1e-16 * size * size)
         more = if_else(fabs(more) < 0.01, more, 0)
         turn = _plus(turn, Turn(1 - more * more / 2, more))
-    return Root(turn, _slope(squared, less, turn), point.share)
+    return Root(turn, _slope(squared, less, turn), point.share, point.square)
 
 
 def _slope(squared: list[Wave], less: Wave, turn: Turn) -> SX:

@@ -73,21 +73,29 @@ class BatchKernel:
         self._run: Any = self._library.hk_batch
         self._run.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
         self._run.restype = None
+        self._inputs, self._outputs = ctypes.c_void_p * len(sizes_in), ctypes.c_void_p * len(sizes_out)
+        self._strides = ctypes.c_longlong * len(sizes_in)
 
     def __call__(self, arguments: Sequence[Array], results: Sequence[Array], threads: int | None = None) -> None:
         """Fill results (k, ...) from arguments, each C-contiguous (k, ...), or with stride 0 along the samples."""
         count = len(results[0])
         most = (os.cpu_count() or 1) if threads is None else whole("threads", threads)
         workers = max(1, min(most, count // 4096))
+        X, strides = [_address(a) for a in arguments], [a.strides[0] for a in arguments]
+        Y, steps = [_address(r) for r in results], [r.strides[0] for r in results]
+        lanes = self._strides(*(stride // 8 for stride in strides))
 
         def part(k: int) -> None:
             start, stop = k * count // workers, (k + 1) * count // workers
-            X = (ctypes.c_void_p * len(arguments))(*(a.ctypes.data + start * a.strides[0] for a in arguments))
-            strides = (ctypes.c_longlong * len(arguments))(*(a.strides[0] // 8 for a in arguments))
-            Y = (ctypes.c_void_p * len(results))(*(r.ctypes.data + start * r.strides[0] for r in results))
-            self._run(stop - start, X, strides, Y)
+            ins = self._inputs(*(x + start * stride for x, stride in zip(X, strides, strict=True)))
+            outs = self._outputs(*(y + start * stride for y, stride in zip(Y, steps, strict=True)))
+            self._run(stop - start, ins, lanes, outs)
 
         _do_all(part, workers, workers)
+
+
+def _address(array: Array) -> int:
+    return array.__array_interface__["data"][0]
 
 
 def _do_all(part: Callable[[int], None], count: int, workers: int) -> None:
