@@ -72,18 +72,16 @@ def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector
     hidden = np.isinf(value) & dips & (excess < change_to_neighbour)
     places = np.flatnonzero(lowest | hidden)
     sides = [_gap_to(motions, places, step) for step in (-1, 1)]
-    value = np.where(hidden, 0.0, value)  # to be looked at before all others
     q, pose, value, excess = q[places], pose[places], value[places], excess[places]
-    # Three times between the neighbours, which then are eight times as near: the least is right to 1e-5, also where a
-    # limit cuts the self-motion.
-    shares = np.linspace(-1.0, 1.0, 17)[:, None, None]
-    for count in (8, 3, 1):
-        chosen = _lowest(value, excess, pose, count)
-        q, pose = q[chosen], pose[chosen]
+    # Postures between the neighbours, which then are two or eight times as near: at all places, then at the best ones,
+    # twice at those that do not count. In the end they are less than a thousandth of the first distance apart.
+    for parts, count, hidden_too in ((2, len(q), True), (8, 8, True), (8, 3, False), (8, 1, False)):
+        chosen = np.union1d(_lowest(value, excess, pose, count), np.flatnonzero(np.isinf(value) & hidden_too))
+        shares = np.linspace(-1.0, 1.0, 2 * parts + 1)[:, None, None]
+        q, pose, every = q[chosen], pose[chosen], np.arange(len(chosen))
         line = q + np.where(shares < 0, -shares * sides[0][chosen], shares * sides[1][chosen])
         line = _held(motions, line, pose)
         at, value, excess = _best_of(line, cost, excess_of)
-        every = np.arange(len(q))
         q = line[at, every]
         sides = [line[np.clip(at + step, 0, len(line) - 1), every] - q for step in (-1, 1)]
         np.minimum.at(best, pose, value)
@@ -149,12 +147,13 @@ def _line_through(motions: CurveTracer, q: Matrix, v: Matrix, pose: Indices, ste
 
 def _best_of(line: Array, cost: Cost, over: Cost) -> tuple[Indices, Vector, Vector]:
     """(which of the j postures (j, k, n) is the best (k,), its cost (k,) and excess (k,)); of those that cost inf the
-    nearest."""
-    flat = line.reshape(-1, line.shape[2])
-    value, excess = cost(flat).reshape(line.shape[:2]), over(flat).reshape(line.shape[:2])
-    every = np.arange(line.shape[1])
+    nearest, of equal ones that nearest to the middle one."""
+    j, k, n = line.shape
+    order, every = np.argsort(np.abs(np.arange(j) - j // 2), kind="stable"), np.arange(k)
+    flat = line[order].reshape(-1, n)
+    value, excess = cost(flat).reshape(j, k), over(flat).reshape(j, k)
     best = np.where(np.isfinite(value).any(axis=0), value.argmin(axis=0), excess.argmin(axis=0))
-    return best, value[best, every], excess[best, every]
+    return order[best], value[best, every], excess[best, every]
 
 
 def _dips(value: Vector, curve: Indices) -> tuple[Flags, Vector]:
