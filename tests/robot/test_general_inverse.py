@@ -172,7 +172,7 @@ def test_no_posture_that_random_starts_find_is_missing(name, held):
 @pytest.mark.campaign
 @pytest.mark.parametrize(("name", "held"), EVERY + OTHERS)
 def test_no_posture_that_ten_thousand_random_starts_find_is_missing(name, held):
-    check_with_random_starts(hk.load(name), held, 10, 10_000)
+    check_with_random_starts(hk.load(name), held, 5, 10_000)
 
 
 @pytest.mark.campaign
@@ -345,8 +345,27 @@ def test_postures_of_right_angles_are_found_again_or_what_is_singular_is_told(na
     assert np.abs(robot.pose(postures.q) - poses[postures.row]).max() < 1e-12
     again = gaps(postures, q, inverse.others) < 1e-5
     assert (again | postures.doubtful | postures.curve).all()
+    if name == "panda" and k == 1:
+        assert postures.doubtful[q[:, 1] == 0].all() and (q[:, 1] == 0).sum() > 5
     condition = np.linalg.cond(robot.jacobian(q)[:, :, inverse.others])
     assert again[condition < 1e4].all() and (condition < 1e4).sum() > 60
+
+
+def test_where_all_equations_are_singular_regular_postures_are_found_from_poses_beside():
+    """At these poses the elimination fails from whichever joint it starts; the postures themselves are regular."""
+    right = np.pi / 4
+    for name, k, turns, count in (
+        ("sawyer", 0, [0.3 / right, 2, 1, 0, -3, 2, -2], 4),
+        ("sawyer", 0, [1.7 / right, 3, 0, -3, 2, -2, 0.6 / right], 8),
+        ("gen3", 0, [2, 2, -3, -2, 2, -1, 3], 8),
+    ):
+        robot, q = hk.load(name), right * np.array(turns, dtype=float)
+        inverse, pose = inverse_of(robot, (k,)), robot.pose(q)
+        postures = inverse.postures(pose[None], q[[k]])
+        assert postures.doubtful.all() and len(postures.q) == count
+        assert gaps(postures, q[None], inverse.others) < 1e-6
+        theirs = random_starts(robot, inverse.others, pose, q, 200, 12)
+        assert apart(theirs[:, None], postures.q, inverse.others).min(axis=1).max() < 1e-5
 
 
 def test_three_axes_that_are_parallel_at_one_value_alone_are_solved_there_too():
