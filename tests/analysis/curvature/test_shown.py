@@ -163,7 +163,7 @@ def test_a_part_of_any_kind_is_shown(value: Any) -> None:
 
 NO_QUESTION = {
     # what is asked about, and settings
-    "ArmClass", "ClosedInverse", "Held", "NoClass",
+    "ArmClass", "ClosedInverse", "GeneralInverse", "GeneralPostures", "Held", "NoClass",
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
