@@ -8,7 +8,7 @@ from conftest import campaign
 from holokin.base.poses import pose_from
 from holokin.motion.ik.curve_cuts import STEP, curves_by_cuts
 from holokin.motion.ik.posture_search import postures_from
-from holokin.robot.closed_form import ArmClass, ClosedInverse, arm_class
+from holokin.robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
 from holokin.strategies.tasks.task import Task
 
 Curves = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -99,8 +99,8 @@ def test_a_planar_arm_has_one_curve_or_two_by_the_rule_of_grashof(planar_3r: hk.
 
 
 GENERAL = ["gen3", "sawyer", "yumi-arm", "rizon4"]
-SMALL = [-2.441, -1.323, -2.832, -1.685, -2.825, -2.225, 0.799]
-"""A Sawyer's posture at a pose whose smallest curve keeps all joints within 0.4 rad."""
+SMALL = [-2.174, -0.142, 0.777, -0.43, 2.166, -0.654, 0.065]
+"""A Sawyer's posture at a pose whose smallest curve keeps all joints within 0.2 rad, between the cuts."""
 
 
 @pytest.mark.parametrize(
@@ -150,11 +150,24 @@ def test_a_pose_out_of_reach_has_no_curves_and_curves_do_not_hang_on_other_poses
     assert len(curves_by_cuts(task, p[:0], R[:0])[0]) == 0
 
 
-def test_curves_of_an_arm_that_is_nearly_stretched_stay_apart() -> None:
-    """A Gen3's elbow bends by 0.03 rad at least, one way or the other: eight curves, in pairs 0.07 rad apart."""
-    task = hk.pose(hk.load("gen3"))
-    p, R = task._poses(np.array([[-0.737, -1.044, 2.306, -0.032, 1.113, -1.784, 2.199]]))
-    q, _, curve, closed = sound_curves(task, p, R)
-    assert len(closed) == 8 and closed.all()
-    elbow = (q[:, 3] + np.pi) % (2 * np.pi) - np.pi
-    assert all(len(set(np.sign(elbow[curve == c]))) == 1 for c in range(8)) and np.abs(elbow).min() > 0.03
+NEARLY_SINGULAR = [
+    "-2.744786424130973 0.2511155601899788 0.2492094331781929 -0.7791142269554958 0.288172609596233 1.310579767368349"
+    " -0.711234783609625",
+    "-2.740449609981201 -1.184955055440266 0.45853234750793 -1.255403632762411 -0.9107105885676723 0.868444446471428"
+    " 0.539387066502493",
+]
+"""Postures of a YuMi's arm at poses whose curves turn sharply, or pass each other closely, near singular postures."""
+
+
+def test_near_singular_postures_each_curve_is_told_once() -> None:
+    """At values of a joint that is held they have as many postures as the eigenvalue problem has roots."""
+    robot, joint = hk.load("yumi-arm"), 2
+    task = hk.pose(robot)
+    p, R = task._poses(np.array([text.split() for text in NEARLY_SINGULAR], dtype=float))
+    q, pose, curve, _ = sound_curves(task, p, R)
+    inverse = general_inverse(robot, (joint,), task.tip)
+    assert isinstance(inverse, GeneralInverse)
+    for c in np.random.default_rng(0).uniform(-np.pi, np.pi, 6):
+        postures = inverse.postures(pose_from(p, R), [c])
+        count = np.bincount(postures.row, minlength=len(p))
+        assert np.array_equal(crossings(q[:, joint] - c, pose, curve, len(p), True), count)
