@@ -2,9 +2,8 @@
 
 A cut holds one coordinate at a value: a joint, or the spin of the tool about an axis that the task leaves free. What
 is left is an arm of six hinges, whose inverse gives every posture of the cut. Curves are traced through these, each
-once. A curve on which each of these coordinates stays between two neighbouring values is missed.
-
-Arms without such an inverse are searched by Newton's method, from starts spread over the joint ranges.
+once. On a curve that no cut meets every coordinate that is cut stays between two neighbouring values: such short curves
+are looked for by Newton's method, from starts spread over the joint ranges, and so are those of arms without cuts.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ VALUES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Cuts(Value):
+class _Cuts(Value):
     """The postures of poses at values (k,) of a coordinate, all of them.
 
     axis: about which (3,) the pose turns by the value, in the tool's frame, or with `of_base` in the base's; None where
@@ -89,7 +88,7 @@ def _turns_about(axis: Vector, angle: Vector) -> Array:
 
 
 @kept
-def cuts_of(task: Task) -> tuple[Cuts, ...]:
+def _cuts_of(task: Task) -> tuple[_Cuts, ...]:
     """The cuts of a task; none where no coordinate leaves six hinges with an inverse."""
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and {0, 1, 2} <= set(task.rows)):
         return ()
@@ -98,17 +97,17 @@ def cuts_of(task: Task) -> tuple[Cuts, ...]:
         turn, inverse = task.representation.directions.get(angular), _inverse(robot, (), task.tip)
         if turn is None or inverse is None:
             return ()
-        return (Cuts(inverse, _values(VALUES), frozen(np.array(turn[0], dtype=float)), turn[1]),)
+        return (_Cuts(inverse, _values(VALUES), frozen(np.array(turn[0], dtype=float)), turn[1]),)
     # A slide is held where there is one. Else two joints: of those that move the most in self-motions.
     slides = np.flatnonzero(~robot.hinges).tolist()
     if slides:
         inverse = _inverse(robot, (slides[0],), task.tip)
         low, high = robot.lower[slides[0]], robot.upper[slides[0]]
-        return (Cuts(inverse, np.linspace(low, high, VALUES)),) if inverse and np.isfinite(high - low) else ()
+        return (_Cuts(inverse, np.linspace(low, high, VALUES)),) if inverse and np.isfinite(high - low) else ()
     cuts = []
     for k in _moving_most(task):
         inverse = _inverse(robot, (k,), task.tip)
-        cuts += [] if inverse is None else [Cuts(inverse, _values(VALUES // 2))]
+        cuts += [] if inverse is None else [_Cuts(inverse, _values(VALUES // 2))]
         if len(cuts) == 2:
             break
     return tuple(cuts)
@@ -148,13 +147,13 @@ def curves_by_cuts(task: Task, p: Matrix, R: Array) -> tuple[Matrix, Indices, In
     in order, at arc lengths of about STEP, hinges continuous along it; the last one of a closed curve is its first one,
     but for whole turns. Curves are in the order of their poses. Slides keep their limits: there curves end.
     """
-    cuts, parts, curves = cuts_of(task), [], 0
+    cuts, parts, curves = _cuts_of(task), [], 0
     task = _twin(task)
     for first in range(0, max(len(p), 1), PIECE):
         some = p[first : first + PIECE], R[first : first + PIECE]
         found = [cut.postures(*some) for cut in cuts] + [_from_starts(task, *some)]
         q, pose = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-        q, pose, curve, closed = curves_through(task, *some, q, pose)
+        q, pose, curve, closed = _through(task, *some, q, pose)
         parts.append((q, pose + first, curve + curves, closed))
         curves += len(closed)
     q, pose, curve, closed = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
@@ -190,7 +189,7 @@ def _newton_step(task: Task) -> Function:
     return Function("newton_step", {"q": q, "p": p, "R": R}, outputs)
 
 
-def curves_through(task: Task, p: Matrix, R: Array, q: Matrix, pose: Indices) -> tuple[Matrix, Indices, Indices, Flags]:
+def _through(task: Task, p: Matrix, R: Array, q: Matrix, pose: Indices) -> tuple[Matrix, Indices, Indices, Flags]:
     """The curves through postures q (k, n) at the poses `pose` (k,) of p (S, 3), R (S, 3, 3), each once.
 
     Returns: as `curves_by_cuts`.
@@ -248,28 +247,24 @@ def _traced(tracer: CurveTracer, q: Matrix, pose: Indices) -> _Curves:
     way = {"step": STEP, "length": LONGEST, "limits": ~task.robot.hinges}
     postures, size, _, endings = own.postures(q, null_vectors(task, q), **way)
     ends = np.array(endings, dtype=object).reshape(-1, 2)
+    # What is before its first posture, its postures, what is behind its last one.
     last = np.cumsum(size) - 1
     first = last + 1 - size
-    # Behind the last postures and before the first ones, which are put in order.
-    ahead = [(last, np.maximum(last - 1, first)), (first, np.minimum(first + 1, last))]
-    rows, curves = [postures], [np.repeat(every, size)]
-    for (at, before), ending in zip(ahead, ends.T[::-1], strict=True):
-        some = (ending == CurveEnd.LIMIT) & (size > 1)
-        end, v = postures[at[some]], postures[at[some]] - postures[before[some]]
-        there, good = _limits_ahead(own, end, v, every[some])
-        rows.append(there)
-        curves.append(every[some][good])
-    order = np.argsort(np.concatenate([curves[2], curves[0], curves[1]]), kind="stable")
-    which = np.concatenate([curves[2], curves[0], curves[1]])[order]
-    rows = np.concatenate([rows[2], rows[0], rows[1]])[order]
-    return _Curves(rows, np.bincount(which, minlength=len(q)), pose, ends, q)
+    parts = [(postures, np.repeat(every, size))]
+    for side, (at, inside) in enumerate([(first, np.minimum(first + 1, last)), (last, np.maximum(last - 1, first))]):
+        some = (ends[:, side] == CurveEnd.LIMIT) & (size > 1)
+        end, inner = postures[at[some]], postures[inside[some]]
+        parts.insert(2 * side, _limits_ahead(own, end, end - inner, every[some]))
+    rows, curve = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    order = np.argsort(curve, kind="stable")
+    return _Curves(rows[order], np.bincount(curve, minlength=len(q)), pose, ends, q)
 
 
-def _limits_ahead(tracer: CurveTracer, q: Matrix, way: Matrix, pose: Indices) -> tuple[Matrix, Flags]:
-    """(postures (j, n) at a slide's limit that is less than a step ahead of some (k, n), of which of these (k,))."""
+def _limits_ahead(tracer: CurveTracer, q: Matrix, way: Matrix, pose: Indices) -> tuple[Matrix, Indices]:
+    """(postures (j, n) at a slide's limit that is less than a step ahead of some (k, n); the poses of them (j,))."""
     robot, rows = tracer.task.robot, np.arange(len(q))
     if not len(q):
-        return q, rows > 0
+        return q, pose
     limit = np.where(robot.hinges, np.inf, np.where(way > 0, robot.upper, robot.lower))
     with np.errstate(all="ignore"):  # of the slides the one that is there first
         slide = np.argmin(np.where(robot.hinges, np.inf, np.abs((limit - q) / way)), axis=1)
@@ -280,7 +275,7 @@ def _limits_ahead(tracer: CurveTracer, q: Matrix, way: Matrix, pose: Indices) ->
         there, v, _ = tracer.step(there, v, pose, np.clip(length, -STEP, STEP))
     moved = np.linalg.norm(there - q, axis=1)
     good = (np.abs(limit - there[rows, slide]) < SAME) & (moved > SAME) & (moved < 2 * STEP)
-    return there[good], good
+    return there[good], pose[good]
 
 
 def _passes(tracer: CurveTracer, curves: _Curves, q: Matrix, pose: Indices) -> tuple[Indices, Indices]:
