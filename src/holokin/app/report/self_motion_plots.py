@@ -79,7 +79,9 @@ def _levels(axes: Any, motion: SelfMotion, strategy: HolonomicStrategy, level: f
                 axes.plot(along(s), level, "o", markersize=11, color=color, markeredgecolor="white", zorder=7)
         right += curve.length + GAP
     axes.axhline(level, color=INK, linewidth=1.3, linestyle="--", zorder=4)
-    axes.annotate("a leaf: one level", (0.01 * right, level), (0, 5), textcoords="offset points", fontsize=10)
+    paper = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
+    middle = {"textcoords": "offset points", "fontsize": 10, "ha": "center", "bbox": paper, "zorder": 5}
+    axes.annotate("a leaf: one level", (0.46 * right, level), (0, 7), **middle)
     # The levels that serve the pose, at the right.
     count = f"{motion.components} self-motion{'s' if motion.components != 1 else ''}"
     for part in motion.levels(strategy).intervals:
