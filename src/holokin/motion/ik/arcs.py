@@ -326,6 +326,9 @@ def _arcs(cut: Cut, poses: Array, points: _Points) -> _Arcs:
     return _Arcs(rows, c, np.append(first, len(c)), points.track[start][kept], around[kept], folds, steps)
 
 
+NARROWEST = 1e-11
+"""Where a fold is looked for [joint units]: nearer to each other folds of two steps are not told apart."""
+
 AROUND = np.array([-0.1, -0.01, -0.001, 0.001, 0.01, 0.1])
 """Places around where a fold is expected, as shares of where it may be."""
 
@@ -357,7 +360,8 @@ def _folds(cut: Cut, poses: Array, track: Indices, c: Matrix, squares: Array) ->
         every = np.concatenate([squares[:, :2], rows[:, :, -5:-2], squares[:, 2:]], axis=1)
         line = np.arange(len(c))[:, None]
         c, squares = values[line, three], every[line, three]
-        exact = (j == len(AROUND) // 2) | (np.abs(c[:, 2] - c[:, 1]) < SAME_FOLD**2)
+        exact = (j == len(AROUND) // 2) & ((squares[:, 2] < 0).sum(axis=1) == 1)
+        exact |= np.abs(c[:, 2] - c[:, 1]) < NARROWEST
         if exact.any():
             fold[going[exact]], step[going[exact]] = _expected(c[exact], squares[exact])
             left = ~exact
