@@ -18,7 +18,6 @@ from ...robot.closed_form.closed_inverse import SIGNS
 from ...strategies.radial_strategy import least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import Function
-from ...symbolic.native import allowed
 
 VALUES = 64
 """Values of the held coordinate at which a pose is looked at: steps of 0.1 rad."""
@@ -67,14 +66,13 @@ class Cut(Value):
 
     def rows(self, poses: Array, c: Vector, track: Indices, out: Matrix | None = None) -> Matrix:
         """The answers (k, n + 5) of `branch` at values c (k,) of tracks (k,): 8 s + signs, of poses (S, 4, 4)."""
-        chosen = poses[track // 8] if len(poses) > 1 else np.broadcast_to(poses[0], (len(c), 4, 4))
         out = np.empty((len(c), self.task.n + 5)) if out is None else out
-        arguments = [c[:, None], chosen, SIGN_ROWS[track % 8]]
-        kernel = self.branch._native() if allowed() else None
+        kernel = self.branch._native()
+        chosen = poses[track // 8] if len(poses) > 1 else poses
         if kernel is not None:
-            kernel(arguments, [out], 1)
+            kernel([c[:, None], chosen, SIGN_ROWS[track % 8]], [out], 1)
         elif len(c):
-            self.branch.batch(*arguments, out=[out])
+            self.branch.batch(c[:, None], np.broadcast_to(chosen, (len(c), 4, 4)), SIGN_ROWS[track % 8], out=[out])
         return out
 
 
@@ -243,20 +241,21 @@ def _beside_folds(squares: Array) -> Places:
     fold, way = left + a / (a - b), np.where(a < 0, 1, -1)
     columns = np.where(a < 0, left + 1, left)[:, None] + way[:, None] * np.arange(3)
     u = np.sqrt(np.abs(columns - fold[:, None]))
-    places: list[Places] = []
-    for more in (1, 2):
-        which = i + more
-        fits = (which == 1) | (which == 2) & ~negative[1 - i, line, columns[:, 0]]
-        y = squares[np.minimum(which, 2)[:, None], line[:, None], columns]
-        # The highest point of the parabola through three values.
-        first, second = (y[:, 1] - y[:, 0]) / (u[:, 1] - u[:, 0]), (y[:, 2] - y[:, 1]) / (u[:, 2] - u[:, 1])
-        bend = (second - first) / (u[:, 2] - u[:, 0])
-        top = 0.5 * (u[:, 0] + u[:, 1] - first / bend)
-        height = y[:, 0] + (top - u[:, 0]) * (first + bend * (top - u[:, 1]))
-        fits &= (y < 0).all(axis=1) & (bend < 0) & (top >= 0) & (top <= u[:, 2])
-        fits &= height > 0.25 * y.min(axis=1)
-        places.append((which[fits], line[fits], (fold + way * top**2 - PAD)[fits], fits[fits]))
-    return tuple(np.concatenate(parts) for parts in zip(*places, strict=True))  # type: ignore[return-value]
+    # A later step that has no root there; the one between the two has one.
+    which = np.concatenate([i + 1, i[i == 0] + 2])
+    of_fold = np.concatenate([np.arange(len(i)), np.flatnonzero(i == 0)])
+    first = columns[of_fold, 0]
+    fits = negative[which, line[of_fold], first] & ((which == 1) | ~negative[1 - i[of_fold], line[of_fold], first])
+    which, of_fold = which[fits], of_fold[fits]
+    line, columns, u, fold, way = line[of_fold], columns[of_fold], u[of_fold], fold[of_fold], way[of_fold]
+    # The highest point of the parabola through three values.
+    y = squares[which[:, None], line[:, None], columns]
+    rise, more = (y[:, 1] - y[:, 0]) / (u[:, 1] - u[:, 0]), (y[:, 2] - y[:, 1]) / (u[:, 2] - u[:, 1])
+    bend = (more - rise) / (u[:, 2] - u[:, 0])
+    top = 0.5 * (u[:, 0] + u[:, 1] - rise / bend)
+    height = y[:, 0] + (top - u[:, 0]) * (rise + bend * (top - u[:, 1]))
+    fits = (y < 0).all(axis=1) & (bend < 0) & (top >= 0) & (top <= u[:, 2]) & (height > 0.25 * y.min(axis=1))
+    return which[fits], line[fits], (fold + way * top**2 - PAD)[fits], fits[fits]
 
 
 class _Arcs(NamedTuple):
