@@ -18,7 +18,6 @@ from ...robot.closed_form.closed_inverse import SIGNS
 from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import Function
-from ...symbolic.native import allowed
 
 VALUES = 64
 """Values of the held coordinate at which a pose is looked at: steps of 0.1 rad."""
@@ -67,14 +66,13 @@ class Cut(Value):
 
     def rows(self, poses: Array, c: Vector, track: Indices, out: Matrix | None = None) -> Matrix:
         """The answers (k, n + 5) of `branch` at values c (k,) of tracks (k,): 8 s + signs, of poses (S, 4, 4)."""
-        chosen = poses[track // 8] if len(poses) > 1 else np.broadcast_to(poses[0], (len(c), 4, 4))
         out = np.empty((len(c), self.task.n + 5)) if out is None else out
-        arguments = [c[:, None], chosen, SIGN_ROWS[track % 8]]
-        kernel = self.branch._native() if allowed() else None
+        kernel = self.branch._native()
+        chosen = poses[track // 8] if len(poses) > 1 else poses
         if kernel is not None:
-            kernel(arguments, [out], 1)
+            kernel([c[:, None], chosen, SIGN_ROWS[track % 8]], [out], 1)
         elif len(c):
-            self.branch.batch(*arguments, out=[out])
+            self.branch.batch(c[:, None], np.broadcast_to(chosen, (len(c), 4, 4)), SIGN_ROWS[track % 8], out=[out])
         return out
 
 
@@ -243,20 +241,21 @@ def _beside_folds(squares: Array) -> Places:
     fold, way = left + a / (a - b), np.where(a < 0, 1, -1)
     columns = np.where(a < 0, left + 1, left)[:, None] + way[:, None] * np.arange(3)
     u = np.sqrt(np.abs(columns - fold[:, None]))
-    places: list[Places] = []
-    for more in (1, 2):
-        which = i + more
-        fits = (which == 1) | (which == 2) & ~negative[1 - i, line, columns[:, 0]]
-        y = squares[np.minimum(which, 2)[:, None], line[:, None], columns]
-        # The highest point of the parabola through three values.
-        first, second = (y[:, 1] - y[:, 0]) / (u[:, 1] - u[:, 0]), (y[:, 2] - y[:, 1]) / (u[:, 2] - u[:, 1])
-        bend = (second - first) / (u[:, 2] - u[:, 0])
-        top = 0.5 * (u[:, 0] + u[:, 1] - first / bend)
-        height = y[:, 0] + (top - u[:, 0]) * (first + bend * (top - u[:, 1]))
-        fits &= (y < 0).all(axis=1) & (bend < 0) & (top >= 0) & (top <= u[:, 2])
-        fits &= height > 0.25 * y.min(axis=1)
-        places.append((which[fits], line[fits], (fold + way * top**2 - PAD)[fits], fits[fits]))
-    return tuple(np.concatenate(parts) for parts in zip(*places, strict=True))  # type: ignore[return-value]
+    # A later step that has no root there; the one between the two has one.
+    which = np.concatenate([i + 1, i[i == 0] + 2])
+    of_fold = np.concatenate([np.arange(len(i)), np.flatnonzero(i == 0)])
+    first = columns[of_fold, 0]
+    fits = negative[which, line[of_fold], first] & ((which == 1) | ~negative[1 - i[of_fold], line[of_fold], first])
+    which, of_fold = which[fits], of_fold[fits]
+    line, columns, u, fold, way = line[of_fold], columns[of_fold], u[of_fold], fold[of_fold], way[of_fold]
+    # The highest point of the parabola through three values.
+    y = squares[which[:, None], line[:, None], columns]
+    rise, more = (y[:, 1] - y[:, 0]) / (u[:, 1] - u[:, 0]), (y[:, 2] - y[:, 1]) / (u[:, 2] - u[:, 1])
+    bend = (more - rise) / (u[:, 2] - u[:, 0])
+    top = 0.5 * (u[:, 0] + u[:, 1] - rise / bend)
+    height = y[:, 0] + (top - u[:, 0]) * (rise + bend * (top - u[:, 1]))
+    fits = (y < 0).all(axis=1) & (bend < 0) & (top >= 0) & (top <= u[:, 2]) & (height > 0.25 * y.min(axis=1))
+    return which[fits], line[fits], (fold + way * top**2 - PAD)[fits], fits[fits]
 
 
 class _Arcs(NamedTuple):
@@ -326,8 +325,12 @@ def _arcs(cut: Cut, poses: Array, points: _Points) -> _Arcs:
     return _Arcs(rows, c, np.append(first, len(c)), points.track[start][kept], around[kept], folds, steps)
 
 
-AROUND = np.array([-0.1, -0.01, -0.001, 0.001, 0.01, 0.1])
-"""Places around where a fold is expected, as shares of where it may be."""
+NARROWEST = 1e-11
+"""Where a fold is looked for [joint units]: nearer to each other folds of two steps are not told apart."""
+
+AROUND = np.array([-0.1, -0.01, 0.01, 0.1])
+"""Places around where a fold is expected, as shares of where it may be. Between the middle ones it is expected again,
+within 1e-6 of the share."""
 
 
 def _folds(cut: Cut, poses: Array, track: Indices, c: Matrix, squares: Array) -> tuple[Vector, Indices]:
@@ -339,30 +342,26 @@ def _folds(cut: Cut, poses: Array, track: Indices, c: Matrix, squares: Array) ->
     Args:
         c: values (k, 3), two of them on an arc, the last one off it. squares: those of the slopes there (k, 3, 3).
     """
-    fold, step, going = c[:, 2].copy(), np.full(len(c), -1), np.arange(len(c))
+    c, squares, going = c.copy(), squares.copy(), np.arange(len(c))
     for _ in range(60):
-        x, first = _expected(c, squares)
-        fold[going], step[going] = x, first
         if not len(going):
             break
-        width = c[:, 2] - c[:, 1]
-        share = np.clip(((x - c[:, 1]) / width)[:, None] + AROUND, 0, 1)
-        places = c[:, 1:2] + share * width[:, None]
-        rows = cut.rows(poses, places.ravel(), np.repeat(track, len(AROUND))).reshape(len(c), len(AROUND), -1)
+        values, every, line = c[going], squares[going], np.arange(len(going))[:, None]
+        near, width = values[:, 1], values[:, 2] - values[:, 1]
+        share = (_expected(values, every)[0] - near) / width
+        places = near[:, None] + np.clip(share[:, None] + AROUND, 0, 1) * width[:, None]
+        rows = cut.rows(poses, places.ravel(), np.repeat(track[going], len(AROUND))).reshape(*places.shape, -1)
         # Of all values, in their order, the two before the first one that is off the arc, and this.
         off = ~(rows[:, :, -2] > 0)
         j = np.where(off.any(axis=1), off.argmax(axis=1), len(AROUND))
         three = j[:, None] + np.arange(3)
-        values = np.concatenate([c[:, :2], places, c[:, 2:]], axis=1)
-        every = np.concatenate([squares[:, :2], rows[:, :, -5:-2], squares[:, 2:]], axis=1)
-        line = np.arange(len(c))[:, None]
-        c, squares = values[line, three], every[line, three]
-        exact = (j == len(AROUND) // 2) | (np.abs(c[:, 2] - c[:, 1]) < SAME_FOLD**2)
-        if exact.any():
-            fold[going[exact]], step[going[exact]] = _expected(c[exact], squares[exact])
-            left = ~exact
-            going, track, c, squares = going[left], track[left], c[left], squares[left]
-    return fold, step
+        values = np.concatenate([values[:, :2], places, values[:, 2:]], axis=1)[line, three]
+        every = np.concatenate([every[:, :2], rows[:, :, -5:-2], every[:, 2:]], axis=1)[line, three]
+        c[going], squares[going] = values, every
+        exact = (j == len(AROUND) // 2) & ((every[:, 2] < 0).sum(axis=1) == 1)
+        exact |= np.abs(values[:, 2] - values[:, 1]) < NARROWEST
+        going = going[~exact]
+    return _expected(c, squares)
 
 
 def _expected(c: Matrix, squares: Array) -> tuple[Vector, Indices]:

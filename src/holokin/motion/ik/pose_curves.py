@@ -209,7 +209,7 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
 APART = 0.1
 """Joint motion [joint units] from the straight line between neighbours up to which a posture is on an arc."""
 
-EXTREMUM, JUMPS = "an extremum of g", "a jump of g"
+EXTREMUM, JUMPS, EVERY = "an extremum of g", "a jump of g", "no end"
 
 
 @dataclass(frozen=True, eq=False)
@@ -607,7 +607,7 @@ def _union(parts: list[LevelInterval], angular: bool) -> tuple[LevelInterval, ..
     """Intervals that do not overlap."""
     if angular:
         if full := [part for part in parts if part.high - part.low >= 2 * np.pi]:
-            return (LevelInterval(-np.pi, np.pi, full[0].q_low, full[0].q_high, full[0].ends),)
+            return (LevelInterval(-np.pi, np.pi, full[0].q_low, full[0].q_high, (EVERY, EVERY)),)
         shifts = [2 * np.pi * np.floor((part.low + np.pi) / (2 * np.pi)) for part in parts]
         parts = [_shifted(part, -shift) for part, shift in zip(parts, shifts, strict=True)]
     merged: list[LevelInterval] = []
@@ -620,7 +620,7 @@ def _union(parts: list[LevelInterval], angular: bool) -> tuple[LevelInterval, ..
     while angular and len(merged) > 1 and merged[-1].high - 2 * np.pi >= merged[0].low:
         merged[-1] = _joined(merged[-1], _shifted(merged.pop(0), 2 * np.pi))
     if angular and len(merged) == 1 and merged[0].high - merged[0].low >= 2 * np.pi:
-        merged = [LevelInterval(-np.pi, np.pi, merged[0].q_low, merged[0].q_high, merged[0].ends)]
+        merged = [LevelInterval(-np.pi, np.pi, merged[0].q_low, merged[0].q_high, (EVERY, EVERY))]
     return tuple(merged)
 
 
