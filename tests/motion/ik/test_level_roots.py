@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -74,7 +76,7 @@ def test_two_roots_beside_an_extremum_of_g_are_two_and_where_they_meet_they_are_
     curve = hk.strategies.self_motion(strategy.task, PANDA, step=0.05, limits=False)
     pose, g = strategy.task.robot.pose(PANDA), strategy.constraint_value.batch(curve.q)
     k = 1 + int(np.argmax(g[1:-1]))
-    best = minimize_scalar(
+    best: Any = minimize_scalar(
         lambda s: -strategy.g(curve.at(s))[0], bounds=(curve.s[k - 1], curve.s[k + 1]), options={"xatol": 1e-9}
     )
     top, q = -best.fun, curve.at(best.x)

@@ -58,8 +58,8 @@ BESIDE = 0.25
 SAME = 1e-6
 """Joints [joint units] that differ less are one posture."""
 
-NATIVE_ROWS = 20_000
-"""Postures from which native code is worth a compiler's second."""
+NATIVE_FROM = 20_000_000
+"""Operations of the virtual machine, a quarter of a second, from which native code is worth a compiler's second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +107,12 @@ class _Rows:
     """A strategy's functions at postures (k, n) and one pose: by native code once they were called often."""
 
     def __init__(self, strategy: HolonomicStrategy) -> None:
-        self.strategy, self.rows = strategy, 0
+        self.strategy, self.operations = strategy, 0
 
     def __call__(self, function: Function, q: Matrix, *others: Array) -> tuple[Array, ...]:
         """The results (k, ...) of arguments (k, ...)."""
-        self.rows += len(q)
-        kernel = function._native() if self.rows > NATIVE_ROWS and allowed() else None
+        self.operations += len(q) * function.program.instructions
+        kernel = function._native() if self.operations > NATIVE_FROM and allowed() else None
         if kernel is None:
             return function.batch(q, *others)
         results = [np.empty((len(q), *shape)) for shape in function.output_shapes.values()]
@@ -240,7 +240,7 @@ class _Search:
             q[going[~near]] = np.nan
             going = going[near]
         q[going] = np.nan
-        there = np.isfinite(q).all(axis=1)
+        there: Flags = np.isfinite(q).all(axis=1)
         new = len(self.q) + np.arange(int(there.sum()))
         self.q, self.v = np.vstack([self.q, q[there]]), np.vstack([self.v, v[there]])
         self.g, self.slope = np.append(self.g, g[there]), np.append(self.slope, slope[there])
