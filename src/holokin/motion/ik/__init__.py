@@ -5,17 +5,25 @@ Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`.
 
 from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
+from .pose_curves import ArcEnd, EndKind, LevelInterval, SelfMotion, SelfMotionArc, ServedLevels, self_motion
 from .postures_of_pose import Postures, all_postures
 from .solutions import InverseStatus, Solutions
 
 __all__ = [
+    "ArcEnd",
+    "EndKind",
     "InverseKinematics",
     "InverseStatus",
+    "LevelInterval",
     "Nearest",
     "Postures",
+    "SelfMotion",
+    "SelfMotionArc",
+    "ServedLevels",
     "Solutions",
     "all_postures",
     "ik",
     "leaf_value",
     "move_to_leaf",
+    "self_motion",
 ]

@@ -34,7 +34,7 @@ from .curve_cuts import curves_through
 from .leaf import check_levels, with_leaves
 from .level_roots import postures_near, roots_along
 from .posture_search import SAME, SAMPLED, free_hinges, leaf_postures, nearest_equivalent, spread, turned
-from .self_motions import SelfMotions, cut_class, self_motions_at
+from .self_motions import SelfMotions, cut_of, self_motions_at
 
 STARTS = 1024
 """Of Newton's method where postures are searched for: with several redundant joints, or with none."""
@@ -61,7 +61,7 @@ class Postures(Result, Value):
     left out.
 
     curves: along how many self-motions of the pose g was looked at, in steps of `step` [joint units] at most; searched:
-    whether these were found by a search. doubt: places where it stays open whether there is a posture. starts: of how
+    whether these are not arcs of closed forms, but were traced from cuts at some values of joints, and from starts. doubt: places where it stays open whether there is a posture. starts: of how
     many a search for the postures themselves began, else 0; found (k,): from how many of them each was found.
     """
 
@@ -115,9 +115,9 @@ class Postures(Result, Value):
     @property
     def _along(self) -> str:
         if not self.curves:
-            return "which has no self-motion" + ", as far as a search finds them" * self.searched
+            return "which has no self-motion" + ", as far as cuts and starts find them" * self.searched
         curves = f"{self.curves} curve{'' if self.curves == 1 else 's'}"
-        by = "that a search found" if self.searched else "of its self-motion"
+        by = "that cuts and starts found" if self.searched else "of its self-motion"
         return f"where g passes the level on the {curves} {by}, in steps of {self.step:.1g} at most"
 
     @property
@@ -246,7 +246,7 @@ def _of_six_hinges(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Ve
 def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector, limits: bool) -> Postures:
     task = strategy.task
     motions = self_motions_at(task, pose[None, :3, 3], pose[None, :3, :3])
-    if cut_class(task) is not None:
+    if cut_of(task) is not None:
         motions = _with_still_curves(strategy, motions, aim)
     curves = len(motions.closed)
     if not curves:
@@ -265,12 +265,12 @@ def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector
     found, outside = np.ones(len(order)), int(np.sum(~inside))
     return Postures(
         q[order], pose, c.copy(), found, roots.rcond[order], roots.family[order], 0, roots.singular, outside,
-        curves, roots.step, roots.doubt, cut_class(task) is None,
+        curves, roots.step, roots.doubt, cut_of(task) is None,
     )  # fmt: skip
 
 
 def _with_still_curves(strategy: HolonomicStrategy, motions: SelfMotions, aim: Vector) -> SelfMotions:
-    """With those curves along which the held joint of `cut_class` stands still, as where two axes are one line.
+    """With those curves along which the coordinate of `cut_of` stands still, as where two axes are one line.
 
     They are there at special poses only. They cross others, which are then open, or pass near the posture aim (n,).
     """

@@ -17,9 +17,10 @@ from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...robot import Robot
 from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
 from ...robot.closed_form.six_hinges import posture
-from ...strategies.tasks.frame_task import FrameTask
+from ...strategies.tasks.frame_task import FrameTask, free_directions
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic import SX, Function, fmin, symbol, vertcat
+from ...symbolic.rotations import rotation_about
 from .arcs import Cut, curves_of
 from .curve_cuts import curves_by_cuts
 
@@ -83,29 +84,47 @@ def cut_class(task: Task) -> ArmClass | None:
 
 
 @kept
-def _cut(task: Task) -> Cut | None:
-    """The cut of a task whose self-motions have a closed form."""
-    found = cut_class(task)
-    if found is None:
+def _spin_class(task: Task) -> tuple[ArmClass, Vector, bool] | None:
+    """The class of an arm of six joints whose task leaves a spin of the tool free, about an axis (3,) that is fixed in
+    the tool, or, with True, in the base; None of other tasks, and without a class."""
+    five = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and {0, 1, 2} <= set(task.rows)
+    if not five or task.n != 6 or task.m != 5 or (direction := free_directions(task)[0]) is None:
         return None
-    inverse, k = ClosedInverse(found, limits=False), found.held[0]
+    found = arm_class(task.robot, (), task.tip)
+    return (found, *direction) if isinstance(found, ArmClass) and found.proven else None
+
+
+@kept
+def cut_of(task: Task) -> Cut | None:
+    """The cut of a task whose self-motions have a closed form: by a joint that is held, or by the spin of the tool."""
     c, pose, signs = symbol("c", 1), symbol("pose", 4, 4), symbol("signs", 3)
-    chain, own = inverse.numbers(c)
+    q, low, high = SX.zeros(task.n, 1), -np.pi, np.pi
+    if (found := cut_class(task)) is not None:
+        k, held, target = found.held[0], c, pose
+        q[k] = c
+        if not task.robot.hinges[k]:
+            low, high = float(task.robot.lower[k]), float(task.robot.upper[k])
+    elif (spin := _spin_class(task)) is not None:
+        found, axis, of_base = spin
+        R, turn = pose[:3, :3], rotation_about(axis, c)
+        held, target = SX(0, 1), SX(pose)
+        target[:3, :3] = turn @ R if of_base else R @ turn
+    else:
+        return None
+    inverse = ClosedInverse(found, limits=False)
+    chain, own = inverse.numbers(held)
     joints = SX(np.nan_to_num(inverse.joints))
-    six, roots, correction = posture(found.form, True, chain, pose, own, joints, signs)
-    q = SX.zeros(task.n, 1)
-    q[inverse.others], q[k] = six, c
+    six, roots, correction = posture(found.form, True, chain, target, own, joints, signs)
+    q[inverse.others] = six
     share = reduce(fmin, [root.share for root in roots])
     answer = vertcat(q, *(root.square for root in roots), share, correction)
     branch = Function("branch", {"c": c, "pose": pose, "signs": signs}, {"answer": answer})
-    turning = bool(task.robot.hinges[k])
-    low, high = (-np.pi, np.pi) if turning else (float(task.robot.lower[k]), float(task.robot.upper[k]))
-    return Cut(task, branch, low, high, turning)
+    return Cut(task, branch, low, high, high == np.pi)
 
 
 def self_motions_at(task: Task, p: Matrix, R: Array) -> SelfMotions:
     """All self-motions at tool poses p (S, 3), R (S, 3, 3), whatever the joint limits."""
-    cut = _cut(task)
+    cut = cut_of(task)
     if cut is None:
         return SelfMotions(task, p, R, *curves_by_cuts(task, p, R))
     poses, parts = pose_from(p, R), []
