@@ -60,6 +60,8 @@ def held_joints(strategy: HolonomicStrategy) -> HeldJoints | str:
     if rows and not slopes.is_constant():
         return f"{strategy.constraint.name!r} does not hold single joints"
     A = np.array([[float(slopes[i, j]) for j in range(task.n)] for i in range(rows)]).reshape(rows, task.n)
+    if rows and may_jump(replace(strategy, constraint=base)):
+        return f"{strategy.constraint.name!r} may jump"
     if not ((A != 0).sum(axis=1) == 1).all() or len(set(np.argmax(A != 0, axis=1))) < rows:
         return f"{strategy.constraint.name!r} ties joints together and does not hold them one by one"
     held = np.argmax(A != 0, axis=1)

@@ -340,7 +340,8 @@ class InverseKinematics(Value):
     def all(self, pose: PoseLike, level: ArrayLike | None = None, *, near: ArrayLike | None = None) -> Postures:
         """All postures of a tool pose (4, 4) on the leaf, whatever their branch; see `all_postures`.
 
-        By a closed form, and then there are no others (`closed` is True), or as far as a search finds them.
+        By an inverse of six hinges, along the self-motion, or, with several redundant joints, as far as a search finds
+        them: the answer says which.
 
         Args:
             level: c (r,), or one number for all rows; by default that of the start.

@@ -45,9 +45,12 @@ FINEST = 1e-3
 CUTS = 24
 """Times that stretches are cut in two, one after the other."""
 
-MEET = 1e-10
-"""How near the level, over 1 + its size, an extremum of g is where two postures are said to meet: their distance is the
-square root of that."""
+MEET, LEVEL = 1e-10, 1e-4
+"""How near the level, over 1 + its size, an extremum of g is where two postures are said to meet, whose distance is the
+square root of that; and the slope of g there, which is not quite the extremum."""
+
+ROUND_OFF = 1e-7
+"""rcond of [J; J_g] below which two roots are one to round-off, whose square root tells them apart."""
 
 BESIDE = 0.25
 """Share of a stretch by which a root may be beside the one of the cubic."""
@@ -55,8 +58,8 @@ BESIDE = 0.25
 SAME = 1e-6
 """Joints [joint units] that differ less are one posture."""
 
-NATIVE_ROWS = 20_000
-"""Postures from which native code is worth a compiler's second."""
+NATIVE_FROM = 20_000_000
+"""Operations of the virtual machine, a quarter of a second, from which native code is worth a compiler's second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +107,12 @@ class _Rows:
     """A strategy's functions at postures (k, n) and one pose: by native code once they were called often."""
 
     def __init__(self, strategy: HolonomicStrategy) -> None:
-        self.strategy, self.rows = strategy, 0
+        self.strategy, self.operations = strategy, 0
 
     def __call__(self, function: Function, q: Matrix, *others: Array) -> tuple[Array, ...]:
         """The results (k, ...) of arguments (k, ...)."""
-        self.rows += len(q)
-        kernel = function._native() if self.rows > NATIVE_ROWS and allowed() else None
+        self.operations += len(q) * function.program.instructions
+        kernel = function._native() if self.operations > NATIVE_FROM and allowed() else None
         if kernel is None:
             return function.batch(q, *others)
         results = [np.empty((len(q), *shape)) for shape in function.output_shapes.values()]
@@ -180,8 +183,9 @@ class _Search:
         self.p, self.R, self.curve, self.q = motions.p[0], motions.R[0], motions.curve, motions.q
         self.given, self.angular, self.rows = len(motions.q), any(strategy.constraint.angular), _rows(strategy)
         _, self.v, self.g, self.slope, self.sound = self._at(motions.q)
-        self.singular, self.doubt, self.step = 0, 0, 0.0
+        self.doubt, self.step, self.near = 0, 0.0, MEET * (1 + abs(level))
         n = motions.q.shape[1]
+        self.meetings = [np.zeros((0, n))]
         self.found = [(np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros(0))]
 
     def roots(self) -> LevelRoots:
@@ -194,13 +198,19 @@ class _Search:
             missed = self._refined(pairs[single])
             pairs = self._cut(pairs[cut] + missed)
         self.doubt += len(pairs.i)
-        # Each posture once, those of families first, which are singular.
+        # Each posture once, those of families first, and not two that meet.
         q, rcond, shift, family = (np.concatenate([part[k] for part in self.found[::-1]]) for k in range(4))
-        each = _each_once(self.strategy, q)
-        regular = (rcond > TOLERANCES.singular) | (family > 0)
-        self.singular += int(np.sum(each & ~regular))
-        each &= regular
-        return LevelRoots(q[each], rcond[each], shift[each], family[each], self.singular, self.doubt, self.step)
+        gap = self._gaps(q, q)
+        beside = ((gap < np.sqrt(MEET)) & ~np.eye(len(q), dtype=bool)).any(axis=1)
+        meet = (rcond < ROUND_OFF) | ((rcond < np.sqrt(MEET)) & beside)
+        each = ~np.tril(gap < SAME, -1).any(axis=1) & ~(meet & (family == 0))
+        meetings = np.concatenate([*self.meetings, q[meet & (family == 0)]])
+        singular = int(np.sum(~np.tril(self._gaps(meetings, meetings) < FINEST, -1).any(axis=1)))
+        return LevelRoots(q[each], rcond[each], shift[each], family[each], singular, self.doubt, self.step)
+
+    def _gaps(self, q: Matrix, others: Matrix) -> Matrix:
+        """The largest difference of joints, whole turns aside, between postures (k, n) and others (m, n)."""
+        return np.abs(joint_gap(self.strategy.task.robot, q[:, None], others)).max(axis=2)
 
     # --- Points of the curves.
 
@@ -230,7 +240,7 @@ class _Search:
             q[going[~near]] = np.nan
             going = going[near]
         q[going] = np.nan
-        there = np.isfinite(q).all(axis=1)
+        there: Flags = np.isfinite(q).all(axis=1)
         new = len(self.q) + np.arange(int(there.sum()))
         self.q, self.v = np.vstack([self.q, q[there]]), np.vstack([self.v, v[there]])
         self.g, self.slope = np.append(self.g, g[there]), np.append(self.slope, slope[there])
@@ -312,7 +322,7 @@ class _Search:
         inner, outer = a + first / 3, b - last / 3
         low = np.minimum(np.minimum(a, b), np.minimum(inner, outer))
         high = np.maximum(np.maximum(a, b), np.maximum(inner, outer))
-        wider = WIDER * (high - low) + MEET * (1 + abs(self.level))
+        wider = WIDER * (high - low) + self.near
         low, high = low - wider, high + wider
         one = ~(self.sound[i] & self.sound[j])
         if one.any():
@@ -323,8 +333,7 @@ class _Search:
         place, shift = np.nonzero((low[:, None] <= shifts) & (shifts <= high[:, None]))
         t = shifts[shift]
         pairs = _Pairs(i[place], j[place], a[place] - t, b[place] - t, t, np.zeros(len(t)))
-        flat = MEET * (1 + abs(self.level))
-        flat = (np.abs(high - low) < 4 * flat)[place] & (np.maximum(np.abs(pairs.a), np.abs(pairs.b)) <= flat)
+        flat = (high - low < 4 * self.near)[place] & (np.maximum(np.abs(pairs.a), np.abs(pairs.b)) <= self.near)
         if flat.any():
             self._take_families(pairs[flat], h[place[flat]])
             pairs = pairs[~flat]
@@ -370,11 +379,15 @@ class _Search:
             away = np.abs([a, inner, outer, b]).min(axis=0)
             error, known = 4 * pairs.error + 1e-14, begins & ends & straight
             none = known & (changes == 0) & (away > error)
+            # Where g comes so near the level as to round-off, and is level there, two postures meet.
+            closest = np.where(np.abs(a) < np.abs(b), pairs.i, pairs.j)
+            meet = known & (changes == 0) & (away <= self.near) & (np.abs(self.slope[closest]) < LEVEL)
             single = known & (changes == 1) & (error <= WIDER * np.abs(b - a))
             # A stretch from which g ends: whether it may pass the level before.
             start, rise = np.where(begins, a, b), np.where(begins, first, -last)
             none |= (begins ^ ends) & ~(start * (start + 2 * rise) <= 0)
-        cut = ~none & ~single & (begins | ends)
+        self.meetings.append(self.q[closest[meet]])
+        cut = ~none & ~single & ~meet & (begins | ends)
         over = cut & (h < FINEST)
         if over.any():
             # At the finest a change of sign is a root, or a jump, which Newton's method tells.
@@ -423,19 +436,13 @@ class _Search:
             seen = self._nearest(self.g[new] - self.g[np.where(begins, pairs.i, pairs.j)])
             missed = np.abs(_cubic(rise, first, last, x) - np.where(begins, 0.0, rise) - seen)
             seen += np.where(begins, pairs.a, pairs.b)
-            error = np.nan_to_num(missed / (16 * (4 * x * (1 - x)) ** 2))
+            error = np.nan_to_num(missed / (16 * np.maximum(4 * x * (1 - x), 0.5) ** 2))
             # Where g only touches the level two postures meet.
-            touch = (np.abs(seen) <= MEET * (1 + abs(self.level))) & ((pairs.a >= 0) == (pairs.b >= 0))
-            touch &= self.sound[new] & (np.abs(self.slope[new]) * h < np.sqrt(MEET))
-        self.singular += int(touch.sum())
+            touch = (np.abs(seen) <= self.near) & ((pairs.a >= 0) == (pairs.b >= 0))
+            touch &= self.sound[new] & (np.abs(self.slope[new]) < LEVEL)
+        self.meetings.append(self.q[new[touch]])
         halves = (pairs.i, new, pairs.a, seen, pairs.shift, error), (new, pairs.j, seen, pairs.b, pairs.shift, error)
         return (_Pairs(*halves[0]) + _Pairs(*halves[1]))[np.tile(~touch, 2)]
-
-
-def _each_once(strategy: HolonomicStrategy, q: Matrix) -> Flags:
-    """Which postures (k,) are no others before them, but for whole turns."""
-    gap = np.abs(joint_gap(strategy.task.robot, q[:, None], q[None])).max(axis=2)
-    return ~np.tril(gap < SAME, -1).any(axis=1)
 
 
 def _cubic(rise: Array, first: Array, last: Array, x: Array) -> Array:
@@ -465,7 +472,7 @@ def _extremum(a: Vector, b: Vector, first: Vector, last: Vector) -> Vector:
     with np.errstate(all="ignore"):
         sum_of_roots = -(c2 + np.copysign(np.sqrt(c2 * c2 - 3 * c3 * first), c2))
         x = np.array([sum_of_roots / (3 * c3), first / sum_of_roots])
-        inside = (x > 0.02) & (x < 0.98)
+        inside = (x > 1e-4) & (x < 1 - 1e-4)
         value = np.where(inside, np.abs(a + _cubic(rise, first, last, x)), np.inf)
     best, every = value.argmin(axis=0), np.arange(len(a))
     return np.where(inside[best, every], x[best, every], 0.5)

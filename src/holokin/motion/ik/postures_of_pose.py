@@ -34,7 +34,7 @@ from .curve_cuts import curves_through
 from .leaf import check_levels, with_leaves
 from .level_roots import postures_near, roots_along
 from .posture_search import SAME, SAMPLED, free_hinges, leaf_postures, nearest_equivalent, spread, turned
-from .self_motions import SelfMotions, cut_class, self_motions_at
+from .self_motions import SelfMotions, cut_of, self_motions_at
 
 STARTS = 1024
 """Of Newton's method where postures are searched for: with several redundant joints, or with none."""
@@ -61,7 +61,7 @@ class Postures(Result, Value):
     left out.
 
     curves: along how many self-motions of the pose g was looked at, in steps of `step` [joint units] at most; searched:
-    whether these were found by a search. doubt: places where it stays open whether there is a posture. starts: of how
+    whether these are not arcs of closed forms, but were traced from cuts at some values of joints, and from starts. doubt: places where it stays open whether there is a posture. starts: of how
     many a search for the postures themselves began, else 0; found (k,): from how many of them each was found.
     """
 
@@ -78,6 +78,7 @@ class Postures(Result, Value):
     step: float = 0.0
     doubt: int = 0
     searched: bool = False
+    by: str = "a closed form"
 
     def __len__(self) -> int:
         return len(self.q)
@@ -90,7 +91,7 @@ class Postures(Result, Value):
 
     @property
     def closed(self) -> bool:
-        """Whether a closed form gave them: then there are no others."""
+        """Whether an inverse of six hinges gave them, `by` a closed form or eigenvalues: then there are no others."""
         return not self.starts and self.curves is None
 
     @property
@@ -101,7 +102,7 @@ class Postures(Result, Value):
         left = f"; {self.outside} more outside the joint limits" if self.outside else ""
         meet = "; two postures meet here, at a singular one, and are not counted" if self.singular else ""
         if self.closed:
-            return f"{at}, by a closed form{left}; there are no others{meet}"
+            return f"{at}, by {self.by}{left}; there are no others{meet}"
         if self.curves is not None:
             return f"{at}, {self._along}{left}{meet}{self._open}"
         least = f", each from {int(self.found.min())} of them at least" if len(self) else ""
@@ -114,9 +115,9 @@ class Postures(Result, Value):
     @property
     def _along(self) -> str:
         if not self.curves:
-            return "which has no self-motion" + ", as far as a search finds them" * self.searched
+            return "which has no self-motion" + ", as far as cuts and starts find them" * self.searched
         curves = f"{self.curves} curve{'' if self.curves == 1 else 's'}"
-        by = "that a search found" if self.searched else "of its self-motion"
+        by = "that cuts and starts found" if self.searched else "of its self-motion"
         return f"where g passes the level on the {curves} {by}, in steps of {self.step:.1g} at most"
 
     @property
@@ -143,9 +144,11 @@ def all_postures(
 ) -> Postures:
     """All postures with f(q) = x and g(q) = c, the branches of a leaf.
 
-    Where joints are held on an arm whose other six have a closed inverse, these are its answers. Else, with one
-    redundant joint, they are the roots of g along the self-motions of the pose. With several, or with none and without
-    a closed form, they are those that Newton's method finds from many starts.
+    Where single joints are held and six hinges are left, they are those of a closed form, or of the eigenvalues of
+    their equations. Else, with one redundant joint, they are the roots of g along the self-motions of the pose: all of
+    them, unless g turns round twice between two looks at it. With several redundant joints they are those that Newton's
+    method finds from 1,024 starts. Hinges whose whole turns change g by amounts that vary with the posture are looked
+    at within one turn about `near` where they have no limits.
 
     A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
     ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `ik` keeps to the one that
@@ -197,12 +200,12 @@ def _of_closed_form(
         tool_pose("a tool pose", pose)
     real, doubtful = answers[:, 9] > DOUBT, np.abs(answers[:, 9]) <= DOUBT
     q, meet = leaf.postures(answers[real]), int(doubtful.any())
-    return _at_turns(strategy, pose, c, q, leaf.inverse.others, aim, limits, meet)
+    return _at_turns(strategy, pose, c, q, leaf.inverse.others, aim, limits, meet, "a closed form")
 
 
 def _at_turns(
     strategy: HolonomicStrategy, pose: Matrix, c: Vector, q: Matrix, turning: list[int], aim: Vector, limits: bool,
-    singular: int,
+    singular: int, by: str,
 ) -> Postures:  # fmt: skip
     """Postures (k, n) of an inverse of six hinges, `turning`, at the whole turns nearest to a posture aim (n,)."""
     robot = strategy.task.robot
@@ -212,7 +215,8 @@ def _at_turns(
     q = q[inside]
     rcond = np.array([strategy.gain(posture)[1] for posture in q])  # one by one: so few cost less than a batch
     order, outside = _order(q), int(np.sum(~inside))
-    return Postures(q[order], pose, c.copy(), np.ones(len(q)), rcond[order], np.zeros(len(q)), 0, singular, outside)
+    found, none = np.ones(len(q)), np.zeros(len(q))
+    return Postures(q[order], pose, c.copy(), found, rcond[order], none, 0, singular, outside, by=by)
 
 
 @kept
@@ -236,13 +240,13 @@ def _of_six_hinges(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Ve
     # Two postures that meet in a singular one are not counted, as with closed forms.
     regular = found.rcond > MEET
     q, meet = found.q[regular], int(np.sum(~regular))
-    return _at_turns(strategy, pose, c, q, inverse.others, aim, limits, meet)
+    return _at_turns(strategy, pose, c, q, inverse.others, aim, limits, meet, "the eigenvalues of its equations")
 
 
 def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector, limits: bool) -> Postures:
     task = strategy.task
     motions = self_motions_at(task, pose[None, :3, 3], pose[None, :3, :3])
-    if cut_class(task) is not None:
+    if cut_of(task) is not None:
         motions = _with_still_curves(strategy, motions, aim)
     curves = len(motions.closed)
     if not curves:
@@ -261,12 +265,12 @@ def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector
     found, outside = np.ones(len(order)), int(np.sum(~inside))
     return Postures(
         q[order], pose, c.copy(), found, roots.rcond[order], roots.family[order], 0, roots.singular, outside,
-        curves, roots.step, roots.doubt, cut_class(task) is None,
+        curves, roots.step, roots.doubt, cut_of(task) is None,
     )  # fmt: skip
 
 
 def _with_still_curves(strategy: HolonomicStrategy, motions: SelfMotions, aim: Vector) -> SelfMotions:
-    """With those curves along which the held joint of `cut_class` stands still, as where two axes are one line.
+    """With those curves along which the coordinate of `cut_of` stands still, as where two axes are one line.
 
     They are there at special poses only. They cross others, which are then open, or pass near the posture aim (n,).
     """
@@ -280,8 +284,8 @@ def _with_still_curves(strategy: HolonomicStrategy, motions: SelfMotions, aim: V
             return motions
     q = found
     more, pose, curve, closed = curves_through(task, p, R, q, np.zeros(len(q), dtype=np.intp))
-    parts = [motions.q, more], [motions.pose, pose], [motions.curve, curve + len(motions.closed)]
-    return SelfMotions(task, p, R, *map(np.concatenate, parts), np.append(motions.closed, closed))
+    every, curve = np.vstack([motions.q, more]), np.append(motions.curve, curve + len(motions.closed))
+    return SelfMotions(task, p, R, every, np.append(motions.pose, pose), curve, np.append(motions.closed, closed))
 
 
 def _beside_crossings(motions: SelfMotions) -> list[Matrix]:
@@ -383,7 +387,7 @@ class _Turns:
             k = np.arange(-MOST_LEVELS, MOST_LEVELS + 1)
             return change[0] * k
         counts = product(range(-2, 3), repeat=len(change))
-        return np.unique(np.round([np.dot(k, change) for k in counts], 12))
+        return np.unique(np.round(np.array(list(counts), dtype=float) @ change, 12))
 
     def nearest(
         self, q: Matrix, wanted: Vector, aim: Vector, low: Vector, high: Vector, angular: bool

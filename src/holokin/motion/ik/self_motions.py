@@ -93,7 +93,7 @@ def _spin_class(task: Task) -> tuple[ArmClass, Vector, bool] | None:
 
 
 @kept
-def _cut(task: Task) -> Cut | None:
+def cut_of(task: Task) -> Cut | None:
     """The cut of a task whose self-motions have a closed form: by a joint that is held, or by the spin of the tool."""
     c, pose, signs = symbol("c", 1), symbol("pose", 4, 4), symbol("signs", 3)
     q, low, high = SX.zeros(task.n, 1), -np.pi, np.pi
@@ -122,7 +122,7 @@ def _cut(task: Task) -> Cut | None:
 
 def self_motions_at(task: Task, p: Matrix, R: Array) -> SelfMotions:
     """All self-motions at tool poses p (S, 3), R (S, 3, 3), whatever the joint limits."""
-    cut = _cut(task)
+    cut = cut_of(task)
     if cut is None:
         return SelfMotions(task, p, R, *curves_by_cuts(task, p, R))
     poses = pose_from(p, R)
