@@ -26,6 +26,9 @@ from .least_squares import nearest_postures, surely_beyond
 from .posture_search import EXACT, newton, to_poses
 from .self_motions import SelfMotions, cut_class, self_motions_at
 
+TOGETHER = 1024
+"""Poses whose curves are looked at together: some 20 kB each."""
+
 BENDS = 1.0
 """Distance of a curve from the line between neighbours over what an even bend has, a quarter of it at most."""
 
@@ -162,9 +165,11 @@ def reach_of(
         nearest, reached = newton(to_poses(task, p, R), nearest, steps=6, exact=EXACT)
         reached &= _excess(task.robot, nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
         q[reached], rest = nearest[reached], np.flatnonzero(~reached)
-    postures = every_posture(task, p[rest], R[rest]) if every is None else every
-    if postures is not None and len(postures.q):
-        q[rest] = _best_of(postures, limits)
+    for first in range(0, len(rest), TOGETHER):
+        some = rest[first : first + TOGETHER]
+        postures = every_posture(task, p[some], R[some]) if every is None else every
+        if postures is not None and len(postures.q):
+            q[some] = _best_of(postures, limits)
     return Reach(task.robot, q, complete=True)
 
 
