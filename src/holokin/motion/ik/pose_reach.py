@@ -26,8 +26,8 @@ from .least_squares import nearest_postures, surely_beyond
 from .posture_search import EXACT, newton, to_poses
 from .self_motions import SelfMotions, cut_class, self_motions_at
 
-TOGETHER = 1024
-"""Poses whose curves are looked at together: some 20 kB each."""
+TOGETHER = 256
+"""Poses whose curves are looked at together: as many as stay in a processor's memory."""
 
 BENDS = 1.0
 """Distance of a curve from the line between neighbours over what an even bend has, a quarter of it at most."""
@@ -264,17 +264,14 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     # Pairs of neighbours between which a better posture may lie: no joint's excess falls faster than the joint moves.
     known = np.full(len(q), np.inf)
     np.minimum.at(known, postures.pose, excess)
-    first = np.flatnonzero(np.diff(postures.curve) == 0)
+    least = known[postures.pose] - SMALL
+    distance = np.linalg.norm(np.diff(postures.q, axis=0), axis=1)
+    near = 0.5 * (excess[:-1] + excess[1:]) - 1.5 * distance < least[:-1]
+    first = np.flatnonzero(near & (distance > 0) & (np.diff(postures.curve) == 0))
     move = postures.q[first + 1] - postures.q[first]
-    distance = np.linalg.norm(move, axis=1)
-    first, move, distance = first[distance > 0], move[distance > 0], distance[distance > 0]
-    bend = _bends(first, move, distance)
-    least, slack = known[postures.pose[first]] - SMALL, bend.max(axis=1, initial=0.0)
-    near = np.flatnonzero(0.5 * (excess[first] + excess[first + 1] - distance) - slack < least)
-    ends = [_excess(robot, at_best_turns(robot, postures.q[i])) for i in (first[near], first[near] + 1)]
-    bound = 0.5 * (ends[0] + ends[1] - np.abs(move[near])) - bend[near]
-    near = near[bound.max(axis=1, initial=-np.inf) < least[near]]
-    first, move, distance = first[near], move[near], distance[near]
+    ends = [_excess(robot, at_best_turns(robot, postures.q[i])) for i in (first, first + 1)]
+    bound = (0.5 * (ends[0] + ends[1] - np.abs(move)) - _bends(postures, first)).max(axis=1, initial=-np.inf)
+    first, move = first[bound < least[first]], move[bound < least[first]]
     if not len(first):
         return
     # The least excess on the cubic through both with the curve's directions, and the best one of each pose.
@@ -328,12 +325,17 @@ class _Cubics(NamedTuple):
         return best, value
 
 
-def _bends(first: Indices, move: Matrix, distance: Vector) -> Matrix:
-    """How far joints may be (k, n) from the straight line between neighbours, by the bends at both of them."""
-    bend = np.zeros((len(first) + 1, move.shape[1]))
-    turn = np.diff(move / distance[:, None], axis=0) / (distance[1:] + distance[:-1])[:, None]
-    bend[1:-1] = np.where((np.diff(first) == 1)[:, None], np.abs(turn), 0.0)
-    return BENDS * np.maximum(bend[:-1], bend[1:]) * (distance**2)[:, None]
+def _bends(postures: SelfMotions, first: Indices) -> Matrix:
+    """How far joints may be (k, n) from the straight lines from some postures to the next, by the bends at both."""
+    last, bends = len(postures.q) - 1, np.zeros((len(first), postures.task.n))
+    for i in (first, first + 1):
+        before, after = np.maximum(i - 1, 0), np.minimum(i + 1, last)
+        inner = (postures.curve[before] == postures.curve[i]) & (postures.curve[after] == postures.curve[i])
+        moves = [postures.q[i] - postures.q[before], postures.q[after] - postures.q[i]]
+        lengths = [np.maximum(np.linalg.norm(move, axis=1), 1e-12)[:, None] for move in moves]
+        turn = np.abs(moves[1] / lengths[1] - moves[0] / lengths[0]) / (lengths[0] + lengths[1])
+        bends = np.maximum(bends, np.where(inner[:, None], turn, 0.0))
+    return BENDS * bends * np.sum((postures.q[first + 1] - postures.q[first]) ** 2, axis=1)[:, None]
 
 
 def _direction(task: Task, q: Matrix, along: Matrix) -> Matrix:
