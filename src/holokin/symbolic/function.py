@@ -299,6 +299,8 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code."""
+        if self._natives.get("batch") is not None and allowed():
+            return self._natives["batch"]
         fits = self.program.longest <= LARGEST_VECTOR
         return self._kernel("batch", fits, lambda: BatchKernel(self.program, *self._shapes))
 

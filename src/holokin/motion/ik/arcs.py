@@ -18,7 +18,6 @@ from ...robot.closed_form.closed_inverse import SIGNS
 from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import Function
-from ...symbolic.native import allowed
 
 VALUES = 64
 """Values of the held coordinate at which a pose is looked at: steps of 0.1 rad."""
@@ -67,14 +66,13 @@ class Cut(Value):
 
     def rows(self, poses: Array, c: Vector, track: Indices, out: Matrix | None = None) -> Matrix:
         """The answers (k, n + 5) of `branch` at values c (k,) of tracks (k,): 8 s + signs, of poses (S, 4, 4)."""
-        chosen = poses[track // 8] if len(poses) > 1 else np.broadcast_to(poses[0], (len(c), 4, 4))
         out = np.empty((len(c), self.task.n + 5)) if out is None else out
-        arguments = [c[:, None], chosen, SIGN_ROWS[track % 8]]
-        kernel = self.branch._native() if allowed() else None
+        kernel = self.branch._native()
+        chosen = poses[track // 8] if len(poses) > 1 else poses
         if kernel is not None:
-            kernel(arguments, [out], 1)
+            kernel([c[:, None], chosen, SIGN_ROWS[track % 8]], [out], 1)
         elif len(c):
-            self.branch.batch(*arguments, out=[out])
+            self.branch.batch(c[:, None], np.broadcast_to(chosen, (len(c), 4, 4)), SIGN_ROWS[track % 8], out=[out])
         return out
 
 
@@ -169,9 +167,6 @@ def _grid(low: float, high: float, turning: bool, poses: int) -> tuple[Array, ..
     return tuple(map(frozen, (c[: 8 * VALUES], track[: 8 * VALUES], track, c, *_neighbours(track, c))))
 
 
-_ROUND = np.arange(-1, VALUES + 1) % VALUES
-
-
 def _sampled(cut: Cut, poses: Array) -> _Points:
     """The answers at values of c, and where between two of them the square of a slope may pass 0 and come back."""
     values, signs, track, c, *neighbours = _grid(cut.low, cut.high, cut.turning, len(poses))
@@ -179,49 +174,88 @@ def _sampled(cut: Cut, poses: Array) -> _Points:
     for pose, out in zip(poses, rows.reshape(len(poses), len(signs), -1), strict=True):
         cut.rows(pose[None], values, signs, out)
     points = _Points(rows, track, c, rows[:, -2] > EXACT_FOLD, *neighbours)
-    # Where the square of a slope is least in size among its neighbours, which have the same sign, and the other slopes
-    # are real: there a parabola through three values may come near to 0.
+    # The squares, with three more on each side, of values round the track.
     squares = rows.reshape(-1, VALUES, rows.shape[1])[:, :, -5:-2].transpose(2, 0, 1)[:, :, _ROUND]
-    size, negative = np.abs(squares), squares < 0
+    with np.errstate(all="ignore"):
+        found = [np.concatenate(pair) for pair in zip(_lowest(squares), _beside_folds(squares), strict=True)]
+    which, line, place, below = found
+    if not cut.turning:
+        inside = (place > 0) & (place < VALUES - 1)
+        which, line, place, below = (x[inside] for x in found)
+    if not len(which):
+        return points
+    # Closer and closer: the lowest points of parabolas through three sizes.
+    step = values[1] - values[0]
+    c, sign = values[0] + step * place, np.where(below, -1.0, 1.0)
+    for _ in range(5):
+        step = step / 8
+        around = (c[:, None] + step * np.array([-1, 0, 1])).ravel()
+        answers = cut.rows(poses, around, np.repeat(line, 3)).reshape(len(c), 3, -1)
+        three = sign[:, None] * answers[np.arange(len(c)), :, cut.task.n + which]
+        bend = three[:, 0] + three[:, 2] - 2 * three[:, 1]
+        near = np.flatnonzero(three[:, 1] < 0.5 * bend)
+        if not len(near):
+            return points
+        which, line, c, sign, answers, three, bend = (x[near] for x in (which, line, c, sign, answers, three, bend))
+        last, middle = c, answers[:, 1]
+        with np.errstate(all="ignore"):
+            c = c + step * np.clip(np.nan_to_num(0.5 * (three[:, 0] - three[:, 2]) / bend), -1, 1)
+    return points.with_others(cut, _Answers(middle, line, last))
+
+
+PAD = 3
+"""Values on each side of those of a track, to find its neighbours."""
+
+_ROUND = np.arange(-PAD, VALUES + PAD) % VALUES
+
+
+Places = tuple[Indices, Indices, Vector, Flags]
+"""Of which step, on which track, at which place [steps of c], and whether below 0."""
+
+
+def _lowest(squares: Array) -> Places:
+    """Where squares (3, tracks, values) are least in size among their neighbours, which have the same sign, and the
+    other slopes are real: there a parabola through three of them may come near to 0."""
+    size, negative = np.abs(squares[:, :, PAD - 1 : 1 - PAD]), squares[:, :, PAD - 1 : 1 - PAD] < 0
     before, here, after = size[:, :, :-2], size[:, :, 1:-1], size[:, :, 2:]
-    lowest = (here <= before) & (here <= after)
     sign = negative[:, :, 1:-1]
-    lowest &= (sign == negative[:, :, :-2]) & (sign == negative[:, :, 2:])
+    lowest = (here <= before) & (here <= after) & (sign == negative[:, :, :-2]) & (sign == negative[:, :, 2:])
     lowest[0] &= ~(sign[1] | sign[2])
     lowest[1] &= ~(sign[0] | sign[2])
     lowest[2] &= ~(sign[0] | sign[1])
-    if not cut.turning:
-        lowest[:, :, [0, -1]] = False
     which, line, column = np.nonzero(lowest)
-    three = np.stack([x[which, line, column] for x in (before, here, after)], axis=1)
-    bend = 0.5 * (three[:, 0] + three[:, 2]) - three[:, 1]
-    with np.errstate(all="ignore"):
-        near = np.flatnonzero(three[:, 1] - (three[:, 2] - three[:, 0]) ** 2 / (16 * bend) < bend)
-    if not len(near):
-        return points
-    # The lowest points of such parabolas, in smaller and smaller steps.
-    which, three = which[near], three[near]
-    place = line[near] * VALUES + column[near]
-    track, c, step, below = (
-        track[place],
-        c[place],
-        values[1] - values[0],
-        squares[which, line[near], column[near] + 1] < 0,
-    )
-    for _ in range(5):
-        bend = three[:, 0] + three[:, 2] - 2 * three[:, 1]
-        with np.errstate(all="ignore"):
-            c = c + step * np.clip(np.nan_to_num(0.5 * (three[:, 0] - three[:, 2]) / bend), -1, 1)
-        step = step / 8
-        around = (c[:, None] + step * np.array([-1, 0, 1])).ravel()
-        answers = cut.rows(poses, around, np.repeat(track, 3)).reshape(len(c), 3, -1)
-        three = answers[np.arange(len(c)), :, cut.task.n + which]
-        three = np.where(below, -1, 1)[:, None] * three
-        near = np.flatnonzero(three[:, 1] < 0.5 * (three[:, 0] + three[:, 2] - 2 * three[:, 1]))
-        if not len(near):
-            return points
-        which, three, track, c, below, answers = (v[near] for v in (which, three, track, c, below, answers))
-    return points.with_others(cut, _Answers(answers[:, 1], track, c))
+    first, middle, last = (x[which, line, column] for x in (before, here, after))
+    bend = 0.5 * (first + last) - middle
+    near = middle - (last - first) ** 2 / (16 * bend) < bend
+    shift = np.clip(np.nan_to_num(0.25 * (first - last) / bend), -1, 1)
+    return which[near], line[near], (column + shift)[near], sign[which, line, column][near]
+
+
+def _beside_folds(squares: Array) -> Places:
+    """Where squares (3, tracks, values) may be above 0 beside the fold of a step before theirs: from there on they are
+    like a parabola of the root of the distance."""
+    negative = squares < 0
+    i, line, left = np.nonzero(negative[:2, :, PAD - 1 : -PAD] != negative[:2, :, PAD : 1 - PAD])
+    left += PAD - 1
+    a, b = squares[i, line, left], squares[i, line, left + 1]
+    fold, way = left + a / (a - b), np.where(a < 0, 1, -1)
+    columns = np.where(a < 0, left + 1, left)[:, None] + way[:, None] * np.arange(3)
+    u = np.sqrt(np.abs(columns - fold[:, None]))
+    # A later step that has no root there; the one between the two has one.
+    which = np.concatenate([i + 1, i[i == 0] + 2])
+    of_fold = np.concatenate([np.arange(len(i)), np.flatnonzero(i == 0)])
+    first = columns[of_fold, 0]
+    fits = negative[which, line[of_fold], first] & ((which == 1) | ~negative[1 - i[of_fold], line[of_fold], first])
+    which, of_fold = which[fits], of_fold[fits]
+    line, columns, u, fold, way = line[of_fold], columns[of_fold], u[of_fold], fold[of_fold], way[of_fold]
+    # The highest point of the parabola through three values.
+    y = squares[which[:, None], line[:, None], columns]
+    rise, more = (y[:, 1] - y[:, 0]) / (u[:, 1] - u[:, 0]), (y[:, 2] - y[:, 1]) / (u[:, 2] - u[:, 1])
+    bend = (more - rise) / (u[:, 2] - u[:, 0])
+    top = 0.5 * (u[:, 0] + u[:, 1] - rise / bend)
+    height = y[:, 0] + (top - u[:, 0]) * (rise + bend * (top - u[:, 1]))
+    fits = (y < 0).all(axis=1) & (bend < 0) & (top >= 0) & (top <= u[:, 2]) & (height > 0.25 * y.min(axis=1))
+    return which[fits], line[fits], (fold + way * top**2 - PAD)[fits], fits[fits]
 
 
 class _Arcs(NamedTuple):
@@ -291,8 +325,12 @@ def _arcs(cut: Cut, poses: Array, points: _Points) -> _Arcs:
     return _Arcs(rows, c, np.append(first, len(c)), points.track[start][kept], around[kept], folds, steps)
 
 
-AROUND = np.array([-0.1, -0.01, -0.001, 0.001, 0.01, 0.1])
-"""Places around where a fold is expected, as shares of where it may be."""
+NARROWEST = 1e-11
+"""Where a fold is looked for [joint units]: nearer to each other folds of two steps are not told apart."""
+
+AROUND = np.array([-0.1, -0.01, 0.01, 0.1])
+"""Places around where a fold is expected, as shares of where it may be. Between the middle ones it is expected again,
+within 1e-6 of the share."""
 
 
 def _folds(cut: Cut, poses: Array, track: Indices, c: Matrix, squares: Array) -> tuple[Vector, Indices]:
@@ -304,30 +342,26 @@ def _folds(cut: Cut, poses: Array, track: Indices, c: Matrix, squares: Array) ->
     Args:
         c: values (k, 3), two of them on an arc, the last one off it. squares: those of the slopes there (k, 3, 3).
     """
-    fold, step, going = c[:, 2].copy(), np.full(len(c), -1), np.arange(len(c))
+    c, squares, going = c.copy(), squares.copy(), np.arange(len(c))
     for _ in range(60):
-        x, first = _expected(c, squares)
-        fold[going], step[going] = x, first
         if not len(going):
             break
-        width = c[:, 2] - c[:, 1]
-        share = np.clip(((x - c[:, 1]) / width)[:, None] + AROUND, 0, 1)
-        places = c[:, 1:2] + share * width[:, None]
-        rows = cut.rows(poses, places.ravel(), np.repeat(track, len(AROUND))).reshape(len(c), len(AROUND), -1)
+        values, every, line = c[going], squares[going], np.arange(len(going))[:, None]
+        near, width = values[:, 1], values[:, 2] - values[:, 1]
+        share = (_expected(values, every)[0] - near) / width
+        places = near[:, None] + np.clip(share[:, None] + AROUND, 0, 1) * width[:, None]
+        rows = cut.rows(poses, places.ravel(), np.repeat(track[going], len(AROUND))).reshape(*places.shape, -1)
         # Of all values, in their order, the two before the first one that is off the arc, and this.
         off = ~(rows[:, :, -2] > 0)
         j = np.where(off.any(axis=1), off.argmax(axis=1), len(AROUND))
         three = j[:, None] + np.arange(3)
-        values = np.concatenate([c[:, :2], places, c[:, 2:]], axis=1)
-        every = np.concatenate([squares[:, :2], rows[:, :, -5:-2], squares[:, 2:]], axis=1)
-        line = np.arange(len(c))[:, None]
-        c, squares = values[line, three], every[line, three]
-        exact = (j == len(AROUND) // 2) | (np.abs(c[:, 2] - c[:, 1]) < SAME_FOLD**2)
-        if exact.any():
-            fold[going[exact]], step[going[exact]] = _expected(c[exact], squares[exact])
-            left = ~exact
-            going, track, c, squares = going[left], track[left], c[left], squares[left]
-    return fold, step
+        values = np.concatenate([values[:, :2], places, values[:, 2:]], axis=1)[line, three]
+        every = np.concatenate([every[:, :2], rows[:, :, -5:-2], every[:, 2:]], axis=1)[line, three]
+        c[going], squares[going] = values, every
+        exact = (j == len(AROUND) // 2) & ((every[:, 2] < 0).sum(axis=1) == 1)
+        exact |= np.abs(values[:, 2] - values[:, 1]) < NARROWEST
+        going = going[~exact]
+    return _expected(c, squares)
 
 
 def _expected(c: Matrix, squares: Array) -> tuple[Vector, Indices]:

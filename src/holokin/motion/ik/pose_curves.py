@@ -111,6 +111,14 @@ class SelfMotionArc(Value):
         q = _points(self.task, self.pose, self.q[i], self.q[j], t)
         return q if np.ndim(s) else q[0]
 
+    def place_of(self, q: Vector) -> tuple[float, float]:
+        """Where along the arc it is nearest to a posture (n,), and how far away [joint units], whole turns aside."""
+        gap, step = joint_gap(self.task.robot, q, self.q[:-1]), np.diff(self.q, axis=0)
+        t = np.clip((gap * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-300), 0, 1)
+        away = np.linalg.norm(gap - t[:, None] * step, axis=1)
+        i = int(away.argmin())
+        return float(self.s[i] + t[i] * (self.s[i + 1] - self.s[i])), float(away[i])
+
 
 @dataclass(frozen=True, eq=False)
 class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
@@ -146,23 +154,16 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
         return self.sentence
 
     def place_of(self, q: ArrayLike) -> tuple[SelfMotionArc, float]:
-        """The arc that holds a posture (n,) with this pose, at some turns of its hinges, and how far along it is.
+        """The arc that holds a posture (n,) with this pose, at some turns of its hinges, and its arc length there.
 
         Raises: ArgumentError: none does.
         """
-        robot, best = self.task.robot, (np.inf, -1, 0.0)
-        posture = robot.checked(q)
-        for k, arc in enumerate(self.arcs):
-            gap = joint_gap(robot, posture, arc.q[:-1])
-            step = np.diff(arc.q, axis=0)
-            t = np.clip((gap * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-300), 0, 1)
-            away = np.linalg.norm(gap - t[:, None] * step, axis=1)
-            i = int(away.argmin()) if len(away) else -1
-            if i >= 0 and away[i] < best[0]:
-                best = float(away[i]), k, float(arc.s[i] + t[i] * (arc.s[i + 1] - arc.s[i]))
-        if best[0] > APART:
+        posture = self.task.robot.checked(q)
+        places = [(arc, *arc.place_of(posture)) for arc in self.arcs]
+        if not places or min(away for *_, away in places) > APART:
             raise ArgumentError("a posture of the self-motion", q, "give one that holds the tool at its pose")
-        return self.arcs[best[1]], best[2]
+        arc, s, _ = min(places, key=lambda place: place[2])
+        return arc, s
 
     def levels(self, strategy: HolonomicStrategy) -> ServedLevels:
         """The levels c of a strategy, r = 1, whose leaf g(q) = c has a posture of an arc, at any turn within limits.
@@ -208,7 +209,7 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
 APART = 0.1
 """Joint motion [joint units] from the straight line between neighbours up to which a posture is on an arc."""
 
-EXTREMUM, JUMPS = "an extremum of g", "a jump of g"
+EXTREMUM, JUMPS, EVERY = "an extremum of g", "a jump of g", "no end"
 
 
 @dataclass(frozen=True, eq=False)
@@ -606,7 +607,7 @@ def _union(parts: list[LevelInterval], angular: bool) -> tuple[LevelInterval, ..
     """Intervals that do not overlap."""
     if angular:
         if full := [part for part in parts if part.high - part.low >= 2 * np.pi]:
-            return (LevelInterval(-np.pi, np.pi, full[0].q_low, full[0].q_high, full[0].ends),)
+            return (LevelInterval(-np.pi, np.pi, full[0].q_low, full[0].q_high, (EVERY, EVERY)),)
         shifts = [2 * np.pi * np.floor((part.low + np.pi) / (2 * np.pi)) for part in parts]
         parts = [_shifted(part, -shift) for part, shift in zip(parts, shifts, strict=True)]
     merged: list[LevelInterval] = []
@@ -619,7 +620,7 @@ def _union(parts: list[LevelInterval], angular: bool) -> tuple[LevelInterval, ..
     while angular and len(merged) > 1 and merged[-1].high - 2 * np.pi >= merged[0].low:
         merged[-1] = _joined(merged[-1], _shifted(merged.pop(0), 2 * np.pi))
     if angular and len(merged) == 1 and merged[0].high - merged[0].low >= 2 * np.pi:
-        merged = [LevelInterval(-np.pi, np.pi, merged[0].q_low, merged[0].q_high, merged[0].ends)]
+        merged = [LevelInterval(-np.pi, np.pi, merged[0].q_low, merged[0].q_high, (EVERY, EVERY))]
     return tuple(merged)
 
 

@@ -27,8 +27,6 @@ from .curve_cuts import curves_by_cuts
 TOGETHER = 16
 """Poses whose curves are made together: as many as stay in a processor's memory."""
 
-NONE = np.zeros(0, dtype=np.intp)
-
 
 @dataclass(frozen=True, eq=False)
 class SelfMotions(Value):
@@ -127,12 +125,13 @@ def self_motions_at(task: Task, p: Matrix, R: Array) -> SelfMotions:
     cut = _cut(task)
     if cut is None:
         return SelfMotions(task, p, R, *curves_by_cuts(task, p, R))
-    poses, parts = pose_from(p, R), []
-    for first in range(0, len(poses), TOGETHER):
-        parts.append(curves_of(cut, poses[first : first + TOGETHER]))
+    poses = pose_from(p, R)
+    if len(poses) <= TOGETHER:
+        q, curve, pose, closed = curves_of(cut, poses)
+        return SelfMotions(task, p, R, q, pose[curve], curve, closed)
+    parts = [curves_of(cut, poses[first : first + TOGETHER]) for first in range(0, len(poses), TOGETHER)]
     counts = np.cumsum([0, *(len(part.pose) for part in parts)])
-    pose = np.concatenate([NONE, *(part.pose + k * TOGETHER for k, part in enumerate(parts))])
-    curve = np.concatenate([NONE, *(part.curve + k for k, part in zip(counts, parts, strict=False))])
-    closed = np.concatenate([NONE.astype(bool), *(part.closed for part in parts)])
-    q = np.concatenate([np.zeros((0, task.n)), *(part.q for part in parts)])
+    pose = np.concatenate([part.pose + k * TOGETHER for k, part in enumerate(parts)])
+    curve = np.concatenate([part.curve + k for k, part in zip(counts, parts, strict=False)])
+    q, closed = np.concatenate([part.q for part in parts]), np.concatenate([part.closed for part in parts])
     return SelfMotions(task, p, R, q, pose[curve], curve, closed)

@@ -104,7 +104,7 @@ class Turn(NamedTuple):
 
 
 class Root(NamedTuple):
-    """A root, the slope s there, how real it is, s^2 / (a^2 + b^2), and s^2 = a^2 + b^2 - d^2, below 0 without a root."""
+    """A root, the slope s there, how real it is, s^2 / (a^2 + b^2), and s^2 = a^2 + b^2 - d^2, which may be below 0."""
 
     turn: Turn
     slope: SX

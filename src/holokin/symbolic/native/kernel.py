@@ -93,14 +93,15 @@ class BatchKernel:
     def __call__(
         self, arguments: Sequence[Array], results: Sequence[Array], threads: int | None = None, times: int = 1
     ) -> None:
-        """Fill results (k, ...) from arguments, each C-contiguous (k, ...), or with stride 0 along the samples.
+        """Fill results (k, ...) from arguments, each C-contiguous (k, ...), with stride 0 along the samples, or of one
+        sample (1, ...), which is repeated.
 
         Of so many calls for each sample the results are (k, times, ...).
         """
         count = len(results[0])
-        most = (os.cpu_count() or 1) if threads is None else whole("threads", threads)
+        most = 1 if count * times < 8192 else (os.cpu_count() or 1) if threads is None else whole("threads", threads)
         workers = max(1, min(most, count, count * times // 4096))
-        X, strides = [_address(a) for a in arguments], [a.strides[0] for a in arguments]
+        X, strides = [_address(a) for a in arguments], [a.strides[0] if len(a) > 1 else 0 for a in arguments]
         Y, steps = [_address(r) for r in results], [r.strides[0] for r in results]
         lanes = self._strides(*(stride // 8 for stride in strides))
 
