@@ -2,9 +2,8 @@
 
 A cut holds one coordinate at a value: a joint, or the spin of the tool about an axis that the task leaves free. What
 is left is an arm of six hinges, whose inverse gives every posture of the cut. Curves are traced through these, each
-once. A curve on which each of these coordinates stays between two neighbouring values is missed.
-
-Arms without such an inverse are searched by Newton's method, from starts spread over the joint ranges.
+once. On a curve that no cut meets every coordinate that is cut stays between two neighbouring values: such short curves
+are looked for by Newton's method, from starts spread over the joint ranges, and so are those of arms without cuts.
 """
 
 from __future__ import annotations
@@ -242,12 +241,41 @@ class _Curves(Value):
 
 
 def _traced(tracer: CurveTracer, q: Matrix, pose: Indices) -> _Curves:
-    """The curves through postures (k, n) at the poses (k,)."""
-    task = tracer.task
+    """The curves through postures (k, n) at the poses (k,); those that end at the limit of a slide reach it."""
+    task, every = tracer.task, np.arange(len(q))
     own = CurveTracer(task, tracer.p[pose], tracer.R[pose])
     way = {"step": STEP, "length": LONGEST, "limits": ~task.robot.hinges}
-    postures, size, _, ends = own.postures(q, null_vectors(task, q), **way)
-    return _Curves(postures, size, pose, np.array(ends, dtype=object).reshape(-1, 2), q)
+    postures, size, _, endings = own.postures(q, null_vectors(task, q), **way)
+    ends = np.array(endings, dtype=object).reshape(-1, 2)
+    # What is before its first posture, its postures, what is behind its last one.
+    last = np.cumsum(size) - 1
+    first = last + 1 - size
+    parts = [(postures, np.repeat(every, size))]
+    for side, (at, inside) in enumerate([(first, np.minimum(first + 1, last)), (last, np.maximum(last - 1, first))]):
+        some = (ends[:, side] == CurveEnd.LIMIT) & (size > 1)
+        end, inner = postures[at[some]], postures[inside[some]]
+        parts.insert(2 * side, _limits_ahead(own, end, end - inner, every[some]))
+    rows, curve = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    order = np.argsort(curve, kind="stable")
+    return _Curves(rows[order], np.bincount(curve, minlength=len(q)), pose, ends, q)
+
+
+def _limits_ahead(tracer: CurveTracer, q: Matrix, way: Matrix, pose: Indices) -> tuple[Matrix, Indices]:
+    """(postures (j, n) at a slide's limit that is less than a step ahead of some (k, n); the poses of them (j,))."""
+    robot, rows = tracer.task.robot, np.arange(len(q))
+    if not len(q):
+        return q, pose
+    limit = np.where(robot.hinges, np.inf, np.where(way > 0, robot.upper, robot.lower))
+    with np.errstate(all="ignore"):  # of the slides the one that is there first
+        slide = np.argmin(np.where(robot.hinges, np.inf, np.abs((limit - q) / way)), axis=1)
+    there, v, limit = q, way / np.linalg.norm(way, axis=1, keepdims=True), limit[rows, slide]
+    for _ in range(6):
+        with np.errstate(all="ignore"):
+            length = np.nan_to_num((limit - there[rows, slide]) / v[rows, slide])
+        there, v, _ = tracer.step(there, v, pose, np.clip(length, -STEP, STEP))
+    moved = np.linalg.norm(there - q, axis=1)
+    good = (np.abs(limit - there[rows, slide]) < SAME) & (moved > SAME) & (moved < 2 * STEP)
+    return there[good], pose[good]
 
 
 def _passes(tracer: CurveTracer, curves: _Curves, q: Matrix, pose: Indices) -> tuple[Indices, Indices]:
@@ -283,44 +311,16 @@ def _embedded(robot: Robot, q: Matrix, pose: Indices) -> Matrix:
 
 
 def _in_rows(tracer: CurveTracer, curves: _Curves) -> tuple[Matrix, Indices, Indices, Flags]:
-    """Curves as postures (N, n), pose (N,), curve (N,), closed (C,), with the last postures of all that end."""
-    hinges = tracer.task.robot.hinges
+    """Curves as postures (N, n), pose (N,), curve (N,), closed (C,), with the last postures of those that close."""
     every, last = np.arange(len(curves.size)), np.cumsum(curves.size) - 1
-    first, begin, end = last + 1 - curves.size, curves.q[last + 1 - curves.size], curves.q[last]
     closed = curves.ends[:, 1] == CurveEnd.CLOSED
-    # Of closed ones the first posture again, at the turns of the last, which goes where it is beyond, or just before.
-    again = np.where(hinges, begin + 2 * np.pi * np.round((end - begin) / (2 * np.pi)), begin)
-    ahead = np.einsum("cn,cn->c", again - end, end - curves.q[np.maximum(last - 1, first)])
-    # Of those that end at the limit of a slide the posture there.
-    at_limit = (curves.ends == CurveEnd.LIMIT) & (curves.size > 1)[:, None]
-    ways = begin - curves.q[np.minimum(first + 1, last)], end - curves.q[np.maximum(last - 1, first)]
-    before, after = (
-        _limits_ahead(tracer, q[some], way[some], curves.pose[some], every[some])
-        for q, way, some in zip((begin, end), ways, at_limit.T, strict=True)
-    )
-    # All of them, in their order: what comes before a curve, its postures, what comes behind.
+    # The first posture again, at the turns of the last one, which goes where it is beyond that, or just before.
+    begin, end = curves.q[last + 1 - curves.size], curves.q[last]
+    again = np.where(tracer.task.robot.hinges, begin + 2 * np.pi * np.round((end - begin) / (2 * np.pi)), begin)
+    ahead = np.einsum("cn,cn->c", again - end, end - curves.q[np.maximum(last - 1, 0)])
     kept = np.ones(len(curves.q), dtype=bool)
     kept[last[closed & (ahead < 0.25 * STEP**2)]] = False
-    curve = np.repeat(every, curves.size)[kept]
-    q = np.concatenate([before[0], curves.q[kept], after[0], again[closed]])
-    curve = np.concatenate([before[1], curve, after[1], every[closed]])
+    q = np.concatenate([curves.q[kept], again[closed]])
+    curve = np.concatenate([np.repeat(every, curves.size)[kept], every[closed]])
     order = np.argsort(curve, kind="stable")
     return q[order], curves.pose[curve[order]], curve[order], closed
-
-
-def _limits_ahead(tracer: CurveTracer, q: Matrix, way: Matrix, pose: Indices, curve: Indices) -> tuple[Matrix, Indices]:
-    """(the postures (j, n) at a slide's limit ahead of some (k, n), less than a step on; their curves (j,))."""
-    if not len(q):
-        return q, curve
-    robot, rows = tracer.task.robot, np.arange(len(q))
-    limit = np.where(robot.hinges, np.inf, np.where(way > 0, robot.upper, robot.lower))
-    with np.errstate(all="ignore"):  # of the slides the one that is there first
-        slide = np.argmin(np.where(robot.hinges, np.inf, np.abs((limit - q) / way)), axis=1)
-    there, v, limit = q, way / np.linalg.norm(way, axis=1, keepdims=True), limit[rows, slide]
-    for _ in range(6):
-        with np.errstate(all="ignore"):
-            length = np.nan_to_num((limit - there[rows, slide]) / v[rows, slide])
-        there, v, _ = tracer.step(there, v, pose, np.clip(length, -STEP, STEP))
-    moved = np.linalg.norm(there - q, axis=1)
-    good = (np.abs(limit - there[rows, slide]) < SAME) & (moved > SAME) & (moved < 2 * STEP)
-    return there[good], curve[good]
