@@ -154,11 +154,12 @@ def check_with_random_starts(robot: Robot, held: tuple[int, ...], poses: int, st
     inverse, q = inverse_of(robot, held), random_postures(robot, poses, 1)
     targets = robot.pose(q)
     postures = inverse.postures(targets, q[:, list(held)])
+    assert not (postures.doubtful | postures.curve).any()
     searched = told = 0
     for i in range(poses):
         ours, theirs = postures.at(i), random_starts(robot, inverse.others, targets[i], q[i], starts, i)
         gap = apart(theirs[:, None], ours[None], inverse.others).min(axis=1)
-        assert gap.max() < 1e-5 or postures.doubtful[i] or postures.curve[i], (i, gap)
+        assert gap.max() < 1e-5, (i, gap)
         searched, told = searched + len(theirs), told + len(ours)
     assert searched > (0.99 if starts > 5000 else 0.8) * told
 
@@ -171,7 +172,7 @@ def test_no_posture_that_random_starts_find_is_missing(name, held):
 @pytest.mark.campaign
 @pytest.mark.parametrize(("name", "held"), EVERY + OTHERS)
 def test_no_posture_that_ten_thousand_random_starts_find_is_missing(name, held):
-    check_with_random_starts(hk.load(name), held, 10, 10_000)
+    check_with_random_starts(hk.load(name), held, 5, 10_000)
 
 
 @pytest.mark.campaign
@@ -226,7 +227,7 @@ def random_arm(rng: np.random.Generator, held: int) -> Robot:
     for i in range(6 + held):
         slides = i in extra and bool(rng.integers(2))
         gain = float(rng.choice([0.5, -2.0])) if i in extra else float(rng.choice([1.0, -1.0]))
-        axis = rng.normal(size=3)
+        axis = rng.normal(size=3) if rng.integers(3) else np.eye(3)[rng.integers(3)] * rng.choice([-1, 1])
         name = f"held {i}" if i in extra else f"j{i}"
         kind = "prismatic" if slides else "revolute"
         offset = rng.uniform(-1, 1)
@@ -298,7 +299,7 @@ def test_a_fold_has_a_double_root_and_the_poses_beside_it_two_or_none():
         pose, inverse = robot.pose(a), inverse_of(robot, (2,))
         double = inverse.postures(pose[None], a[2:3])
         near = apart(double.q, a, joints) < 1e-5
-        assert near.sum() == 1 and double.rcond[near] < 1e-6 and not double.curve.any() and not double.doubtful.any()
+        assert near.sum() == 1 and double.rcond[near] < 1e-6 and not double.curve.any()
         counts = []
         for step in (1e-8, -1e-8):
             beside = pose.copy()
@@ -329,13 +330,42 @@ def test_a_curve_of_postures_at_a_pose_is_told_with_points_on_it():
         assert np.isfinite(total).all()
 
 
-def test_a_value_at_which_all_postures_are_singular_is_not_passed_over():
-    """A Panda's axes 1 and 3 are the same where joint 2 is held at 0."""
-    robot = hk.load("panda")
-    q = random_postures(robot, 10, 10)
-    q[:, 1] = 0.0
-    postures = inverse_of(robot, (1,)).postures(robot.pose(q), q[:, [1]])
-    assert (postures.doubtful | postures.curve).all()
+@pytest.mark.parametrize(("name", "k"), [("panda", 1), ("panda", 3), ("gen3", 0), ("sawyer", 0)])
+def test_postures_of_right_angles_are_found_again_or_what_is_singular_is_told(name, k):
+    """Half of the joints at multiples of 45 degrees: axes that are the same or parallel, equations that are singular.
+
+    A Panda's axes 1 and 3 are the same, and all its postures singular, where joint 2 is held at 0.
+    """
+    robot = hk.load(name)
+    inverse, q = inverse_of(robot, (k,)), random_postures(robot, 128, 10)
+    rng = np.random.default_rng(11)
+    q = np.where(rng.random(q.shape) < 0.5, rng.integers(-3, 4, q.shape) * np.pi / 4, q)
+    poses = robot.pose(q)
+    postures = inverse.postures(poses, q[:, [k]])
+    assert np.abs(robot.pose(postures.q) - poses[postures.row]).max() < 1e-12
+    again = gaps(postures, q, inverse.others) < 1e-5
+    assert (again | postures.doubtful | postures.curve).all()
+    if name == "panda" and k == 1:
+        assert postures.doubtful[q[:, 1] == 0].all() and (q[:, 1] == 0).sum() > 5
+    condition = np.linalg.cond(robot.jacobian(q)[:, :, inverse.others])
+    assert again[condition < 1e4].all() and (condition < 1e4).sum() > 60
+
+
+def test_where_all_equations_are_singular_regular_postures_are_found_from_poses_beside():
+    """At these poses the elimination fails from whichever joint it starts; the postures themselves are regular."""
+    right = np.pi / 4
+    for name, k, turns, count in (
+        ("sawyer", 0, [0.3 / right, 2, 1, 0, -3, 2, -2], 4),
+        ("sawyer", 0, [1.7 / right, 3, 0, -3, 2, -2, 0.6 / right], 8),
+        ("gen3", 0, [2, 2, -3, -2, 2, -1, 3], 8),
+    ):
+        robot, q = hk.load(name), right * np.array(turns, dtype=float)
+        inverse, pose = inverse_of(robot, (k,)), robot.pose(q)
+        postures = inverse.postures(pose[None], q[[k]])
+        assert postures.doubtful.all() and len(postures.q) == count
+        assert gaps(postures, q[None], inverse.others) < 1e-6
+        theirs = random_starts(robot, inverse.others, pose, q, 200, 12)
+        assert apart(theirs[:, None], postures.q, inverse.others).min(axis=1).max() < 1e-5
 
 
 def test_three_axes_that_are_parallel_at_one_value_alone_are_solved_there_too():

@@ -20,16 +20,13 @@ SURE = 1e-4
 SAME = 1e-6
 """Distance [rad] of joints up to which two postures are one: a double root is found to the root of round-off, 1e-8."""
 
-CLOSED = 1e-10
-"""Largest difference [m, -] between the tool at a posture and the pose."""
+CLOSED = 1e-13
+"""Largest difference [m, -] between the tool at a posture and the pose, as a share of distances over 1 m."""
 
 SINGULAR = 1e-7
 """Smallest over largest singular value of the Jacobian of the six joints below which two postures meet."""
 
-NEAR = 1e-3
-"""The same, below which a posture is asked for another that it meets nearby."""
-
-_STEPS = 12
+_STEPS = 20
 """Steps of Newton's method, each of which halves what is left near a double root. Most roots need one."""
 
 _LONGEST = 0.3
@@ -55,14 +52,13 @@ _FAIR = 1e-4
 class _Polished(Value):
     """Joints (K, 6) of postures, and the pose (K,), residual (K,) and rcond (K,) of each.
 
-    null (K, 6): where the tool moves least. roots (K,): how many real ones came to it.
+    roots (K,): how many real ones came to it.
     """
 
     q: Matrix
     row: Indices
     residual: Vector
     rcond: Vector
-    null: Matrix
     roots: Indices
 
     def distinct(self, k: int) -> _Polished:
@@ -83,7 +79,7 @@ class _Polished(Value):
         return some(replace(ordered, roots=roots), first == np.arange(len(first)))
 
 
-_NONE = _Polished(np.zeros((0, 6)), np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros(0, int))
+_NONE = _Polished(np.zeros((0, 6)), np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros(0, int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +131,7 @@ class GeneralInverse(Value):
         for order in self.orders:
             left = np.flatnonzero(doubtful)
             roots = self._roots(poses[left], held[left], order)
-            more = self._polished(roots.angles, left[roots.row], poses, held, roots.imaginary < SURE)
-            more = joined(more, self._partners(more, poses, held)).distinct(k)
+            more = self._polished(roots.angles, left[roots.row], poses, held, roots.imaginary < SURE).distinct(k)
             # Each real root comes to a posture of its own; only one that is singular is that of several.
             real = np.bincount(left[roots.row[roots.imaginary < SURE]], minlength=k)
             serves = np.where(more.rcond < SINGULAR, np.maximum(more.roots, 1), 1)
@@ -249,23 +244,11 @@ class GeneralInverse(Value):
         q = middle + (q - middle + np.pi) % (2 * np.pi) - np.pi
         posture = self._whole(q, row, held)
         residual = np.abs(self.robot.pose(posture, self.tip) - goal).max(axis=(1, 2))
-        closed = np.flatnonzero(residual < CLOSED)
-        _, size, V = np.linalg.svd(self.robot.jacobian(posture[closed], self.tip)[:, :, self.others])
+        closed = np.flatnonzero(residual < CLOSED * np.maximum(1, np.abs(goal).max(axis=(1, 2))))
+        J = self.robot.jacobian(posture[closed], self.tip)[:, :, self.others]
+        size = np.linalg.svd(J, compute_uv=False)
         roots = np.broadcast_to(real, len(q))[closed].astype(int)
-        return _Polished(q[closed], row[closed], residual[closed], size[:, -1] / size[:, 0], V[:, -1], roots)
-
-    def _partners(self, known: _Polished, poses: Array, held: Matrix) -> _Polished:
-        """The postures that nearly singular ones meet nearby: where the tool is back, after s t + h t^2 = 0."""
-        near = some(known, known.rcond < NEAR)
-        if not len(near.q):
-            return _NONE
-        t = 1e-3
-        at = [self._whole(near.q + x * near.null, near.row, held) for x in (t, -t)]
-        ends = [_error(self.robot.pose(q, self.tip), poses[near.row]) for q in at]
-        slope, bend = (ends[0] - ends[1]) / (2 * t), (ends[0] + ends[1]) / (2 * t * t)
-        along = -(slope * bend).sum(axis=1) / np.maximum((bend * bend).sum(axis=1), 1e-300)
-        along = np.clip(along, -_LONGEST, _LONGEST)
-        return self._polished(near.q + along[:, None] * near.null, near.row, poses, held)
+        return _Polished(q[closed], row[closed], residual[closed], size[:, -1] / size[:, 0], roots)
 
     def _beside(self, left: Indices, poses: Array, held: Matrix) -> _Polished:
         """Postures at poses (left,) that are singular, from those at poses beside them: of a curve, some points."""
@@ -281,7 +264,11 @@ class GeneralInverse(Value):
         """At which poses (k,) a singular posture can move on while the tool stays."""
         out = np.zeros(len(poses), dtype=bool)
         singular = some(known, known.rcond < SINGULAR)
-        moved = self._polished(singular.q + _ASIDE * singular.null, singular.row, poses, held)
+        if not len(singular.row):
+            return out
+        J = self.robot.jacobian(self._whole(singular.q, singular.row, held), self.tip)[:, :, self.others]
+        along = np.linalg.svd(J)[2][:, -1]
+        moved = self._polished(singular.q + _ASIDE * along, singular.row, poses, held)
         for q, row, rcond in zip(moved.q, moved.row, moved.rcond, strict=True):
             away = _apart(q, singular.q[singular.row == row])
             out[row] |= bool(rcond < SINGULAR and away.min() > _ASIDE / 10)
