@@ -11,14 +11,15 @@ import holokin as hk
 from conftest import IIWA_START, PANDA_START, sampled
 from holokin.base.errors import OutOfReachError
 from holokin.base.types import Array, Matrix, Vector
+from holokin.motion.ik import all_postures
 from holokin.motion.ik.least_squares import nearest_postures
 from holokin.motion.ik.pose_reach import Reach, all_known, at_best_turns, reach_of
 from holokin.motion.ik.posture_search import postures_from, spread
-from holokin.motion.ik.postures_of_pose import all_postures
+from holokin.motion.ik.self_motions import cut_class
 from holokin.robot import Robot
 from holokin.strategies import self_motion
 
-SEVEN = ["panda", "iiwa14", "xarm7", "openarm-left"]
+SEVEN = ["panda", "iiwa14", "xarm7", "openarm-left", "gen3", "sawyer"]
 
 
 def poses_of(robot: Robot, q: Matrix) -> tuple[Matrix, Array]:
@@ -65,6 +66,8 @@ def test_no_posture_that_newtons_method_finds_or_a_walk_along_a_self_motion_meet
     assert np.abs(task.error(found.q, p, R)).max() < 1e-9
     assert found.beyond == pytest.approx(beyond(robot, found.q), abs=1e-12)
     for i in range(len(q)):
+        if found.beyond[i] <= 0 and cut_class(task) is None:
+            continue  # of an arm without a closed form any posture within the limits will do
         every, arrived = postures_from(task, spread(robot, 150), np.tile(p[i], (150, 1)), np.tile(R[i], (150, 1, 1)))
         assert arrived.sum() > 10
         assert beyond(robot, every[arrived]).min() > found.beyond[i] - 1e-9
@@ -109,12 +112,14 @@ def test_a_joint_with_one_limit_has_a_turn_within_it_and_a_slide_has_none(panda:
     assert reached(one_sided, PANDA_START[None]).within[0]
 
 
-@sampled(1, "name", ["ur5e", "irb140"])
+@sampled(1, "name", ["ur5e", "irb140", "general"])
 def test_an_arm_of_six_joints_has_the_best_of_its_postures(name: str) -> None:
     """Of all postures within the limits, narrowed to a turn, the one with the largest margin."""
-    robot, rng = hk.load(name), np.random.default_rng(3)
+    rng = np.random.default_rng(3)
+    rows = [{"a": a, "d": d, "alpha": alpha} for a, d, alpha in rng.uniform([0.1, 0.1, 0.4], [0.4, 0.3, 1.4], (6, 3))]
+    robot = hk.from_dh(rows) if name == "general" else hk.load(name)
     robot = with_limits(robot, np.full(6, -np.pi), rng.uniform(0.5, 3.0, 6))
-    q = rng.uniform(-np.pi, np.pi, (20, 6))
+    q = rng.uniform(-np.pi, np.pi, (4, 6))
     found, any_strategy = reached(robot, q), hk.moore_penrose(hk.pose(robot))
     assert found.complete
     for i, pose in enumerate(robot.pose(q)):
@@ -128,7 +133,7 @@ def test_what_is_out_of_reach_no_search_reaches_and_what_is_not_has_a_posture(na
     robot, rng = hk.load(name), np.random.default_rng(4)
     task, q = hk.pose(robot), rng.uniform(-np.pi, np.pi, (60, robot.n))
     p, R = poses_of(robot, q)
-    p[::2] *= rng.uniform(1.0, 1.4, (30, 1))
+    p[::2] *= rng.uniform(1.0, 1.8, (30, 1))
     found, searched = reach_of(task, p, R, near=q), nearest_postures(task, p, R, q, limits=False)
     assert found.anyhow[1::2].all() and 5 < (~found.anyhow).sum() < 30
     assert (searched.missing[~found.anyhow] > 1e-8).all()

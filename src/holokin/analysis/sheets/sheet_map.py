@@ -22,6 +22,7 @@ from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_po
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
 from ...motion.checks import Clear, Clearances, Scene
 from ...motion.ik.inverse_function import leads_to
+from ...motion.ik.pose_reach import Reach
 from ...path import Path
 from ...path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud, workspace
 from ...proof import UniqueRegion, unique_region
@@ -58,8 +59,8 @@ class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
         )[self]
 
 
-def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
-    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
+def rests_of(task: Task, T: Array, clear: Clear | None) -> tuple[Indices, Reach]:
+    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it, and which are reached."""
     reach = reached(task, T, None)
     rest = np.full(len(T), int(PoseRest.NOT_COVERED))
     rest[~reach.within] = PoseRest.LIMITS
@@ -71,7 +72,7 @@ def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
             postures = postures_within_limits(task, T[i])
             if len(postures) and clear(postures).any():
                 rest[i] = PoseRest.NOT_COVERED
-    return rest
+    return rest, reach
 
 
 ON_LEAF = 1e-6  # difference from the level of a sheet [units of g] below which a posture lies on its leaf

@@ -60,11 +60,13 @@ def surely_beyond(task: Task, position: Matrix, rotation: Array) -> Flags:
     return longest_span(task.robot, task.tip, turned=bool(task._rotations)).beyond(position, rotation)
 
 
-def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> NearestPostures:
+def nearest_postures(
+    task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool, restarts: int = RESTARTS
+) -> NearestPostures:
     """Postures that bring the tool to targets (k, 3), (k, 3, 3), or as near as was found.
 
-    Least squares, within the joint limits or without, from a posture `near` each target (k, n), and from RESTARTS
-    random ones for those that it does not reach. A count and not a clock ends it, so the answer is the same on every
+    Least squares, within the joint limits or without, from a posture `near` each target (k, n), and from random
+    ones for those that it does not reach. A count and not a clock ends it, so the answer is the same on every
     machine; and each target's is the same whatever the others are.
     """
     robot = task.robot
@@ -74,9 +76,9 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
     q, missing, ended = best.q.copy(), best.missing.copy(), best.ended.copy()
     low = np.where(np.isfinite(robot.lower), robot.lower, near - np.pi)
     high = np.where(np.isfinite(robot.upper), robot.upper, near + np.pi)
-    shares = np.random.default_rng(0).uniform(size=(RESTARTS, robot.n))
+    shares = np.random.default_rng(0).uniform(size=(restarts, robot.n))
     sure = np.zeros(len(q), dtype=bool)
-    for first in range(0, RESTARTS, ROUND):
+    for first in range(0, restarts, ROUND):
         left = np.flatnonzero((missing > REACHED) & ~sure)
         if not left.size:
             break

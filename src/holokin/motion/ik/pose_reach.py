@@ -16,14 +16,18 @@ from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, frozen, kept
 from ...robot import Robot
-from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
+from ...robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
 from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 from .closed_leaf import DOUBT
+from .curve_cuts import cuts_of
 from .least_squares import nearest_postures, surely_beyond
 from .posture_search import EXACT, newton, to_poses
 from .self_motions import SelfMotions, cut_class, self_motions_at
+
+TOGETHER = 256
+"""Poses whose curves are looked at together: as many as stay in a processor's memory."""
 
 BENDS = 1.0
 """Distance of a curve from the line between neighbours over what an even bend has, a quarter of it at most."""
@@ -47,9 +51,10 @@ SHORT = 0.01
 class Reach(Result, Value):
     """Which of k poses the arm reaches, by which posture best, and what is in the way where it does not.
 
-    q (k, n): the best posture: within the joint limits as far from them as possible, else as little beyond as possible;
-    hinges at the best of their turns; NaN where no posture has the pose. complete: whether all postures were looked at,
-    by closed forms, up to the resolution of `SelfMotions`; else a search tells, and q is one that it found.
+    q (k, n): the best posture: where none is within the joint limits, as little beyond as possible; else as far from
+    them as possible, by a closed form, or one that was found. Hinges are at the best of their turns; NaN where no
+    posture has the pose. complete: whether all postures are known, up to the resolution of `SelfMotions`; else a search
+    tells.
     """
 
     robot: Robot
@@ -141,51 +146,79 @@ def at_best_turns(robot: Robot, q: Array) -> Array:
 # --- Whether poses are reached.
 
 
-def reach_of(task: Task, p: Matrix, R: Array, near: Matrix, *, limits: bool = True) -> Reach:
+def reach_of(
+    task: Task, p: Matrix, R: Array, near: Matrix, *, limits: bool = True, every: SelfMotions | None = None
+) -> Reach:
     """Whether tool poses p (k, 3), R (k, 3, 3) can be reached, and by which posture best.
 
     Args:
         near: postures (k, n) from which a search begins, where there is no closed form.
         limits: False asks for any posture, not for the best one.
+        every: all postures there, where they are known already.
     """
-    postures = every_posture(task, p, R)
-    if postures is None:
+    if not all_known(task):
         return Reach(task.robot, _found(task, p, R, near, limits), complete=False)
-    excess = np.max(_excess(task.robot, at_best_turns(task.robot, postures.q)), axis=1, initial=-np.inf)
-    q = np.full((len(p), task.n), np.nan)
-    order = np.lexsort((excess, postures.pose))
-    pose, first = np.unique(postures.pose[order], return_index=True)
-    q[pose] = at_best_turns(task.robot, postures.q[order[first]])
-    if limits:
-        _refine(postures, excess, q)
+    q, rest = np.full((len(p), task.n), np.nan), np.arange(len(p))
+    if every is None and task.n > task.m and cut_class(task) is None:
+        # Curves without a closed form take longer than to find a posture within the limits, where one is near.
+        nearest = nearest_postures(task, p, R, near, limits=limits, restarts=0).q
+        nearest, reached = newton(to_poses(task, p, R), nearest, steps=6, exact=EXACT)
+        reached &= _excess(task.robot, nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
+        q[reached], rest = nearest[reached], np.flatnonzero(~reached)
+    for first in range(0, len(rest), TOGETHER):
+        some = rest[first : first + TOGETHER]
+        postures = every_posture(task, p[some], R[some]) if every is None else every
+        if postures is not None and len(postures.q):
+            q[some] = _best_of(postures, limits)
     return Reach(task.robot, q, complete=True)
 
 
+def _best_of(postures: SelfMotions, limits: bool) -> Matrix:
+    """The best posture (S, n) at each pose, NaN where there is none; with limits also between those given."""
+    robot, q = postures.task.robot, np.full((len(postures.p), postures.task.n), np.nan)
+    excess = _excess(robot, at_best_turns(robot, postures.q)).max(axis=1)
+    order = np.lexsort((excess, postures.pose))
+    pose, first = np.unique(postures.pose[order], return_index=True)
+    q[pose] = at_best_turns(robot, postures.q[order[first]])
+    if limits:
+        _refine(postures, excess, q)
+    return q
+
+
 def all_known(task: Task) -> bool:
-    """Whether closed forms give all postures of a task's poses."""
-    return cut_class(task) is not None or _inverse(task) is not None
+    """Whether the inverse of six hinges gives all postures of a task's poses: else they are searched for."""
+    return bool(cuts_of(task)) if task.n - task.m == 1 else _inverse(task) is not None
 
 
 def every_posture(task: Task, p: Matrix, R: Array) -> SelfMotions | None:
-    """All postures at poses, where closed forms give them; those of an arm without a redundant joint one by one."""
-    if cut_class(task) is not None:
+    """All postures at poses, where `all_known`; those of an arm without a redundant joint one by one."""
+    if not all_known(task):
+        return None
+    if task.n > task.m:
         return self_motions_at(task, p, R)
     inverse = _inverse(task)
-    if inverse is None:
-        return None
-    answers = inverse.answers(pose_from(p, R), np.zeros((1, 0)))
-    pose, sign = np.nonzero(answers[:, :, 9] > -DOUBT)
-    q = np.zeros((len(pose), task.n))
-    q[:, inverse.others] = answers[pose, sign, :6]
+    if isinstance(inverse, GeneralInverse):
+        postures = inverse.postures(pose_from(p, R), np.zeros(0))
+        q, pose = postures.q, postures.row
+    elif inverse is not None:
+        answers = inverse.answers(pose_from(p, R), np.zeros((1, 0)))
+        pose, sign = np.nonzero(answers[:, :, 9] > -DOUBT)
+        q = np.zeros((len(pose), task.n))
+        q[:, inverse.others] = answers[pose, sign, :6]
     return SelfMotions(task, p, R, q, pose, np.arange(len(q)), np.zeros(len(q), dtype=bool))
 
 
 @kept
-def _inverse(task: Task) -> ClosedInverse | None:
-    """The closed inverse of a task that leaves no joint free; None where there is none."""
+def _inverse(task: Task) -> ClosedInverse | GeneralInverse | None:
+    """The inverse of a task that leaves no joint free; None where there is none."""
     whole_pose = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))
-    arm = arm_class(task.robot, (), task.tip) if whole_pose and task.n == 6 else None
-    return ClosedInverse(arm, limits=False) if isinstance(arm, ArmClass) else None
+    if not whole_pose or task.n != 6:
+        return None
+    arm = arm_class(task.robot, (), task.tip)
+    if isinstance(arm, ArmClass):
+        return ClosedInverse(arm, limits=False)
+    inverse = general_inverse(task.robot, (), task.tip)
+    return inverse if isinstance(inverse, GeneralInverse) else None
 
 
 def _found(task: Task, p: Matrix, R: Array, near: Matrix, limits: bool) -> Matrix:
@@ -231,17 +264,14 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     # Pairs of neighbours between which a better posture may lie: no joint's excess falls faster than the joint moves.
     known = np.full(len(q), np.inf)
     np.minimum.at(known, postures.pose, excess)
-    first = np.flatnonzero(np.diff(postures.curve) == 0)
+    least = known[postures.pose] - SMALL
+    distance = np.linalg.norm(np.diff(postures.q, axis=0), axis=1)
+    near = 0.5 * (excess[:-1] + excess[1:]) - 1.5 * distance < least[:-1]
+    first = np.flatnonzero(near & (distance > 0) & (np.diff(postures.curve) == 0))
     move = postures.q[first + 1] - postures.q[first]
-    distance = np.linalg.norm(move, axis=1)
-    first, move, distance = first[distance > 0], move[distance > 0], distance[distance > 0]
-    bend = _bends(first, move, distance)
-    least, slack = known[postures.pose[first]] - SMALL, bend.max(axis=1, initial=0.0)
-    near = np.flatnonzero(0.5 * (excess[first] + excess[first + 1] - distance) - slack < least)
-    ends = [_excess(robot, at_best_turns(robot, postures.q[i])) for i in (first[near], first[near] + 1)]
-    bound = 0.5 * (ends[0] + ends[1] - np.abs(move[near])) - bend[near]
-    near = near[bound.max(axis=1, initial=-np.inf) < least[near]]
-    first, move, distance = first[near], move[near], distance[near]
+    ends = [_excess(robot, at_best_turns(robot, postures.q[i])) for i in (first, first + 1)]
+    bound = (0.5 * (ends[0] + ends[1] - np.abs(move)) - _bends(postures, first)).max(axis=1, initial=-np.inf)
+    first, move = first[bound < least[first]], move[bound < least[first]]
     if not len(first):
         return
     # The least excess on the cubic through both with the curve's directions, and the best one of each pose.
@@ -295,12 +325,17 @@ class _Cubics(NamedTuple):
         return best, value
 
 
-def _bends(first: Indices, move: Matrix, distance: Vector) -> Matrix:
-    """How far joints may be (k, n) from the straight line between neighbours, by the bends at both of them."""
-    bend = np.zeros((len(first) + 1, move.shape[1]))
-    turn = np.diff(move / distance[:, None], axis=0) / (distance[1:] + distance[:-1])[:, None]
-    bend[1:-1] = np.where((np.diff(first) == 1)[:, None], np.abs(turn), 0.0)
-    return BENDS * np.maximum(bend[:-1], bend[1:]) * (distance**2)[:, None]
+def _bends(postures: SelfMotions, first: Indices) -> Matrix:
+    """How far joints may be (k, n) from the straight lines from some postures to the next, by the bends at both."""
+    last, bends = len(postures.q) - 1, np.zeros((len(first), postures.task.n))
+    for i in (first, first + 1):
+        before, after = np.maximum(i - 1, 0), np.minimum(i + 1, last)
+        inner = (postures.curve[before] == postures.curve[i]) & (postures.curve[after] == postures.curve[i])
+        moves = [postures.q[i] - postures.q[before], postures.q[after] - postures.q[i]]
+        lengths = [np.maximum(np.linalg.norm(move, axis=1), 1e-12)[:, None] for move in moves]
+        turn = np.abs(moves[1] / lengths[1] - moves[0] / lengths[0]) / (lengths[0] + lengths[1])
+        bends = np.maximum(bends, np.where(inner[:, None], turn, 0.0))
+    return BENDS * bends * np.sum((postures.q[first + 1] - postures.q[first]) ** 2, axis=1)[:, None]
 
 
 def _direction(task: Task, q: Matrix, along: Matrix) -> Matrix:
