@@ -267,7 +267,7 @@ def on_sphere(law: hk.Strategy, level: float, direction: tuple[float, float, flo
     """A posture of an iiwa 14 on a leaf, its wrist in a direction from the shoulder, its tool down."""
     T = np.diag([1.0, -1.0, -1.0, 1.0])
     T[:3, 3] = [0, 0, 0.36] + 0.6 * np.array(direction) / np.linalg.norm(direction) + 0.126 * T[:3, 2]
-    return hk.motion.ik.all_postures(law, T, level, limits=False, starts=64).q[0]
+    return hk.motion.ik.all_postures(law, T, level, limits=False).q[0]
 
 
 def seen(u: np.ndarray, view: np.ndarray) -> np.ndarray:

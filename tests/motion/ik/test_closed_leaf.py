@@ -50,7 +50,7 @@ def test_where_every_posture_of_a_level_is_singular_no_closed_form_speaks(name, 
     assert closed_leaf(strategy, np.array([level]), True) is None
     q = np.where(robot.hinges, 0.4, 0.0)
     q[joint] = level
-    found = all_postures(strategy, robot.pose(q), level, limits=False, starts=64)
+    found = all_postures(strategy, robot.pose(q), level, limits=False)
     assert not found.closed and len(found) == 0
 
 

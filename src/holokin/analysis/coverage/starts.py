@@ -30,7 +30,7 @@ from ...strategies.constraints import (
     stack,
     stationary,
 )
-from ...strategies.radial_strategy import least_motion
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import pose, position
 from .cover_workspace import Reach

@@ -55,7 +55,7 @@ from ...path.curves import spline
 from ...robot import start_posture
 from ...robot.closed_form import NoClass
 from ...strategies import HolonomicStrategy, Strategy
-from ...strategies.radial_strategy import joint_gap
+from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import Function
 from .cusp_search import CuspPoints, distinct, families, seek_cusps

@@ -20,8 +20,7 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.ik.posture_search import newton, postures_from, spread, to_poses
 from ...motion.ik.self_motions import SelfMotions, self_motions_at
-from ...strategies.radial_strategy import SelfMotions as CurveTracer
-from ...strategies.radial_strategy import joint_gap, least_motion
+from ...strategies.self_motion_curves import CurveTracer, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import wrapped
 from ..coverage.pose_postures import Coordinates

@@ -16,7 +16,7 @@ from ...motion.checks import Clear
 from ...motion.timing import Stretch
 from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
-from ...strategies.radial_strategy import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
+from ...strategies.self_motion_curves import CurveEnd, CurveTracer, SelfMotionCurve, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 
 STEP = 0.1  # arc length [joint units] between the postures of a self-motion that is traced
@@ -155,7 +155,7 @@ def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None) -> list
     motions = [_hindered(task.n, Hindrance.SINGULAR) for _ in A]
     sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
     good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
-    curves = SelfMotions.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=False)
+    curves = CurveTracer.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=False)
     for i, curve in zip(good.tolist(), curves, strict=True):
         motions[i] = _along(_Line.of(curve), A[i], B[i], clear)
     return motions
@@ -191,7 +191,7 @@ class _Line(Value):
     why: Hindrance
 
     @classmethod
-    def of(cls, curve: SelfMotion) -> _Line:
+    def of(cls, curve: SelfMotionCurve) -> _Line:
         """That of a self-motion. `why`: what is the matter where a posture is not on it."""
         ends = {CurveEnd.SINGULAR: Hindrance.SINGULAR, CurveEnd.LENGTH: Hindrance.LENGTH}
         why = next((ends[ending] for ending in ends if ending in curve.endings), Hindrance.APART)

@@ -6,7 +6,7 @@ Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`.
 from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
 from .pose_curves import ArcEnd, EndKind, LevelInterval, SelfMotion, SelfMotionArc, ServedLevels, self_motion
-from .posture_search import Postures, all_postures
+from .postures_of_pose import Postures, all_postures
 from .solutions import InverseStatus, Solutions
 
 __all__ = [

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen, kept
 from ...robot.closed_form.closed_inverse import SIGNS
-from ...strategies.radial_strategy import least_motion
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import Function
 from ...symbolic.native import allowed

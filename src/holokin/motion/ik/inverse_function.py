@@ -35,7 +35,7 @@ from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function, inverse_code, stretch_code
 from .leaf import TRIES, leaf_step, leaf_value, level_towards, with_leaves
 from .pose_paths import PosePaths
-from .posture_search import Postures, all_postures
+from .postures_of_pose import Postures, all_postures
 from .solutions import GivenPoses, InverseStatus, PoseSet, Solutions
 
 # --- The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves its reach.

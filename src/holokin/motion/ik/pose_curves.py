@@ -27,7 +27,7 @@ from ...base.types import (
 )
 from ...robot import Robot
 from ...strategies import HolonomicStrategy
-from ...strategies.radial_strategy import joint_gap
+from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
 from .arcs import onto
 from .posture_search import free_hinges

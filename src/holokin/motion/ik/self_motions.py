@@ -17,25 +17,17 @@ from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...robot import Robot
 from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
 from ...robot.closed_form.six_hinges import posture
-from ...strategies.radial_strategy import SelfMotions as CurveTracer
-from ...strategies.radial_strategy import away
 from ...strategies.tasks.frame_task import FrameTask, free_directions
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic import SX, Function, fmin, symbol, vertcat
 from ...symbolic.rotations import rotation_about
 from .arcs import Cut, curves_of
-from .posture_search import postures_from, spread
+from .curve_cuts import curves_by_cuts
 
 TOGETHER = 16
 """Poses whose curves are made together: as many as stay in a processor's memory."""
 
 NONE = np.zeros(0, dtype=np.intp)
-
-STARTS = 64
-"""Starts of Newton's method at each pose of an arm without closed forms."""
-
-STEP = 0.2
-"""Arc length [joint units] between the postures of a curve that is traced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +126,7 @@ def self_motions_at(task: Task, p: Matrix, R: Array) -> SelfMotions:
     """All self-motions at tool poses p (S, 3), R (S, 3, 3), whatever the joint limits."""
     cut = _cut(task)
     if cut is None:
-        return _by_search(task, p, R)
+        return SelfMotions(task, p, R, *curves_by_cuts(task, p, R))
     poses, parts = pose_from(p, R), []
     for first in range(0, len(poses), TOGETHER):
         parts.append(curves_of(cut, poses[first : first + TOGETHER]))
@@ -144,27 +136,3 @@ def self_motions_at(task: Task, p: Matrix, R: Array) -> SelfMotions:
     closed = np.concatenate([NONE.astype(bool), *(part.closed for part in parts)])
     q = np.concatenate([np.zeros((0, task.n)), *(part.q for part in parts)])
     return SelfMotions(task, p, R, q, pose[curve], curve, closed)
-
-
-def _by_search(task: Task, p: Matrix, R: Array) -> SelfMotions:
-    """The curves through postures that Newton's method finds from STARTS starts at each pose, each curve once."""
-    task = task._geometric_twin  # which has no singular angles on the way
-    pose = np.repeat(np.arange(len(p)), STARTS)
-    q, arrived = postures_from(task, spread(task.robot, STARTS * len(p)), p[pose], R[pose])
-    q, pose = q[arrived], pose[arrived]
-    rest, curves = np.arange(len(q)), []
-    # Trace the curve of one posture at each pose, and leave out the postures that lie on it, until none is left.
-    while len(rest):
-        poses, first = np.unique(pose[rest], return_index=True)
-        first = rest[first]
-        lines = CurveTracer(task, p[poses], R[poses]).traced(q[first], step=STEP, length=20.0, limits=False)
-        curves += list(zip(poses.tolist(), lines, strict=True))
-        others = [rest[(pose[rest] == k) & (rest != i)] for k, i in zip(poses, first, strict=True)]
-        far = [away(task, q[i][:, None], line.q).min(axis=1) > STEP for i, line in zip(others, lines, strict=True)]
-        rest = np.concatenate([i[apart] for i, apart in zip(others, far, strict=True)])
-    curves.sort(key=lambda curve: curve[0])
-    rows = [np.vstack([line.q, line.q[:1]]) if line.closed else line.q for _, line in curves]
-    curve = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
-    closed = np.array([line.closed for _, line in curves], dtype=bool)
-    own = np.array([k for k, _ in curves], dtype=np.intp)[curve]
-    return SelfMotions(task, p, R, np.concatenate([np.zeros((0, task.n)), *rows]), own, curve, closed)

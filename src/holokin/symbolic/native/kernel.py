@@ -53,14 +53,27 @@ class VelocityRules(ctypes.Structure):
 
 
 class BatchKernel:
-    """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile."""
+    """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile.
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, driver: str = "batch.c") -> None:
+    fed: how many of the first results become the first arguments of the next call, where a sample is for many calls.
+    build: False for one whose library is in the cache, or none.
+    """
+
+    def __init__(
+        self,
+        made: Program,
+        inputs: Shapes,
+        outputs: Shapes,
+        driver: str = "batch.c",
+        *,
+        fed: int = 0,
+        build: bool = True,
+    ) -> None:
         sizes_in, sizes_out = ([int(np.prod(s)) for s in shapes] for shapes in (inputs, outputs))
         head = (
             f"#define HK_INPUTS {len(sizes_in)}\n#define HK_OUTPUTS {len(sizes_out)}\n"
             f"#define HK_NX {max(1, sum(sizes_in))}\n#define HK_NY {max(1, sum(sizes_out))}\n"
-            f"#define HK_SIGNS {sizes_in[-1]}\n"
+            f"#define HK_SIGNS {sizes_in[-1]}\n#define HK_FED {fed}\n"
             f"static const int hk_in[] = {{{', '.join(map(str, sizes_in))}}};\n"
             f"static const int hk_out[] = {{{', '.join(map(str, sizes_out))}}};\n"
         )
@@ -69,18 +82,24 @@ class BatchKernel:
             fast=True,
             long=made.instructions > LONG,
             needs=("hk_batch",),
+            build=build,
         )
         self._run: Any = self._library.hk_batch
-        self._run.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+        self._run.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 3, ctypes.c_longlong]
         self._run.restype = None
         self._inputs, self._outputs = ctypes.c_void_p * len(sizes_in), ctypes.c_void_p * len(sizes_out)
         self._strides = ctypes.c_longlong * len(sizes_in)
 
-    def __call__(self, arguments: Sequence[Array], results: Sequence[Array], threads: int | None = None) -> None:
-        """Fill results (k, ...) from arguments, each C-contiguous (k, ...), or with stride 0 along the samples."""
+    def __call__(
+        self, arguments: Sequence[Array], results: Sequence[Array], threads: int | None = None, times: int = 1
+    ) -> None:
+        """Fill results (k, ...) from arguments, each C-contiguous (k, ...), or with stride 0 along the samples.
+
+        Of so many calls for each sample the results are (k, times, ...).
+        """
         count = len(results[0])
         most = (os.cpu_count() or 1) if threads is None else whole("threads", threads)
-        workers = max(1, min(most, count // 4096))
+        workers = max(1, min(most, count, count * times // 4096))
         X, strides = [_address(a) for a in arguments], [a.strides[0] for a in arguments]
         Y, steps = [_address(r) for r in results], [r.strides[0] for r in results]
         lanes = self._strides(*(stride // 8 for stride in strides))
@@ -89,7 +108,7 @@ class BatchKernel:
             start, stop = k * count // workers, (k + 1) * count // workers
             ins = self._inputs(*(x + start * stride for x, stride in zip(X, strides, strict=True)))
             outs = self._outputs(*(y + start * stride for y, stride in zip(Y, steps, strict=True)))
-            self._run(stop - start, ins, lanes, outs)
+            self._run(stop - start, ins, lanes, outs, times)
 
         _do_all(part, workers, workers)
 
