@@ -207,13 +207,16 @@ class _Line(Value):
         """Of one round."""
         return float(self.s[-1] - self.s[0])
 
-    def at(self, s: Vector) -> Matrix:
-        """Postures (k, n) at arc lengths (k,), beyond the ends of a closed one as well; the tool is exactly still."""
+    def near(self, s: Vector) -> Matrix:
+        """Postures (k, n) at arc lengths (k,), beyond the ends of a closed one as well, on straight lines between its
+        own."""
         laps = np.floor((s - self.s[0]) / self.length) if self.closed else np.zeros(len(s))
-        inside = s - laps * self.length
-        q = np.column_stack([np.interp(inside, self.s, joint) for joint in self.q.T])
-        begin = self.q[int(np.argmin(np.abs(self.s)))]
-        return held(self.task, q, *self.task._place(begin)) + 2 * np.pi * laps[:, None] * self.wind
+        q = np.column_stack([np.interp(s - laps * self.length, self.s, joint) for joint in self.q.T])
+        return q + 2 * np.pi * laps[:, None] * self.wind
+
+    def at(self, s: Vector) -> Matrix:
+        """The same with the tool exactly still."""
+        return held(self.task, self.near(s), *self.task._place(self.q[int(np.argmin(np.abs(self.s)))]))
 
     def places(self, b: Vector) -> list[float]:
         """Arc lengths, within one round, at which it passes a posture (n,), whole turns of hinges taken off."""
@@ -255,7 +258,11 @@ def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotio
     ends, why = line.ends(b)
     motions = []
     for end in ends:
-        way = line.at(np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP)))))
+        s = np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP))))
+        if (line.task.robot.beyond(line.near(s)) > STEP).any():
+            why = Hindrance.LIMITS
+            continue
+        way = line.at(s)
         way[[0, -1]] = a, b
         motion = _checked_motion(line.task, way, clear)
         why = why if motion.hindrance is None else motion.hindrance
