@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
+from holokin.analysis.coverage.pose_coordinates import chart_of, coordinates_of
 from holokin.analysis.design.least_costs import Floor
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.base.types import Array, Flags, Matrix
