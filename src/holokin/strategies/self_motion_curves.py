@@ -196,7 +196,7 @@ class CurveTracer(Value):
     def _in_parts(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
         """The same in shorter steps, where self-motions bend, as close to a singular posture."""
         postures, along, sound = q.copy(), v.copy(), np.zeros(len(q), dtype=bool)
-        for parts in (4, 16, 64):
+        for parts in (4, 16, 64, 256):
             bad = np.flatnonzero(~sound)
             if not len(bad):
                 break

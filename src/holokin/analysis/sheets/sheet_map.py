@@ -29,7 +29,7 @@ from ...proof.checker_file import need, numbers, parsed
 from ...robot import Robot
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task
-from ..coverage.starts import postures_at, reached
+from ..coverage.starts import postures_within_limits, reached
 from .follow_sheets import Stops, follow_sheets
 from .seams import Seams, SheetMotion, Where, seams_of
 from .sheet import PosePoints, Sheet, known, postures_of_sheets, seen_features
@@ -60,15 +60,15 @@ class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
 
 def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
     """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
-    Q, reach = reached(task, T, None)
+    reach = reached(task, T, None)
     rest = np.full(len(T), int(PoseRest.NOT_COVERED))
     rest[~reach.within] = PoseRest.LIMITS
     rest[~reach.anyhow] = PoseRest.OUT_OF_REACH
     if clear is not None and reach.within.any():
         blocked = np.flatnonzero(reach.within)
-        rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
+        rest[blocked[~clear(reach.q[blocked])]] = PoseRest.BLOCKED
         for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
-            postures = postures_at(task, T[i])
+            postures = postures_within_limits(task, T[i])
             if len(postures) and clear(postures).any():
                 rest[i] = PoseRest.NOT_COVERED
     return rest

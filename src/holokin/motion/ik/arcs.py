@@ -32,7 +32,7 @@ WIDEST = 0.3
 NEAR_FOLD = 1e-4
 """How real the last posture of an arc is, see `solver`: 0.01 rad from the fold."""
 
-EXACT_FOLD = 1e-11
+EXACT_FOLD = 1e-14
 """How real, at most, a fold is. Where a share only touches 0, so near, self-motions cross: the pose is singular."""
 
 SAME_FOLD = 1e-4
@@ -208,7 +208,7 @@ def _sampled(cut: Cut, poses: Array) -> _Points:
         values[1] - values[0],
         squares[which, line[near], column[near] + 1] < 0,
     )
-    for _ in range(4):
+    for _ in range(5):
         bend = three[:, 0] + three[:, 2] - 2 * three[:, 1]
         with np.errstate(all="ignore"):
             c = c + step * np.clip(np.nan_to_num(0.5 * (three[:, 0] - three[:, 2]) / bend), -1, 1)

@@ -41,6 +41,12 @@ ROUNDS, LONGEST_STEP, EXACT = 4, 0.5, 1e-10
 SEEDS = 16
 """Postures of a pose whose curves are traced at once."""
 
+BESIDE, NEAR = 0.7, 3 * SEEDS
+"""How far off, over STEP, a posture of a curve is from those that are traced, and how many of these are tried there."""
+
+PIECE = 256
+"""Poses at once."""
+
 VALUES = 12
 """Values at which a coordinate is cut; of two, half as many each."""
 
@@ -64,8 +70,8 @@ class Cuts(Value):
         p, R = p[row], R[row]
         if self.axis is not None:
             turn = _turns_about(self.axis, value)
-            R, value = turn @ R if self.of_base else R @ turn, value[:0]
-        held = value.reshape(len(p), -1)
+            R = turn @ R if self.of_base else R @ turn
+        held = value[:, None] if self.axis is None else np.zeros((len(p), 0))
         if isinstance(self.inverse, GeneralInverse):
             found = self.inverse.postures(pose_from(p, R), held)
             return found.q, row[found.row]
@@ -142,11 +148,17 @@ def curves_by_cuts(task: Task, p: Matrix, R: Array) -> tuple[Matrix, Indices, In
     in order, at arc lengths of about STEP, hinges continuous along it; the last one of a closed curve is its first one,
     but for whole turns. Curves are in the order of their poses. Slides keep their limits: there curves end.
     """
-    cuts = cuts_of(task)
+    cuts, parts, curves = cuts_of(task), [], 0
     task = _twin(task)
-    found = [cut.postures(p, R) for cut in cuts] + [_from_starts(task, p, R)]
-    q, pose = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    return curves_through(task, p, R, q, pose)
+    for first in range(0, max(len(p), 1), PIECE):
+        some = p[first : first + PIECE], R[first : first + PIECE]
+        found = [cut.postures(*some) for cut in cuts] + [_from_starts(task, *some)]
+        q, pose = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        q, pose, curve, closed = curves_through(task, *some, q, pose)
+        parts.append((q, pose + first, curve + curves, closed))
+        curves += len(closed)
+    q, pose, curve, closed = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return q, pose, curve, closed
 
 
 def _from_starts(task: Task, p: Matrix, R: Array) -> tuple[Matrix, Indices]:
@@ -240,27 +252,16 @@ def _traced(tracer: CurveTracer, q: Matrix, pose: Indices) -> _Curves:
 
 def _passes(tracer: CurveTracer, curves: _Curves, q: Matrix, pose: Indices) -> tuple[Indices, Indices]:
     """Which of postures q (k, n) at the poses `pose` (k,) lie on which curves (in the order of their poses)."""
-    # From postures of curves of the pose that are near by: first in the one joint that turns the most, then in all.
+    from scipy.spatial import KDTree
+
+    # Postures of curves of the pose beside these, on either side of a sharp turn; chords of hinges count for angles.
     robot, own = tracer.task.robot, np.repeat(np.arange(len(curves.size)), curves.size)
-    turning = int(np.argmax(robot.hinges * curves.q.std(axis=0)))
-    here, there = ([f(x[:, turning]) for f in (np.cos, np.sin)] for x in (q, curves.q))
-    order = np.argsort(pose, kind="stable")
-    places = [np.zeros((0, 2), dtype=np.intp)]
-    for s in np.unique(pose):
-        (a, b), (c, d) = (np.searchsorted(x, [s, s + 1]) for x in (pose[order], curves.pose[own]))
-        some = order[a:b]
-        cosine = np.multiply.outer(here[0][some], there[0][c:d]) + np.multiply.outer(here[1][some], there[1][c:d])
-        i, j = np.nonzero(cosine > np.cos(STEP))
-        places.append(np.column_stack([some[i], j + c]))
-    i, j = np.concatenate(places).T
-    gap = np.linalg.norm(joint_gap(robot, q[i], curves.q[j]), axis=1)
-    # Of each curve the nearest posture of those within a step.
-    i, j, gap = i[gap < STEP], j[gap < STEP], gap[gap < STEP]
-    order = np.lexsort((gap, own[j], i))
-    i, j = i[order], j[order]
-    first = np.ones(len(i), dtype=bool)
-    first[1:] = (np.diff(i) != 0) | (np.diff(own[j]) != 0)
-    i, j = i[first], j[first]
+    if not len(own):
+        return pose[:0], own
+    tree = KDTree(_embedded(robot, curves.q, curves.pose[own]))
+    gap, near = tree.query(_embedded(robot, q, pose), k=NEAR, distance_upper_bound=BESIDE * STEP)
+    i, rank = np.nonzero(np.isfinite(gap))
+    j = near[i, rank]
     # Steps along the curve to beside the posture, each of the length that is left, lead to it or do not.
     posture, gap = curves.q[j], joint_gap(robot, q[i], curves.q[j])
     way = gap / np.maximum(np.linalg.norm(gap, axis=1), SAME**2)[:, None]
@@ -268,9 +269,17 @@ def _passes(tracer: CurveTracer, curves: _Curves, q: Matrix, pose: Indices) -> t
     for _ in range(4):
         length = np.einsum("kn,kn->k", joint_gap(robot, q[i], posture), way)
         left = np.abs(length) > SAME / 10
+        if not left.any():
+            break
         posture[left], way[left], _ = tracer.step(posture[left], way[left], pose[i[left]], length[left])
     on = np.linalg.norm(joint_gap(robot, q[i], posture), axis=1) < SAME
     return i[on], own[j[on]]
+
+
+def _embedded(robot: Robot, q: Matrix, pose: Indices) -> Matrix:
+    """Points of postures (k, n), with hinges on their circles, those of different poses far apart."""
+    hinges = robot.hinges
+    return np.column_stack([q[:, ~hinges], np.cos(q[:, hinges]), np.sin(q[:, hinges]), 10.0 * pose])
 
 
 def _in_rows(tracer: CurveTracer, curves: _Curves) -> tuple[Matrix, Indices, Indices, Flags]:
@@ -283,35 +292,35 @@ def _in_rows(tracer: CurveTracer, curves: _Curves) -> tuple[Matrix, Indices, Ind
     again = np.where(hinges, begin + 2 * np.pi * np.round((end - begin) / (2 * np.pi)), begin)
     ahead = np.einsum("cn,cn->c", again - end, end - curves.q[np.maximum(last - 1, first)])
     # Of those that end at the limit of a slide the posture there.
-    before, at_first = _at_limit(tracer, curves, begin, begin - curves.q[np.minimum(first + 1, last)], 0)
-    after, at_last = _at_limit(tracer, curves, end, end - curves.q[np.maximum(last - 1, first)], 1)
+    at_limit = (curves.ends == CurveEnd.LIMIT) & (curves.size > 1)[:, None]
+    ways = begin - curves.q[np.minimum(first + 1, last)], end - curves.q[np.maximum(last - 1, first)]
+    before, after = (
+        _limits_ahead(tracer, q[some], way[some], curves.pose[some], every[some])
+        for q, way, some in zip((begin, end), ways, at_limit.T, strict=True)
+    )
     # All of them, in their order: what comes before a curve, its postures, what comes behind.
     kept = np.ones(len(curves.q), dtype=bool)
     kept[last[closed & (ahead < 0.25 * STEP**2)]] = False
     curve = np.repeat(every, curves.size)[kept]
-    q = np.concatenate([before[at_first], curves.q[kept], after[at_last], again[closed]])
-    curve = np.concatenate([every[at_first], curve, every[at_last], every[closed]])
+    q = np.concatenate([before[0], curves.q[kept], after[0], again[closed]])
+    curve = np.concatenate([before[1], curve, after[1], every[closed]])
     order = np.argsort(curve, kind="stable")
     return q[order], curves.pose[curve[order]], curve[order], closed
 
 
-def _at_limit(tracer: CurveTracer, curves: _Curves, q: Matrix, v: Matrix, side: int) -> tuple[Matrix, Flags]:
-    """(the postures (C, n) where curves that end at a limit reach it, which of them do) ahead of q (C, n), along v."""
-    robot = tracer.task.robot
-    found, out = np.zeros(len(q), dtype=bool), q.copy()
-    size = np.linalg.norm(v, axis=1)
-    i = np.flatnonzero((curves.ends[:, side] == CurveEnd.LIMIT) & (size > 0))
-    at, v = q[i], v[i] / size[i, None]
-    # Of the slides the one that reaches its limit first; then steps of what is left to it.
-    limit = np.where(robot.hinges, np.inf, np.where(v > 0, robot.upper, robot.lower))
-    with np.errstate(all="ignore"):
-        k = np.argmin(np.where(robot.hinges, np.inf, np.abs((limit - at) / v)), axis=1)
-    rows = np.arange(len(i))
+def _limits_ahead(tracer: CurveTracer, q: Matrix, way: Matrix, pose: Indices, curve: Indices) -> tuple[Matrix, Indices]:
+    """(the postures (j, n) at a slide's limit ahead of some (k, n), less than a step on; their curves (j,))."""
+    if not len(q):
+        return q, curve
+    robot, rows = tracer.task.robot, np.arange(len(q))
+    limit = np.where(robot.hinges, np.inf, np.where(way > 0, robot.upper, robot.lower))
+    with np.errstate(all="ignore"):  # of the slides the one that is there first
+        slide = np.argmin(np.where(robot.hinges, np.inf, np.abs((limit - q) / way)), axis=1)
+    there, v, limit = q, way / np.linalg.norm(way, axis=1, keepdims=True), limit[rows, slide]
     for _ in range(6):
         with np.errstate(all="ignore"):
-            length = np.nan_to_num((limit[rows, k] - at[rows, k]) / v[rows, k])
-        at, v, _ = tracer.step(at, v, curves.pose[i], np.clip(length, -STEP, STEP))
-    moved = np.linalg.norm(at - q[i], axis=1)
-    there = (np.abs(limit[rows, k] - at[rows, k]) < SAME) & (moved > SAME) & (moved < 2 * STEP)
-    out[i[there]], found[i[there]] = at[there], True
-    return out, found
+            length = np.nan_to_num((limit - there[rows, slide]) / v[rows, slide])
+        there, v, _ = tracer.step(there, v, pose, np.clip(length, -STEP, STEP))
+    moved = np.linalg.norm(there - q, axis=1)
+    good = (np.abs(limit - there[rows, slide]) < SAME) & (moved > SAME) & (moved < 2 * STEP)
+    return there[good], curve[good]

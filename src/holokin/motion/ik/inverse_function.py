@@ -328,7 +328,8 @@ class InverseKinematics(Value):
 
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line, or g jumps on it.
-            OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
+            OutOfReachError: no posture of the arm at all reaches it, or none within the limits: milliseconds to find
+                out, and up to a second where only a search can tell.
             JointLimitError: the posture is beyond the joint limits.
             OutOfReachError: only with a region: the pose does not belong to it.
             ShapeError, NotFiniteError, ArgumentError: a bad pose or level; a level beside a region.

@@ -408,8 +408,8 @@ def _with_turning_points(task: Task, pose: Matrix, q: Matrix, turn: Vector) -> M
 
 
 def _longest_from(robot: Robot, q: Matrix, turn: Vector) -> tuple[Vector | None, int]:
-    """What whole turns (n,) keep postures (k, n) within the limits for the most rows from the first one on, and the last
-    of these; None where the first one is beyond them. turn (n,): of each joint, 0 of one that has none."""
+    """What whole turns (n,) keep postures (k, n) within the limits for the most rows from the first one on, and which
+    is the last of these; None where the first one is beyond them. turn (n,): of each joint, 0 of one that has none."""
     some = np.where(turn > 0, turn, 1.0)
     least = np.where(turn > 0, np.ceil((robot.lower - q) / some - 1e-13), np.where(q >= robot.lower - 1e-12, 0, 1))
     most = np.where(turn > 0, np.floor((robot.upper - q) / some + 1e-13), np.where(q <= robot.upper + 1e-12, 0, -1))
