@@ -19,7 +19,7 @@ from ...proof.kept_apart import clearances_of
 from ...robot import check_metres
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.cover_workspace import Coverage, Reach, coverage, largest_part
-from ..coverage.pose_postures import Chain, chart_of, coordinates_of
+from ..coverage.pose_coordinates import chart_of, coordinates_of
 from ..coverage.starts import (
     Candidate,
     candidates,
@@ -30,6 +30,7 @@ from ..coverage.starts import (
     proposed_workspace,
     reached,
 )
+from ..coverage.tool_chain import Chain
 from .designed_strategy import Design, design
 from .least_costs import Floor
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of

@@ -36,7 +36,7 @@ from ...strategies.right_inverses import monomials, monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ...symbolic.linear import null_space
-from ..coverage.pose_postures import Coordinates, chart_of, coordinates_of
+from ..coverage.pose_coordinates import Coordinates, chart_of, coordinates_of
 from ..curvature import Ball, Deviation, Region
 from ..curvature.leaf_functions import deviation_of, distance_to_repeatable
 from .objectives import Objective, length_of

@@ -22,7 +22,7 @@ from ...strategies.constraints import Constraint, linear, tilted
 from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic.linear import null_space
-from ..coverage.pose_postures import Coordinates, Polynomial, chart_of, coordinates_of
+from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of
 from .least_costs import Floor, one_redundant
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
 from .objectives import Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of

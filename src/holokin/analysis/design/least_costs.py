@@ -23,7 +23,7 @@ from ...motion.ik.self_motions import SelfMotions, self_motions_at
 from ...strategies.self_motion_curves import CurveTracer, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import wrapped
-from ..coverage.pose_postures import Coordinates
+from ..coverage.pose_coordinates import Coordinates
 from .objectives import POWER, Costs, OwnCost
 
 STARTS = 64

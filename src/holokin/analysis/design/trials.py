@@ -18,8 +18,10 @@ from ...robot.closed_form import ArmClass
 from ...strategies import HolonomicStrategy, moore_penrose, radial
 from ...strategies.tasks.task import Task
 from ..coverage.cover_workspace import Coverage
-from ..coverage.pose_postures import Chain, Coordinates, along_leaf, along_radial
+from ..coverage.leaf_lines import along_leaf, along_radial
+from ..coverage.pose_coordinates import Coordinates
 from ..coverage.starts import Candidate, kinds_that_fit
+from ..coverage.tool_chain import Chain
 from .least_costs import (
     least_on_curves,
     least_on_lines,
