@@ -51,7 +51,7 @@ VALUES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class _Cuts(Value):
+class Cuts(Value):
     """The postures of poses at values (k,) of a coordinate, all of them.
 
     axis: about which (3,) the pose turns by the value, in the tool's frame, or with `of_base` in the base's; None where
@@ -88,7 +88,7 @@ def _turns_about(axis: Vector, angle: Vector) -> Array:
 
 
 @kept
-def _cuts_of(task: Task) -> tuple[_Cuts, ...]:
+def cuts_of(task: Task) -> tuple[Cuts, ...]:
     """The cuts of a task; none where no coordinate leaves six hinges with an inverse."""
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and {0, 1, 2} <= set(task.rows)):
         return ()
@@ -97,17 +97,17 @@ def _cuts_of(task: Task) -> tuple[_Cuts, ...]:
         turn, inverse = task.representation.directions.get(angular), _inverse(robot, (), task.tip)
         if turn is None or inverse is None:
             return ()
-        return (_Cuts(inverse, _values(VALUES), frozen(np.array(turn[0], dtype=float)), turn[1]),)
+        return (Cuts(inverse, _values(VALUES), frozen(np.array(turn[0], dtype=float)), turn[1]),)
     # A slide is held where there is one. Else two joints: of those that move the most in self-motions.
     slides = np.flatnonzero(~robot.hinges).tolist()
     if slides:
         inverse = _inverse(robot, (slides[0],), task.tip)
         low, high = robot.lower[slides[0]], robot.upper[slides[0]]
-        return (_Cuts(inverse, np.linspace(low, high, VALUES)),) if inverse and np.isfinite(high - low) else ()
+        return (Cuts(inverse, np.linspace(low, high, VALUES)),) if inverse and np.isfinite(high - low) else ()
     cuts = []
     for k in _moving_most(task):
         inverse = _inverse(robot, (k,), task.tip)
-        cuts += [] if inverse is None else [_Cuts(inverse, _values(VALUES // 2))]
+        cuts += [] if inverse is None else [Cuts(inverse, _values(VALUES // 2))]
         if len(cuts) == 2:
             break
     return tuple(cuts)
@@ -147,7 +147,7 @@ def curves_by_cuts(task: Task, p: Matrix, R: Array) -> tuple[Matrix, Indices, In
     in order, at arc lengths of about STEP, hinges continuous along it; the last one of a closed curve is its first one,
     but for whole turns. Curves are in the order of their poses. Slides keep their limits: there curves end.
     """
-    cuts, parts, curves = _cuts_of(task), [], 0
+    cuts, parts, curves = cuts_of(task), [], 0
     task = _twin(task)
     for first in range(0, max(len(p), 1), PIECE):
         some = p[first : first + PIECE], R[first : first + PIECE]
