@@ -153,7 +153,7 @@ def curves_by_cuts(task: Task, p: Matrix, R: Array) -> tuple[Matrix, Indices, In
         some = p[first : first + PIECE], R[first : first + PIECE]
         found = [cut.postures(*some) for cut in cuts] + [_from_starts(task, *some)]
         q, pose = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-        q, pose, curve, closed = _through(task, *some, q, pose)
+        q, pose, curve, closed = curves_through(task, *some, q, pose)
         parts.append((q, pose + first, curve + curves, closed))
         curves += len(closed)
     q, pose, curve, closed = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
@@ -189,7 +189,7 @@ def _newton_step(task: Task) -> Function:
     return Function("newton_step", {"q": q, "p": p, "R": R}, outputs)
 
 
-def _through(task: Task, p: Matrix, R: Array, q: Matrix, pose: Indices) -> tuple[Matrix, Indices, Indices, Flags]:
+def curves_through(task: Task, p: Matrix, R: Array, q: Matrix, pose: Indices) -> tuple[Matrix, Indices, Indices, Flags]:
     """The curves through postures q (k, n) at the poses `pose` (k,) of p (S, 3), R (S, 3, 3), each once.
 
     Returns: as `curves_by_cuts`.
