@@ -132,10 +132,11 @@ class GeneralInverse(Value):
             left = np.flatnonzero(doubtful)
             roots = self._roots(poses[left], held[left], order)
             more = self._polished(roots.angles, left[roots.row], poses, held, roots.imaginary < SURE).distinct(k)
-            # Each real root comes to a posture of its own; only one that is singular is that of several.
+            # Each real root comes to a posture of its own; only one that is singular is that of several. An order that
+            # knows no real root takes away no doubt of another.
             real = np.bincount(left[roots.row[roots.imaginary < SURE]], minlength=k)
             serves = np.where(more.rcond < SINGULAR, np.maximum(more.roots, 1), 1)
-            doubtful[left] = roots.ill
+            doubtful[left] = roots.ill | ((real[left] == 0) & (order != self.orders[0]))
             doubtful |= real > np.bincount(more.row, weights=serves, minlength=k)
             known = joined(known, more).distinct(k) if len(known.row) else more
             if not doubtful.any():
