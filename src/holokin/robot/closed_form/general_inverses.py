@@ -39,7 +39,7 @@ _ASIDE = 0.02
 """How far [rad] a singular posture is moved on, to see whether it is on a curve of them."""
 
 _BESIDE = 1e-3 * np.array([0.5, -0.7, 0.5])
-"""How far [m] from a singular pose are poses by which it is asked: there the roots are single."""
+"""How far [m] from a singular pose are those beside it, at which roots are single; held values by the first number."""
 
 _PROBES = 16
 """Random postures by which the orders of the loop are compared."""
@@ -132,10 +132,11 @@ class GeneralInverse(Value):
             left = np.flatnonzero(doubtful)
             roots = self._roots(poses[left], held[left], order)
             more = self._polished(roots.angles, left[roots.row], poses, held, roots.imaginary < SURE).distinct(k)
-            # Each real root comes to a posture of its own; only one that is singular is that of several.
+            # Each real root comes to a posture of its own; only one that is singular is that of several. An order that
+            # knows no real root takes away no doubt of another.
             real = np.bincount(left[roots.row[roots.imaginary < SURE]], minlength=k)
             serves = np.where(more.rcond < SINGULAR, np.maximum(more.roots, 1), 1)
-            doubtful[left] = roots.ill
+            doubtful[left] = roots.ill | ((real[left] == 0) & (order != self.orders[0]))
             doubtful |= real > np.bincount(more.row, weights=serves, minlength=k)
             known = joined(known, more).distinct(k) if len(known.row) else more
             if not doubtful.any():
@@ -251,7 +252,7 @@ class GeneralInverse(Value):
         return _Polished(q[closed], row[closed], residual[closed], size[:, -1] / size[:, 0], roots)
 
     def _beside(self, left: Indices, poses: Array, held: Matrix) -> _Polished:
-        """Postures at poses (left,) that are singular, from those at poses beside them: of a curve, some points."""
+        """Postures at singular poses (left,), from those at poses and held values beside: of a curve, some points."""
         out = _NONE
         for sign in (1, -1):
             beside = poses[left] @ _placed(np.eye(3), sign * _BESIDE)
