@@ -26,7 +26,7 @@ from ...symbolic.rotations import rotation_about
 from .arcs import Cut, curves_of
 from .posture_search import postures_from, spread
 
-TOGETHER = 16
+TOGETHER = 64
 """Poses whose curves are made together: as many as stay in a processor's memory."""
 
 STARTS = 64
