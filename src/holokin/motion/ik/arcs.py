@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -160,7 +160,7 @@ def _neighbours(track: Indices, c: Vector) -> tuple[Indices, Indices, Vector]:
 
 
 @lru_cache(maxsize=64)
-def _grid(low: float, high: float, turning: bool, poses: int) -> tuple[Array, ...]:
+def _grid(low: float, high: float, turning: bool, poses: int) -> tuple[Any, ...]:
     """Values of c and signs of the tracks of one pose; tracks, values and neighbours of so many poses."""
     grid = np.linspace(low, high, VALUES, endpoint=not turning)
     track, c = np.repeat(np.arange(8 * poses), VALUES), np.tile(grid, 8 * poses)
@@ -177,7 +177,7 @@ def _sampled(cut: Cut, poses: Array) -> _Points:
     # The squares, with three more on each side, of values round the track.
     squares = rows.reshape(-1, VALUES, rows.shape[1])[:, :, -5:-2].transpose(2, 0, 1)[:, :, _ROUND]
     with np.errstate(all="ignore"):
-        found = [np.concatenate(pair) for pair in zip(_lowest(squares), _beside_folds(squares), strict=True)]
+        found: list[Any] = [np.concatenate(pair) for pair in zip(_lowest(squares), _beside_folds(squares), strict=True)]
     which, line, place, below = found
     if not cut.turning:
         inside = (place > 0) & (place < VALUES - 1)
@@ -419,7 +419,9 @@ def _hidden(cut: Cut, poses: Array, arcs: _Arcs, ends: Indices) -> _Answers:
     track, c = arcs.track[others // 2], arcs.fold[others] - near[others]
     apart = _Answers(cut.rows(poses, c, track), track, c)
     apart = apart.at(np.flatnonzero(~(apart.rows[:, -2] > EXACT_FOLD)))
-    return _Answers(*(np.concatenate(pair) for pair in zip(found, apart, strict=True)))
+    return _Answers(
+        np.vstack([found.rows, apart.rows]), np.append(found.track, apart.track), np.append(found.c, apart.c)
+    )
 
 
 def _chained(arcs: _Arcs, partner: Indices) -> list[tuple[Chain, bool]]:

@@ -24,7 +24,7 @@ from ...symbolic.rotations import rotation_about
 from .arcs import Cut, curves_of
 from .curve_cuts import curves_by_cuts
 
-TOGETHER = 16
+TOGETHER = 64
 """Poses whose curves are made together: as many as stay in a processor's memory."""
 
 
