@@ -46,6 +46,7 @@ STRATEGIES = {
     "q1 - q3": lambda: linear([1, 0, -1, 0, 0, 0, 0]),
     "4 q1 + 3 q3": lambda: linear([4, 0, 3, 0, 0, 0, 0]),
     "formula": lambda: hk.custom(lambda q: ca.sin(q[0] - q[4]) + ca.cos(q[1] + q[6]) * ca.sin(q[3])),
+    "turns count": lambda: hk.custom(lambda q: q[0] * (1.5 + ca.sin(q[1])) + q[4]),
     "stationary": lambda: hk.stationary(lambda q: ca.sum1(ca.cos(q)) + ca.cos(q[1] - q[3])),
 }
 
@@ -57,7 +58,7 @@ def made(name: str, arm: str) -> HolonomicStrategy:
 ARMS = ["panda", "fr3", "iiwa14", "xarm7", "gen3", "sawyer"]
 
 
-@sampled(3, ("arm", "name"), [(arm, name) for arm in ARMS for name in STRATEGIES])
+@sampled(3, ("arm", "name"), [(arm, name) for arm in ARMS for name in STRATEGIES if name != "turns count"])
 def test_each_posture_of_random_starts_is_a_root_along_a_self_motion(arm: str, name: str) -> None:
     strategy = made(name, arm)
     robot, q = strategy.task.robot, np.random.default_rng(len(arm) + len(name)).uniform(-2.5, 2.5, 7)
@@ -97,7 +98,6 @@ def test_two_roots_beside_an_extremum_of_g_are_two_and_where_they_meet_they_are_
 @pytest.mark.parametrize("name", ["q1 - q3", "4 q1 + 3 q3", "turns count"])
 def test_whole_turns_that_g_counts_are_on_the_leaf_where_their_level_is_and_nowhere_else(name: str) -> None:
     """xArm 7: joints 1, 3, 5 and 7 have two turns each. Referee: starts in all of them."""
-    STRATEGIES["turns count"] = lambda: hk.custom(lambda q: q[0] * (1.5 + ca.sin(q[1])) + q[4])
     strategy = made(name, "xarm7")
     robot = strategy.task.robot
     q = np.random.default_rng(len(name)).uniform(robot.lower, robot.upper)
@@ -130,7 +130,7 @@ def test_an_upright_upper_arm_whose_axes_1_and_3_are_one_line_has_the_postures_o
     strategy = made("q1 - q3", "iiwa14")
     q = np.array([0.3, 0.0, 0.4, -1.1, 0.5, 0.6, 0.2])
     pose = strategy.task.robot.pose(q)
-    for turn in (0.0, 0.7, 2.0):
+    for turn in (0.0, 0.7):
         found = all_postures(strategy, pose, -0.1 + 2 * turn, limits=False)
         upright = found.q[np.abs(found.q[:, 1]) < 1e-9]
         assert apart(found.q, q + turn * np.array([1, 0, -1, 0, 0, 0, 0])).min() < 1e-9
@@ -146,3 +146,37 @@ def test_a_jump_of_g_over_the_level_is_no_root() -> None:
     both = np.concatenate([all_postures(one, panda.pose(PANDA), 1.5, limits=False).q for one in smooth])
     real = both[np.abs(strategy.constraint_value.batch(both) - 1.5) < 1e-9]
     assert len(real) == len(found) < len(both)
+
+
+def test_a_six_axis_arm_whose_tool_may_spin_has_the_postures_of_every_spin() -> None:
+    """Referee: the closed form of the arm at the spin that a posture has."""
+    robot = hk.load("irb140")
+    strategy = hk.holonomic(hk.pose(robot, "axis", axis="x"), hk.custom(lambda q: q[0] + ca.sin(q[3])))
+    q = np.array([0.3, 0.6, -0.4, 0.7, 0.9, 0.2])
+    found = all_postures(strategy, robot.pose(q), strategy.g(q), limits=False)
+    assert found.curves and not found.searched and apart(found.q, q).min() < 1e-9
+    for posture in found.q:
+        assert np.abs(strategy.task.error(posture, *strategy.task._place(q))).max() < 1e-9
+        same = all_postures(hk.moore_penrose(hk.pose(robot)), robot.pose(posture), limits=False)
+        assert same.closed and apart(same.q, posture).min() < 1e-9
+    for other in newton_postures(strategy, robot.pose(q), strategy.g(q)[0], 150, 0.5):
+        assert apart(found.q, other).min() < 1e-6
+
+
+def test_where_six_hinges_are_left_without_a_closed_form_eigenvalues_give_all() -> None:
+    gen3 = hk.load("gen3")
+    strategy = hk.holonomic(hk.pose(gen3), hk.lock(2))
+    q = np.array([0.3, -0.7, 0.4, -1.1, 0.5, 0.6, 0.2])
+    found = all_postures(strategy, gen3.pose(q), q[2], limits=False)
+    assert found.closed and "by the eigenvalues" in found.sentence and apart(found.q, q).min() < 1e-9
+    for other in newton_postures(strategy, gen3.pose(q), q[2], 150, 0.5):
+        assert apart(found.q, other).min() < 1e-6
+
+
+def test_with_two_redundant_joints_a_search_says_so() -> None:
+    robot = hk.load("panda")
+    strategy = hk.holonomic(hk.pose(robot, "axis"), hk.custom(lambda q: [q[0] - q[2], q[4] + q[6]], rows=2))
+    q = PANDA
+    found = all_postures(strategy, robot.pose(q), strategy.g(q), near=q)
+    assert found.starts and found.curves is None and "no proof that there are no others" in found.sentence
+    assert np.abs(found.q - q).max(axis=1).min() < 1e-9 and 0 <= found.unseen <= 1

@@ -40,6 +40,9 @@ STARTS = 1024
 """Of Newton's method where postures are searched for: with several redundant joints, or with none."""
 
 
+STILL_STARTS = 64
+"""Of Newton's method for curves along which a held joint stands still, at poses where there is one."""
+
 STILL = 0.3
 """How far [joint units] a posture is from the rows of curves that it is not on: those are half as far apart."""
 
@@ -61,8 +64,9 @@ class Postures(Result, Value):
     left out.
 
     curves: along how many self-motions of the pose g was looked at, in steps of `step` [joint units] at most; searched:
-    whether these are not arcs of closed forms, but were traced from cuts at some values of joints, and from starts. doubt: places where it stays open whether there is a posture. starts: of how
-    many a search for the postures themselves began, else 0; found (k,): from how many of them each was found.
+    whether these are not arcs of closed forms, but were traced from cuts at some values of joints, and from starts.
+    doubt: places where it stays open whether there is a posture. starts: of how many a search for the postures
+    themselves began, else 0; found (k,): from how many of them each was found.
     """
 
     q: Matrix
@@ -276,7 +280,7 @@ def _with_still_curves(strategy: HolonomicStrategy, motions: SelfMotions, aim: V
     """
     task, p, R = motions.task, motions.p, motions.R
     seeds, found = [aim[None], *_beside_crossings(motions)], np.zeros((0, task.n))
-    for starts in (np.vstack(seeds), spread(task.robot, STARTS)):  # many, once there is one
+    for starts in (np.vstack(seeds), spread(task.robot, STILL_STARTS)):  # more, once there is one
         q = postures_near(strategy, starts, p[0], R[0])
         far = [np.abs(joint_gap(task.robot, motions.q, one)).max(axis=1).min(initial=np.inf) for one in q]
         found = np.vstack([found, q[np.array(far, dtype=float) > STILL]])
@@ -384,7 +388,7 @@ class _Turns:
             return np.zeros(1)
         count = np.round(change / change[0])
         if np.abs(change / change[0] - count).max() < SAME and change[0] > 1e-3:
-            k = np.arange(-MOST_LEVELS, MOST_LEVELS + 1)
+            k = np.arange(-MOST_LEVELS, MOST_LEVELS + 1, dtype=float)
             return change[0] * k
         counts = product(range(-2, 3), repeat=len(change))
         return np.unique(np.round(np.array(list(counts), dtype=float) @ change, 12))
@@ -436,17 +440,16 @@ def _turns_of(strategy: HolonomicStrategy, Q: Matrix) -> _Turns:
     """What whole turns do to g: by postures spread over the joint ranges, else by some of postures (N, n)."""
     known = _known_turns(strategy)
     if not known:
-        robot = strategy.task.robot
-        samples = [spread(robot, SAMPLED), Q[:: max(1, len(Q) // SAMPLED)]]
-        for sample in samples:
-            g, _, margin = strategy.constraint_value.batch(sample), None, strategy.gain.batch(sample)[2]
+        n = strategy.task.n
+        for sample in (np.random.default_rng(0).uniform(-3, 3, (SAMPLED, n)), Q[:: max(1, len(Q) // SAMPLED)]):
+            g, margin = strategy.constraint_value.batch(sample), strategy.gain.batch(sample)[2]
             sound = np.isfinite(g.reshape(-1)) & (margin.reshape(-1) > TOLERANCES.representation)
             if sound.any():
                 known.append(_turns_at(strategy, sample[sound]))
                 break
         else:
-            none = np.zeros(robot.n, dtype=bool)
-            return _Turns(none, np.zeros(robot.n), none)
+            none = np.zeros(n, dtype=bool)
+            return _Turns(none, np.zeros(n), none)
     return known[0]
 
 
