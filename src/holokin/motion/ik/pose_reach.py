@@ -1,7 +1,7 @@
 """Whether a tool pose can be reached at all, by which posture best, and which joint's limit is in the way.
 
-All postures of a pose are looked at where a closed form gives them: the best one lies between two of a curve, where two
-joints are equally far beyond their limits, or where one turns back.
+All postures of a pose are looked at where the inverse of six hinges gives them. The best one lies between two of a
+curve, where two joints are equally far beyond their limits, or where one turns back.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ LOOKS = 9
 
 ROUNDS = 6
 
-CLOSER = 0.05
-"""Share of the way between two of a curve, each way, in which the best posture is looked for once more."""
+CLOSER = 0.15
+"""Share of the way between two of a curve, each way, in which the best posture is looked for again."""
 
 SHORT = 0.01
 """Way [joint units] along a curve within which the joints move as their slopes say."""
@@ -280,12 +280,14 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     order = np.lexsort((value, pose))
     which, index = np.unique(pose[order], return_index=True)
     chosen, (p, R) = order[index], (postures.p[which], postures.R[which])
-    # Once more on a cubic through two near it, which is nearer to the curve; then on the curve.
-    correct, places = to_poses(task, p, R), u[chosen, None] + [-CLOSER, CLOSER]
-    ends = cubics.some(chosen).at(places)
-    ends = [newton(correct, ends[:, k], steps=6, exact=EXACT)[0] for k in (0, 1)]
-    cubics = _Cubics.between(task, ends[0], ends[1] - ends[0])
-    refined = cubics.at(cubics.least(robot)[0][:, None])[:, 0]
+    # Twice more on cubics through two near it, which are nearer to the curve; then on the curve.
+    cubics, u, correct = cubics.some(chosen), u[chosen], to_poses(task, p, R)
+    for _ in range(2):
+        ends = cubics.at(u[:, None] + [-CLOSER, CLOSER])
+        begin, end = (newton(correct, ends[:, k], steps=6, exact=EXACT)[0] for k in (0, 1))
+        cubics = _Cubics.between(task, begin, end - begin)
+        u, _ = cubics.least(robot)
+    refined = cubics.at(u[:, None])[:, 0]
     q[which] = _polished(task, p, R, refined, q[which], move[chosen])
 
 
