@@ -260,7 +260,8 @@ def coverage(
     Each pose is gone to on the straight path from the tool pose at q0, as `ik` does. Where the leaf does not get
     there within the limits, the other postures of the arm are looked at: so it shows whether the strategy fails there
     or no strategy can serve, and which joint's limit is in the way. They are all postures of whole poses of arms with
-    six or seven joints; else a search by least squares finds some. A workspace that is out of reach altogether has the share 0.
+    six or seven joints; else a search by least squares finds some. A workspace that is out of reach altogether has
+    the share 0.
 
     A task of positions looks at the positions of the poses alone.
 

@@ -165,11 +165,13 @@ def reach_of(
         nearest, reached = newton(to_poses(task, p, R), nearest, steps=6, exact=EXACT)
         reached &= _excess(task.robot, nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
         q[reached], rest = nearest[reached], np.flatnonzero(~reached)
-    for first in range(0, len(rest), TOGETHER):
+    for first in range(0, len(rest) if every is None else 0, TOGETHER):
         some = rest[first : first + TOGETHER]
-        postures = every_posture(task, p[some], R[some]) if every is None else every
-        if postures is not None and len(postures.q):
+        postures = every_posture(task, p[some], R[some])
+        if postures is not None:
             q[some] = _best_of(postures, limits)
+    if every is not None:
+        q = _best_of(every, limits)
     return Reach(task.robot, q, complete=True)
 
 
@@ -192,15 +194,15 @@ def all_known(task: Task) -> bool:
 
 def every_posture(task: Task, p: Matrix, R: Array) -> SelfMotions | None:
     """All postures at poses, where `all_known`; those of an arm without a redundant joint one by one."""
-    if not all_known(task):
-        return None
     if task.n > task.m:
-        return self_motions_at(task, p, R)
+        return self_motions_at(task, p, R) if all_known(task) else None
     inverse = _inverse(task)
+    if inverse is None:
+        return None
     if isinstance(inverse, GeneralInverse):
         postures = inverse.postures(pose_from(p, R), np.zeros(0))
         q, pose = postures.q, postures.row
-    elif inverse is not None:
+    else:
         answers = inverse.answers(pose_from(p, R), np.zeros((1, 0)))
         pose, sign = np.nonzero(answers[:, :, 9] > -DOUBT)
         q = np.zeros((len(pose), task.n))
