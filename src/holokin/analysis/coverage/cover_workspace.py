@@ -259,8 +259,9 @@ def coverage(
 
     Each pose is gone to on the straight path from the tool pose at q0, as `ik` does. Where the leaf does not get
     there within the limits, the other postures of the arm are looked at: so it shows whether the strategy fails there
-    or no strategy can serve, and which joint's limit is in the way. They are all postures where a closed form gives
-    them; else a search by least squares finds some. A workspace that is out of reach altogether has the share 0.
+    or no strategy can serve, and which joint's limit is in the way. They are all postures of whole poses of arms with
+    six or seven joints; else a search by least squares finds some. A workspace that is out of reach altogether has
+    the share 0.
 
     A task of positions looks at the positions of the poses alone.
 
@@ -341,7 +342,7 @@ def posture_reach(task: Task, workspace: Workspace, near: ArrayLike, *, samples:
     """Which poses of a workspace the arm reaches by any posture: for several calls of `coverage` with the same poses.
 
     Args:
-        near: the posture from which a search begins, where no closed form gives all postures.
+        near: the posture from which a search begins, where not all postures are known.
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError.

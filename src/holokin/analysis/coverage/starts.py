@@ -124,8 +124,8 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
 def postures_within_limits(task: Task, pose: Matrix) -> Matrix:
     """Postures (k, n) within the joint limits with the tool at a pose (4, 4).
 
-    They are those of all its self-motions, a tenth of a radian apart, where a closed form gives them. Elsewhere they
-    are searched for from random postures, and moved by self-motion towards the middle of the joints' ranges. No hinge
+    They are those of all its self-motions, some tenths of a radian apart, where these are known. Elsewhere they are
+    searched for from random postures, and moved by self-motion towards the middle of the joints' ranges. No hinge
     has a whole turn too many.
     """
     p, R, seeds = pose[:3, 3], pose[:3, :3], 96

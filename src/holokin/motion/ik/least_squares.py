@@ -1,4 +1,4 @@
-"""Postures nearest to tool poses by damped least squares, for tasks whose postures no closed form gives."""
+"""Postures nearest to tool poses by damped least squares, for tasks of which not all postures are known."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Whether a tool pose can be reached at all, by which posture best, and which joint's limit is in the way.
 
-All postures of a pose are looked at where a closed form gives them: the best one lies between two of a curve, where two
-joints are equally far beyond their limits, or where one turns back.
+All postures of a pose are looked at where the inverse of six hinges gives them. The best one lies between two of a
+curve, where two joints are equally far beyond their limits, or where one turns back.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ LOOKS = 9
 
 ROUNDS = 6
 
-CLOSER = 0.05
-"""Share of the way between two of a curve, each way, in which the best posture is looked for once more."""
+CLOSER = 0.15
+"""Share of the way between two of a curve, each way, in which the best posture is looked for again."""
 
 SHORT = 0.01
 """Way [joint units] along a curve within which the joints move as their slopes say."""
@@ -165,11 +165,13 @@ def reach_of(
         nearest, reached = newton(to_poses(task, p, R), nearest, steps=6, exact=EXACT)
         reached &= _excess(task.robot, nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
         q[reached], rest = nearest[reached], np.flatnonzero(~reached)
-    for first in range(0, len(rest), TOGETHER):
+    for first in range(0, len(rest) if every is None else 0, TOGETHER):
         some = rest[first : first + TOGETHER]
-        postures = every_posture(task, p[some], R[some]) if every is None else every
-        if postures is not None and len(postures.q):
+        postures = every_posture(task, p[some], R[some])
+        if postures is not None:
             q[some] = _best_of(postures, limits)
+    if every is not None:
+        q = _best_of(every, limits)
     return Reach(task.robot, q, complete=True)
 
 
@@ -192,15 +194,15 @@ def all_known(task: Task) -> bool:
 
 def every_posture(task: Task, p: Matrix, R: Array) -> SelfMotions | None:
     """All postures at poses, where `all_known`; those of an arm without a redundant joint one by one."""
-    if not all_known(task):
-        return None
     if task.n > task.m:
-        return self_motions_at(task, p, R)
+        return self_motions_at(task, p, R) if all_known(task) else None
     inverse = _inverse(task)
+    if inverse is None:
+        return None
     if isinstance(inverse, GeneralInverse):
         postures = inverse.postures(pose_from(p, R), np.zeros(0))
         q, pose = postures.q, postures.row
-    elif inverse is not None:
+    else:
         answers = inverse.answers(pose_from(p, R), np.zeros((1, 0)))
         pose, sign = np.nonzero(answers[:, :, 9] > -DOUBT)
         q = np.zeros((len(pose), task.n))
@@ -280,12 +282,14 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     order = np.lexsort((value, pose))
     which, index = np.unique(pose[order], return_index=True)
     chosen, (p, R) = order[index], (postures.p[which], postures.R[which])
-    # Once more on a cubic through two near it, which is nearer to the curve; then on the curve.
-    correct, places = to_poses(task, p, R), u[chosen, None] + [-CLOSER, CLOSER]
-    ends = cubics.some(chosen).at(places)
-    ends = [newton(correct, ends[:, k], steps=6, exact=EXACT)[0] for k in (0, 1)]
-    cubics = _Cubics.between(task, ends[0], ends[1] - ends[0])
-    refined = cubics.at(cubics.least(robot)[0][:, None])[:, 0]
+    # Twice more on cubics through two near it, which are nearer to the curve; then on the curve.
+    cubics, u, correct = cubics.some(chosen), u[chosen], to_poses(task, p, R)
+    for _ in range(2):
+        ends = cubics.at(u[:, None] + [-CLOSER, CLOSER])
+        begin, end = (newton(correct, ends[:, k], steps=6, exact=EXACT)[0] for k in (0, 1))
+        cubics = _Cubics.between(task, begin, end - begin)
+        u, _ = cubics.least(robot)
+    refined = cubics.at(u[:, None])[:, 0]
     q[which] = _polished(task, p, R, refined, q[which], move[chosen])
 
 
