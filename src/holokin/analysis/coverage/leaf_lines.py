@@ -11,14 +11,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.ik.leaf import leaf_step
 from ...motion.ik.posture_search import newton
 from ...path.path import straight
 from ...strategies import HolonomicStrategy
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.frame_task import completing, leaves_free
 from ...strategies.tasks.task import Task
-from ...symbolic import runge_kutta
+from ...symbolic import SX, Function, as_map, factorise, runge_kutta, symbol
+from ...symbolic.rotations import exp_so3
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,37 +107,45 @@ def _followed(
     return q, share
 
 
+STEPS = 32
+"""Runge-Kutta steps of a line that least joint motion follows, of about 0.05 rad each."""
+
+
 def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
     """From each start to each pose with least joint speed: the leaf of `radial(moore_penrose(task), start)`."""
     lines = _Lines.each_to_each(task, starts, poses)
-    q, count, steps = lines.q.copy(), len(lines.q), 32
-    share, live, h = np.zeros(count), np.arange(count), 1.0 / steps
-    # Runge-Kutta steps of about 0.05 rad. A line is singular where a joint would make over four full turns along it
-    for i in range(steps):
-
-        def rate(q: Matrix, s: float, live: Indices = live) -> Matrix:
-            R = lines.at(live, np.full(len(live), s))[1]
-            return _least_rate(task, q, task._tool_rates(R, lines.path.move[live], lines.path.turn[live])[0])
-
-        ends = runge_kutta(rate, q[live], h, i * h, (i + 0.5) * h, (i + 1) * h)
-        good = np.abs(ends - q[live]).max(axis=1) < 25.0 * h  # NaN is not
-        live = live[good]
-        q[live], share[live] = ends[good], (i + 1) * h
+    path, count, h = lines.path, len(lines.q), 1.0 / STEPS
+    ways, _ = _radial_step(task).repeated(STEPS, 2, lines.q, np.zeros((count, 1)), path.rotation, path.move, path.turn)
+    # A line is singular where a joint would make over four full turns along it; NaN is not good.
+    ways = np.concatenate([lines.q[:, None], ways], axis=1)
+    with np.errstate(invalid="ignore"):
+        good = (np.abs(np.diff(ways, axis=1)).max(axis=2) < 25.0 * h).cumprod(axis=1).sum(axis=1)
+    q, live, share = ways[np.arange(count), good], good == STEPS, good * h
     # Two corrections take away what the steps' errors have left
     p, R = lines.at(np.arange(count), np.ones(count))
     for _ in range(2):
-        q[live] += _least_rate(task, q[live], task.error(q[live], p[live], R[live]))
+        J, e = task.jacobian_batch(q[live])[0], task.error(q[live], p[live], R[live])
+        q[live] += least_motion(J, e[:, :, None])[:, :, 0]
     exact = np.abs(task.error(q, p, R)).max(axis=1) < 1e-6
     share = np.where(exact, share, np.minimum(share, 1 - h))
     return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
 
 
-def _least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
-    """J^+ dx (k, n) at postures (k, n), not finite where J is singular."""
-    J, _ = task.jacobian_batch(Q)
-    gram = J @ J.transpose(0, 2, 1)
-    gram[np.linalg.det(gram) < 1e-300] = np.nan
-    return np.einsum("kij,ki->kj", J, np.linalg.solve(gram, dx[..., None])[..., 0])
+@kept
+def _radial_step(task: Task) -> Function:
+    """(q, s, R, move, turn) -> (posture, share) after a Runge-Kutta step of dq/ds = J^+ x' along a straight line."""
+    q, s, (_, R) = symbol("q", task.n), symbol("s", 1), task._target_symbols()
+    move, turn, dx = symbol("move", 3 * task.frames), symbol("turn", 3 * task.frames), symbol("dx", task.m)
+    rates = as_map([R, move, turn], task._rates_expression(R, move, turn))
+    J = task.jacobian_expression(task.kinematics(q), q)
+    joints = as_map([q, dx], factorise(J.T).solve_transposed(dx))
+
+    def rate(q: SX, share: SX) -> SX:
+        return joints(q, rates(exp_so3(share * turn) @ R, move, turn))
+
+    h = 1.0 / STEPS
+    outputs = {"q_next": runge_kutta(rate, q, h, s, s + h / 2, s + h), "s_next": s + h}
+    return Function("radial_step", {"q": q, "s": s, "R": R, "move": move, "turn": turn}, outputs)
 
 
 class _Lines:
