@@ -186,7 +186,8 @@ class CurveTracer(Value):
 
         Returns (postures, directions there, which of them are good); those that are not stay where they were.
         """
-        postures, along, sound = (array[:, 0] for array in self._steps(q, v, i, length, 1))
+        steps, ways, good = self._steps(q, v, i, length, 1)
+        postures, along, sound = steps[:, 0], ways[:, 0], good[:, 0]
         bad = np.flatnonzero(~sound)
         postures[bad] = q[bad]
         bad = bad[length[bad] != 0]
@@ -217,15 +218,16 @@ class CurveTracer(Value):
         is (N,); why there are no more (k,)."""
         robot, most = self.task.robot, int(np.ceil(length / step))
         ends, walking, made = np.full(len(Q), CurveEnd.LENGTH, dtype=object), np.arange(len(Q)), np.zeros(len(Q), int)
-        posture, along, _ = (array[:, 0] for array in self._steps(Q, v, i, np.zeros(len(Q)), 1))
-        first, numbers, points = along, [walking[:0]], [Q[:0]]
+        starts, ways, _ = self._steps(Q, v, i, np.zeros(len(Q)), 1)
+        posture, along, first = starts[:, 0], ways[:, 0], ways[:, 0]
+        numbers, points = [walking[:0]], [Q[:0]]
         while len(walking):
             # A block of steps, up to the first that is not good, which is made in shorter ones.
             left = most - made[walking]
             times = min(BLOCK, int(left.max()))
             q, ahead, sound = self._steps(posture, along, i[walking], np.full(len(walking), step), times)
             steps = np.where(sound.all(axis=1), times, sound.argmin(axis=1))
-            bad = np.flatnonzero(steps < times)
+            bad = np.flatnonzero(steps < np.minimum(left, times))
             if len(bad):
                 j = steps[bad]
                 before, way = np.maximum(j - 1, 0), (j > 0)[:, None]
@@ -239,9 +241,8 @@ class CurveTracer(Value):
             number = np.arange(times)
             good = number < np.minimum(steps, left)[:, None]
             q[~good] = 0.0
-            round_again = (
-                good & (made[walking][:, None] + number > 2) & (away(self.task, q, Q[walking][:, None]) < 0.75 * step)
-            )
+            round_again = good & (made[walking][:, None] + number > 2)
+            round_again &= away(self.task, q, Q[walking][:, None]) < 0.75 * step
             round_again &= np.einsum("ktn,kn->kt", ahead, first[walking]) > 0.9
             beyond = good & ((robot.beyond(q) > 0) & limits).any(axis=2)
             ended, end = (round_again | beyond).any(axis=1), (round_again | beyond).argmax(axis=1)
@@ -266,7 +267,7 @@ def _curve_step(task: Task) -> Function:
     """(q, v, p, R, length) -> (posture, direction there, whether the step is good) of a step with the tool at (p, R).
 
     Along the direction in the middle of the step, then two Newton corrections: a step of 0.2 leaves 1e-3, the first one
-    1e-6 of it, the second one round-off.
+    1e-6 of it, the second one round-off. It is no good step where one of them is large.
     """
     q, v, (p, R), length = symbol("q", task.n), symbol("v", task.n), task._target_symbols(), symbol("length", 1)
     kinematics = task.kinematics(q)

@@ -242,7 +242,7 @@ class Function:
             stacked[:fed] = once[:fed]
         return results
 
-    def _samples(self, args: Sequence[ArrayLike], named: Mapping[str, ArrayLike]) -> tuple[int, list[Array]]:
+    def _samples(self, args: tuple[ArrayLike, ...], named: Mapping[str, ArrayLike]) -> tuple[int, list[Array]]:
         """(how many samples, the arguments (k, *shape)). Raises: ShapeError."""
         values = [numbers(f"an argument of {self.name}.batch", value) for value in self._collect(args, named)]
         shapes = list(self.input_shapes.items())

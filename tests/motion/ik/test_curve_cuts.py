@@ -9,6 +9,7 @@ from holokin.base.poses import pose_from
 from holokin.motion.ik.curve_cuts import STEP, curves_by_cuts
 from holokin.motion.ik.posture_search import postures_from
 from holokin.robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
+from holokin.strategies.tasks.frame_task import Orientation
 from holokin.strategies.tasks.task import Task
 
 Curves = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -32,6 +33,11 @@ def sound_curves(task: Task, p: np.ndarray, R: np.ndarray) -> Curves:
     turns = (q[last] - q[first])[closed] / (2 * np.pi)
     assert np.abs(turns - np.round(turns) * hinges).max(initial=0.0) < 1e-12
     return q, pose, curve, closed
+
+
+def single(array: np.ndarray) -> np.ndarray:
+    """In single precision, as single numbers."""
+    return array.astype(np.float32)
 
 
 def crossings(value: np.ndarray, pose: np.ndarray, curve: np.ndarray, poses: int, turning: bool) -> np.ndarray:
@@ -65,7 +71,7 @@ def test_at_each_value_of_a_joint_the_curves_have_the_postures_of_the_closed_inv
 
 
 @pytest.mark.parametrize("kind", ["axis", "rpy"])
-def test_the_spin_of_a_tool_has_the_postures_of_the_closed_inverse(irb140: hk.Robot, kind: str) -> None:
+def test_the_spin_of_a_tool_has_the_postures_of_the_closed_inverse(irb140: hk.Robot, kind: Orientation) -> None:
     """An axis of the tool, or roll, pitch and yaw without roll: the tool may turn about z, or x."""
     rows, axis = ([0, 1, 2, 3, 4], 2) if kind == "axis" else ([0, 1, 2, 4, 5], 0)
     task, k = hk.pose(irb140, orientation=kind)[rows], 6
@@ -142,7 +148,7 @@ def test_a_pose_out_of_reach_has_no_curves_and_curves_do_not_hang_on_other_poses
     p, R = random_poses(task, 3)
     _, pose, curve, closed = curves_by_cuts(task, np.vstack([p[:1], p[:1] + [9.0, 0, 0], p[2:]]), R)
     assert set(pose) == {0, 2}
-    _, _, own, closed_alone = curves_by_cuts(task, p[2:].astype(np.float32), R[2:].astype(np.float32))
+    _, _, own, closed_alone = curves_by_cuts(task, single(p[2:]), single(R[2:]))
     assert len(closed_alone) == (closed.sum() - curve[pose == 0].max() - 1)
     assert [np.sum(own == c) for c in range(len(closed_alone))] == [
         np.sum(curve == c) for c in np.unique(curve[pose == 2])

@@ -289,7 +289,7 @@ def _passes(tracer: CurveTracer, curves: _Curves, q: Matrix, pose: Indices) -> t
     tree = KDTree(_embedded(robot, curves.q, curves.pose[own]))
     gap, near = tree.query(_embedded(robot, q, pose), k=NEAR, distance_upper_bound=BESIDE * STEP)
     i, rank = np.nonzero(np.isfinite(gap))
-    j = near[i, rank]
+    j = np.asarray(near)[i, rank]
     # Steps along the curve to beside the posture, each of the length that is left, lead to it or do not.
     posture, gap = curves.q[j], joint_gap(robot, q[i], curves.q[j])
     way = gap / np.maximum(np.linalg.norm(gap, axis=1), SAME**2)[:, None]
@@ -307,7 +307,8 @@ def _passes(tracer: CurveTracer, curves: _Curves, q: Matrix, pose: Indices) -> t
 def _embedded(robot: Robot, q: Matrix, pose: Indices) -> Matrix:
     """Points of postures (k, n), with hinges on their circles, those of different poses far apart."""
     hinges = robot.hinges
-    return np.column_stack([q[:, ~hinges], np.cos(q[:, hinges]), np.sin(q[:, hinges]), 10.0 * pose])
+    points = [q[:, ~hinges], np.cos(q[:, hinges]), np.sin(q[:, hinges]), 10.0 * pose[:, None]]
+    return np.concatenate(points, axis=1, dtype=float)
 
 
 def _in_rows(tracer: CurveTracer, curves: _Curves) -> tuple[Matrix, Indices, Indices, Flags]:
