@@ -169,7 +169,7 @@ NO_QUESTION = {
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
-    "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotion",
+    "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "strategies.SelfMotion", "SelfMotionArc", "ArcEnd", "EndKind", "LevelInterval",
     "FrameTask", "StackedTask", "Segment", "Samples",
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
