@@ -170,6 +170,7 @@ NO_QUESTION = {
     "NumericStrategy", "TorchInverse",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
     "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotionCurve",
+    "SelfMotionArc", "ArcEnd", "EndKind", "LevelInterval",
     "FrameTask", "StackedTask", "Segment", "Samples",
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",

@@ -53,7 +53,7 @@ class EndKind(StrEnum):
 
 
 @dataclass(frozen=True)
-class ArcEnd:
+class ArcEnd(Value):
     """Why an arc ends; at a limit, which joint is at its lower or its upper one."""
 
     kind: EndKind
@@ -355,7 +355,7 @@ def _cut_at_limits(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, ArcE
     """The parts of a curve q (k, n) along which the joints are within their limits, at some turn of hinges but for
     those that are bound (n,) to theirs."""
     robot = task.robot
-    turn = 2 * np.pi * (robot.hinges & ~bound)
+    turn = np.where(robot.hinges & ~bound, 2 * np.pi, 0.0)
     q = _with_turning_points(task, pose, q, turn)
     if ends[0].kind is EndKind.CLOSED:
         # It begins where an arc does.
