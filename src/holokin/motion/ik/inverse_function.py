@@ -506,7 +506,7 @@ class InverseKinematics(Value):
 
         `nearest` has native code of its own, which its first call builds or loads: call it once before a loop begins.
         """
-        _ = self._calls
+        _ = self._calls, self._paths.nowhere
         return engine() if self._paths.kernel is not None else "CasADi's virtual machine"
 
     def _cold(self, pose: PoseLike) -> Vector:

@@ -360,7 +360,9 @@ class PosePaths(Value):
     def kernel(self) -> InverseKernel | None:
         """Native code, built or loaded if it is not yet there; None without a compiler."""
         s = self.strategy
-        return leaf_step(s).inverse(lambda: inverse_code(s) + continuation_code(s) + reach_code(s), lambda: stretch_code(s))
+        return leaf_step(s).inverse(
+            lambda: inverse_code(s) + continuation_code(s) + reach_code(s), lambda: stretch_code(s)
+        )
 
     @cached_property
     def nowhere(self) -> Callable[[Any], float | None]:

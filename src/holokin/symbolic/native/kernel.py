@@ -296,7 +296,10 @@ def _glue() -> Any:
 def _leaf_code(stretches: str, *drivers: str) -> str:
     """C of the ways along a leaf, with that of its stretches, where there is some, and of drivers."""
     models = [prelude("model.c"), stretches, prelude("stretch.c")] if stretches else []
-    before, after = ("branch.c", "newton.c", "line.c", "way.c", "fold.c"), ("ray.c", "continuation.c", "inverse.c", *drivers)
+    before, after = (
+        ("branch.c", "newton.c", "line.c", "way.c", "fold.c"),
+        ("ray.c", "continuation.c", "inverse.c", *drivers),
+    )
     return "".join([*map(prelude, before), *models, *map(prelude, after)])
 
 
@@ -592,9 +595,7 @@ class InverseKernel:
         def part(i: int) -> None:
             first, last = edges[i], edges[i + 1]
             places = [array[first:].ctypes.data for array in (targets, q, status)]
-            self._poses(
-                last - first, places[0], context.ctypes.data, int(warm), int(shown), places[1], places[2]
-            )
+            self._poses(last - first, places[0], context.ctypes.data, int(warm), int(shown), places[1], places[2])
 
         _do_all(part, len(edges) - 1, workers)
         return status
