@@ -1,4 +1,4 @@
-"""Paths gone by continuation, and poses refused at once. Paths in pieces shown to keep to the branch are the referee."""
+"""Paths gone by continuation, and poses refused at once. Paths that are shown to keep to the branch are the referee."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def mounted(robot: Robot, rng: np.random.Generator) -> Robot:
     """A robot that stands anywhere and carries a tool."""
     base, tool = np.eye(4), np.eye(4)
     for T, size in ((base, 0.5), (tool, 0.15)):
-        T[:3, :3] = Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix()
+        T[:3, :3] = Rotation.from_quat(rng.normal(size=4)).as_matrix()
         T[:3, 3] = rng.normal(0, size, 3)
     return hk.with_tool(hk.with_base_pose(robot, base), tool)
 
@@ -132,8 +132,8 @@ def test_a_fold_narrower_than_a_step_is_not_jumped(width: float) -> None:
 
 
 def test_a_singular_posture_ahead_is_not_passed_in_one_step(panda: hk.Robot) -> None:
-    """q1 - q3 of a Panda whose second joint comes to 0: the leaf folds, and goes on nearly where it ended, with the same
-    sign of det [J; J_g] and nearly the same rates. rcond falls evenly to 0 before."""
+    """q1 - q3 of a Panda whose second joint comes to 0: the leaf folds, and goes on nearly where it ended, with the
+    same sign of det [J; J_g] and nearly the same rates. rcond falls evenly to 0 before."""
     start = np.array([1.04930195, 0.47884383, -0.06521377, -2.89307408, -1.83160836, 1.70575652, -0.08333469])
     q = np.array([0.96668366, 1.07470101, -0.0252698, -3.38632038, -1.58376812, 1.517582, 0.49608445])
     ik = hk.ik(hk.holonomic(hk.pose(panda), hk.linear(E[0] - E[2])), start, limits=False)
