@@ -55,8 +55,7 @@ def test_a_batch_answers_each_pose_as_a_single_call_does_and_raises_nothing(ik, 
     assert len(found) == 12
     assert found.status[[4, 5, 6]].tolist() == [InverseStatus.NOT_FINITE, *2 * [InverseStatus.NOT_A_ROTATION]]
     assert found.status[3] in (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
-    assert np.isnan(found.last[[4, 5, 6]]).all()
-    assert np.isfinite(found.last[3]).all()
+    assert np.isnan(found.last[3:7]).all()  # no posture of the arm has the first of these: no path is gone
     assert found.count(InverseStatus.REACHED) == found.reached.sum() > 4
     for pose, q, reached in zip(poses, found.q, found.reached, strict=True):
         if reached:

@@ -1,8 +1,8 @@
 """Which poses any posture of an arm has at all, on whatever leaf: by its closed inverse, over one joint that is held.
 
-A pose has a posture only where the first step of the inverse has a root, at some value c of the held joint. How real that
-root is, is a smooth function of c. Between samples over the whole turn it exceeds them by less than half of what
-neighbours differ by, as a wave A cos(n c) does, and as was measured on all arms with a closed inverse: by 0.15 of it.
+A pose has a posture only where the first step of the inverse has a root, at some value c of the held joint. How real
+that root is, is a smooth function of c. Between samples over the whole turn it exceeds them by less than half of the
+most that neighbours differ by: a wave A cos(n c) does so, and on four arms 0.15 of it was measured.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SURELY = 1e-6
 
 
 @kept
-def arm_inverse(strategy: HolonomicStrategy, limits: bool) -> ClosedInverse | None:
+def _arm_inverse(strategy: HolonomicStrategy, limits: bool) -> ClosedInverse | None:
     """The inverse of the arm that one held hinge leaves, the last that does, or none where nothing is redundant; with
     steps of degree two. None without one, and where the task does not ask for the whole pose of a tip."""
     task = strategy.task
@@ -39,7 +39,7 @@ def arm_inverse(strategy: HolonomicStrategy, limits: bool) -> ClosedInverse | No
 
 def reach_code(strategy: HolonomicStrategy) -> str:
     """C that reach.c needs; empty without a closed inverse."""
-    inverse = arm_inverse(strategy, False)
+    inverse = _arm_inverse(strategy, False)
     if inverse is None:
         return ""
     held = inverse.arm.held[0] if inverse.arm.held else -1

@@ -92,7 +92,7 @@ def closed_branch(strategy: HolonomicStrategy, q0: Vector, level: Vector, limits
 
 
 def turn_before_jump(strategy: HolonomicStrategy, q0: Vector) -> float:
-    """How far [rad] the tool may turn from its rotation at q0 before coordinates jump which g takes; infinite of most."""
+    """How far [rad] the tool may turn from its rotation at q0 before coordinates jump that g takes; else infinite."""
     if (tilt := strategy.constraint.tilt) is None:
         return np.inf
     if strategy.task.frames > 1:

@@ -508,13 +508,13 @@ class InverseKinematics(Value):
 
         `nearest` has native code of its own, which its first call builds or loads: call it once before a loop begins.
         """
-        _ = self._calls
+        _ = self._calls, self._paths.nowhere
         return engine() if self._paths.kernel is not None else "CasADi's virtual machine"
 
     def _cold(self, pose: PoseLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
         if self.region is None and self._paths.nowhere(pose):
-            raise self._paths.out_of_reach(pose[:3, 3])
+            raise self._paths.out_of_reach(np.asarray(pose)[:3, 3])
         return self._cold_at(*self._given_poses.one(pose), self._paths)
 
     def _cold_at(self, p: Vector, R: Matrix, paths: PosePaths) -> Vector:

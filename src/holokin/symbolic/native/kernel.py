@@ -324,10 +324,7 @@ def _glue() -> Any:
 def _leaf_code(stretches: str, *drivers: str) -> str:
     """C of the ways along a leaf, with that of its stretches, where there is some, and of drivers."""
     models = [prelude("model.c"), stretches, prelude("stretch.c")] if stretches else []
-    before, after = (
-        ("branch.c", "newton.c", "line.c", "way.c", "fold.c"),
-        ("ray.c", "continuation.c", "inverse.c", *drivers),
-    )
+    before, after = ("branch.c", "newton.c", "line.c", "way.c", "fold.c"), ("ray.c", "inverse.c", *drivers)
     return "".join([*map(prelude, before), *models, *map(prelude, after)])
 
 
@@ -578,7 +575,7 @@ class InverseKernel:
         frames = inputs[1][0] // 3
         head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {frames}\n#define HK_MATRICES 1\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
-        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "reach.c", "poses.c"))
+        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "continuation.c", "reach.c", "poses.c"))
         long = made.instructions > LONG
         self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses

@@ -67,7 +67,7 @@ static int hk_agrees(const hk_stand *last, const hk_stand *next, hk_t width, hk_
     bend = HK_FMAX(HK_FABS(moved - width * (last->rate[i] + next->rate[i]) / HK_C(2)), bend);
   }
   *fits = HK_SQRT(HK_C(0.5 * HK_BEND) * move / HK_FMAX(bend, HK_C(1e-12)));
-  return bend <= HK_C(HK_BEND) * move + HK_C(1e-9) && move <= HK_C(1.5 * HK_STRIDE) && next->rcond >= HK_C(1 - HK_FALL) * last->rcond;
+  return bend <= HK_C(HK_BEND) * move + HK_C(1e-9) && move <= HK_C(1.5 * HK_STRIDE);
 }
 
 /* As far as the way can be gone so: its share, and q becomes the posture there. Where that is not the end, it is the
@@ -82,16 +82,18 @@ static hk_t hk_continue(const hk_way *way, const hk_rules *rules, hk_t *q) {
   const hk_t least = HK_FMAX(rules->singular, HK_C(HK_SLACK) * last.rcond);
   before = best = last;
   for (int tried = 0; tried < HK_STRIDES && (found || width >= HK_C(HK_SHORTEST_STRIDE)); tried++) {
-    /* As far as the joints move by a stride at their rates; the last two steps alike. */
+    /* As far as the joints move by a stride at their rates, and rcond falls to its half; the last two steps alike. */
     const hk_t left = HK_C(1) - last.share, first = last.share == HK_C(0);
     hk_t most = HK_C(1e-300);
     for (int i = 0; i < HK_N; i++) most = HK_FMAX(HK_FABS(last.rate[i]), most);
     width = HK_FMIN(width, HK_C(HK_STRIDE) / most * (first ? HK_C(0.5) : HK_C(1)));
-    if (last.rcond < before.rcond) width = HK_FMIN(width, HK_C(HK_FALL) * last.rcond * (last.share - before.share) / (before.rcond - last.rcond));
+    const hk_t fall = (before.rcond - last.rcond) / HK_FMAX(last.share - before.share, HK_C(1e-300));
+    if (fall > HK_C(0)) width = HK_FMIN(width, HK_C(HK_FALL) * last.rcond / fall);
     if (left < HK_C(2) * width) width = left > width ? left / HK_C(2) : left;
     next.share = width < left ? last.share + width : HK_C(1);
     hk_predict(&before, &last, next.share, next.q);
-    found = hk_correct(way, rules, least, &next, &off) && hk_agrees(&last, &next, width, &fits);
+    found = hk_correct(way, rules, HK_FMAX(least, HK_C(1 - HK_FALL) * last.rcond), &next, &off) &&
+            hk_agrees(&last, &next, width, &fits);
     if (!found) {
       width *= HK_C(0.4);
       continue;
