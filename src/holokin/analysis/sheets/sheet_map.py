@@ -222,7 +222,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
 
     @typed
     def why(self, pose: PoseLike) -> PoseRest:
-        """Why a tool pose (4, 4) is served or not: a search for postures there. `.text` says it in words.
+        """Why a tool pose (4, 4) is served or not, by the postures of the arm there. `.text` says it in words.
 
         Raises:
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
@@ -230,7 +230,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         T = self._pose(pose)
         if any(sheet.posture(T, self.clear) is not None for sheet in self.sheets):
             return PoseRest.SERVED
-        return PoseRest(int(rests_of(self.task, T[None], self.clear)[0]))
+        rests, _ = rests_of(self.task, T[None], self.clear)
+        return PoseRest(int(rests[0]))
 
     @typed
     def seams(self, at: Where = None) -> Seams:
