@@ -240,7 +240,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         strategy does not, the last one alone is of all of them.
     broken: at how many samples the base strategy as it was breaks a hard limit: the search, which keeps them, may cost
         more.
-    floor: what no strategy with the postures found at the samples can have less of; see `bound`.
+    floor: what no strategy can have less of at the samples; see `bound`.
     before, after: the base strategy and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold.
@@ -265,7 +265,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     @cached_property
     def bound(self) -> float:
         """The least objective of any strategy within the limits: the mean over the samples of the least cost of all
-        postures that a search finds there, of every branch. Where several joints are redundant it may be too high.
+        postures there, of every branch. Where several joints are redundant they are searched for, and it may be too
+        high.
         """
         return self.floor.of(self.floor.anywhere)
 
@@ -276,7 +277,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
 
     @property
     def bound_traced(self) -> bool:
-        """Whether whole self-motions were walked for the bounds, and not lines in them."""
+        """Whether whole self-motions were looked at for the bounds, and not lines in them."""
         return one_redundant(self.base.task)
 
     @cached_property

@@ -244,7 +244,7 @@ class LeastCosts(Value):
 
 @dataclass(frozen=True, eq=False)
 class Floor(Value):
-    """What no strategy at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
+    """What no strategy at tool poses p (S, 3), R (S, 3, 3) can have less of.
 
     Q: a strategy's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
     """
