@@ -615,8 +615,9 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, leaf_on_self_motions, planar_loops, leaves, joints_over_cycles, swivel, cusp, cusps_of_orthogonal_arms, region,
-        clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach, paths, jobs, readme,
+        self_motion, leaf_on_self_motions, planar_loops, leaves, joints_over_cycles, swivel, cusp,
+        cusps_of_orthogonal_arms, region, clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach,
+        paths, jobs, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):
