@@ -280,10 +280,11 @@ def _with_still_curves(strategy: HolonomicStrategy, motions: SelfMotions, aim: V
     """
     task, p, R = motions.task, motions.p, motions.R
     seeds, found = [aim[None], *_beside_crossings(motions)], np.zeros((0, task.n))
+    steps = 20 if len(seeds) > 1 else 4
     for starts in (np.vstack(seeds), spread(task.robot, STILL_STARTS)):  # more, once there is one
-        q = postures_near(strategy, starts, p[0], R[0])
+        q = postures_near(strategy, starts, p[0], R[0], steps)
         far = [np.abs(joint_gap(task.robot, motions.q, one)).max(axis=1).min(initial=np.inf) for one in q]
-        found = np.vstack([found, q[np.array(far, dtype=float) > STILL]])
+        found, steps = np.vstack([found, q[np.array(far, dtype=float) > STILL]]), 20
         if not len(found):
             return motions
     q = found
@@ -391,7 +392,8 @@ class _Turns:
             k = np.arange(-MOST_LEVELS, MOST_LEVELS + 1, dtype=float)
             return change[0] * k
         counts = product(range(-2, 3), repeat=len(change))
-        return np.unique(np.round(np.array(list(counts), dtype=float) @ change, 12))
+        sums = [round(float(np.dot(k, change)), 12) for k in counts]
+        return np.unique(np.array(sums, dtype=float))
 
     def nearest(
         self, q: Matrix, wanted: Vector, aim: Vector, low: Vector, high: Vector, angular: bool
