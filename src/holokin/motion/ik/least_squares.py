@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ...robot.chains import longest_span
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ...robot.chains import Span, longest_span
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task, TipFrame
 
@@ -55,9 +55,16 @@ def surely_beyond(task: Task, position: Matrix, rotation: Array) -> Flags:
 
     A bound, at once; of the others only a search can tell. It needs all three positions of a tip.
     """
+    span = _span(task)
+    return np.zeros(len(position), dtype=bool) if span is None else span.beyond(position, rotation)
+
+
+@kept
+def _span(task: Task) -> Span | None:
+    """How far the links reach, of a task that asks for all three positions of a tip."""
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) >= {0, 1, 2}):
-        return np.zeros(len(position), dtype=bool)
-    return longest_span(task.robot, task.tip, turned=bool(task._rotations)).beyond(position, rotation)
+        return None
+    return longest_span(task.robot, task.tip, turned=bool(task._rotations))
 
 
 def nearest_postures(

@@ -158,20 +158,20 @@ def reach_of(
     """
     if not all_known(task):
         return Reach(task.robot, _found(task, p, R, near, limits), complete=False)
-    q, rest = np.full((len(p), task.n), np.nan), np.arange(len(p))
-    if every is None and task.n > task.m and cut_class(task) is None:
+    if every is not None:
+        return Reach(task.robot, _best_of(every, limits), complete=True)
+    q, rest = np.full((len(p), task.n), np.nan), np.flatnonzero(~surely_beyond(task, p, R))
+    if task.n > task.m and cut_class(task) is None and len(rest):
         # Curves without a closed form take longer than to find a posture within the limits, where one is near.
-        nearest = nearest_postures(task, p, R, near, limits=limits, restarts=0).q
-        nearest, reached = newton(to_poses(task, p, R), nearest, steps=6, exact=EXACT)
+        nearest = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits, restarts=0).q
+        nearest, reached = newton(to_poses(task, p[rest], R[rest]), nearest, steps=6, exact=EXACT)
         reached &= _excess(task.robot, nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
-        q[reached], rest = nearest[reached], np.flatnonzero(~reached)
-    for first in range(0, len(rest) if every is None else 0, TOGETHER):
+        q[rest[reached]], rest = nearest[reached], rest[~reached]
+    for first in range(0, len(rest), TOGETHER):
         some = rest[first : first + TOGETHER]
         postures = every_posture(task, p[some], R[some])
         if postures is not None:
             q[some] = _best_of(postures, limits)
-    if every is not None:
-        q = _best_of(every, limits)
     return Reach(task.robot, q, complete=True)
 
 
