@@ -240,7 +240,7 @@ class _Search:
             q[going[~near]] = np.nan
             going = going[near]
         q[going] = np.nan
-        there: Flags = np.isfinite(q).all(axis=1)
+        there: Flags = np.array(np.isfinite(q).all(axis=1), dtype=bool)
         new = len(self.q) + np.arange(int(there.sum()))
         self.q, self.v = np.vstack([self.q, q[there]]), np.vstack([self.v, v[there]])
         self.g, self.slope = np.append(self.g, g[there]), np.append(self.slope, slope[there])
