@@ -179,7 +179,7 @@ def test_after_a_step_of_degree_four_the_path_tells_the_posture_and_no_proof_is_
         assert np.abs(ik(pose) - posture).max() < 1e-12 and apart(ik.all(pose).q, posture).min() < 1e-9
     far = robot.pose(PANDA)
     far[:3, 3] = [0.0, 0.0, 1.4]
-    with pytest.raises(OutOfReachError, match="no posture has it"):
+    with pytest.raises(OutOfReachError, match="no posture has the pose"):
         ik(far)
 
 

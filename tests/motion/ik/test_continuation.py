@@ -214,7 +214,7 @@ def test_what_is_refused_at_once_has_no_posture(name: str) -> None:
     for pose in refused[:4]:
         for level in np.linspace(-np.pi, np.pi, 20) if robot.n == 7 else [[]]:
             assert len(all_postures(held, pose, level, limits=False)) == 0
-        with pytest.raises(OutOfReachError, match="no posture has it"):
+        with pytest.raises(OutOfReachError, match="no posture has the pose"):
             ik(pose)
         found = ik.batch(pose[None])
         assert found.status.tolist() == [ENDS] and np.isnan(found.last).all()

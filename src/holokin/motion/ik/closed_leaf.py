@@ -324,5 +324,5 @@ class ClosedBranch(Value):
         if others:
             fact = f"no posture of the start's branch has the tool pose{held}; {others} of other branches have it"
             return BranchError(fact, "take one of ik.all(pose) as the start, or another pose")
-        fact = f"the pose is out of reach of {arm.robot.name!r}{held}: no posture has it"
+        fact = f"the pose is out of reach of {arm.robot.name!r}{held}: no posture has the pose"
         return OutOfReachError(fact, "give a pose nearer to the base" + (", or another level" if names else ""))

@@ -117,7 +117,7 @@ class PosePaths(Value):
             raise leaf_problem(strategy, q, PathEnd.FOLD if status is InverseStatus.LEAF_ENDS else PathEnd.STOPPED)
         return q
 
-    def out_of_reach(self, p: Vector, why: str = "no posture has it") -> OutOfReachError:
+    def out_of_reach(self, p: Vector, why: str = "no posture has the pose") -> OutOfReachError:
         """What is said of a pose at p (3,) that no posture of the arm has."""
         cure = doubtful_target(self.strategy.task, p) or "give a pose nearer to the base"
         return OutOfReachError(f"the pose is out of reach of {self.strategy.task.robot.name!r}: {why}", cure)
