@@ -8,13 +8,12 @@ slopes s_i of three steps. So the postures of a pose are at most eight arcs c ->
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import reduce
 
 import numpy as np
 
 from ...base.poses import pose_from
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
-from ...robot import Robot
 from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
 from ...robot.closed_form.six_hinges import posture
 from ...strategies.tasks.frame_task import FrameTask, free_directions
@@ -44,14 +43,6 @@ class SelfMotions(Value):
     curve: Indices
     closed: Flags
 
-    @cached_property
-    def beyond(self) -> Vector:
-        """How far (N,) [joint units] the postures are beyond the joint limits, at the turns where they are least so; at
-        most 0 within them."""
-        robot = self.task.robot
-        q = self.q - 2 * np.pi * robot.hinges * np.round((self.q - _middle(robot)) / (2 * np.pi))
-        return np.max(np.maximum(robot.lower - q, q - robot.upper), axis=1, initial=-np.inf)
-
     def of(self, pose: int) -> SelfMotions:
         """Those of one of the poses."""
         first, last = np.searchsorted(self.pose, [pose, pose + 1])
@@ -59,11 +50,6 @@ class SelfMotions(Value):
         which = np.searchsorted(curves, self.curve[first:last])
         at = slice(pose, pose + 1)
         return SelfMotions(self.task, self.p[at], self.R[at], self.q[first:last], which * 0, which, self.closed[curves])
-
-
-def _middle(robot: Robot) -> Vector:
-    with np.errstate(invalid="ignore"):
-        return np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), 0.0)
 
 
 @kept
