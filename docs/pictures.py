@@ -26,6 +26,7 @@ from holokin.app.report.job_figures import cycles_figure, robot_figure, two_path
 from holokin.app.report.plots import BLUE, SKY, law_colors, legible, region_figure, style
 from holokin.app.report.plots import VERMILLION as RED
 from holokin.app.report.proof_picture import box_figure
+from holokin.app.report.self_motion_plots import self_motion_figure
 from holokin.app.report.sheets_plots import coverage_figure, sheets_figure
 
 HERE = Path(__file__).parent
@@ -73,6 +74,14 @@ def self_motion() -> None:
     axes.annotate("tool", tool, (8, 8), textcoords="offset points")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="Self-motion: one tool position, many postures")
     save(figure, "self-motion")
+
+
+def leaf_on_self_motions() -> None:
+    """All self-motions of a Panda's tool pose, and a leaf of the arm angle as a level on them."""
+    task = hk.pose(hk.load("panda"))
+    pose = task.robot.pose([-0.53, 0.17, -2.74, -0.81, 0.22, 1.23, 1.67])
+    motion = hk.motion.ik.self_motion(task, pose)
+    save(self_motion_figure(motion, hk.holonomic(task, hk.arm_angle()), -1.0), "leaf-on-self-motions", dpi=100)
 
 
 def planar_loops() -> None:
@@ -267,7 +276,7 @@ def on_sphere(law: hk.Strategy, level: float, direction: tuple[float, float, flo
     """A posture of an iiwa 14 on a leaf, its wrist in a direction from the shoulder, its tool down."""
     T = np.diag([1.0, -1.0, -1.0, 1.0])
     T[:3, 3] = [0, 0, 0.36] + 0.6 * np.array(direction) / np.linalg.norm(direction) + 0.126 * T[:3, 2]
-    return hk.motion.ik.all_postures(law, T, level, limits=False, starts=64).q[0]
+    return hk.motion.ik.all_postures(law, T, level, limits=False).q[0]
 
 
 def seen(u: np.ndarray, view: np.ndarray) -> np.ndarray:
@@ -606,8 +615,9 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, cusps_of_orthogonal_arms, region,
-        clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach, paths, jobs, readme,
+        self_motion, leaf_on_self_motions, planar_loops, leaves, joints_over_cycles, swivel, cusp,
+        cusps_of_orthogonal_arms, region, clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach,
+        paths, jobs, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

@@ -128,7 +128,7 @@ def things() -> dict[str, Any]:
         "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
         "check": lambda: hk.check(around, robot=robot),
         "drift": lambda: hk.drift(held, loop, q, samples=4),
-        "postures": lambda: hk.motion.ik.all_postures(held, k["pose"], held.g(q), starts=8),
+        "postures": lambda: hk.motion.ik.all_postures(held, k["pose"], held.g(q)),
         "watch": lambda: hk.motion.LoopWatch(0.1), "status": lambda: hk.motion.Status.COMPLETE,
         "solutions": lambda: k["ik"].batch(k["poses"]), "synchronized": lambda: hk.path.synchronized(loop, loop),
         "rows": lambda: strategies.pfaffian(task, k["A"]), "radial": lambda: hk.radial(law, q),
@@ -217,7 +217,7 @@ def special() -> dict[str, dict[str, Any]]:
         "simulate": {"control_law": t["closed"], "task": task, "path": loop, "q0": q, "dt": 0.5},
         "retime": {"acceleration": 1.0}, "Trajectory.printed": {"units": PrintedUnits()},
         "approach": {"path": k["path_a"], "q0": q + 0.01}, "move_to_leaf": {"level": [0.31]},
-        "Solutions.count": {"status": hk.motion.ik.InverseStatus.REACHED}, "all_postures": {"starts": 16},
+        "Solutions.count": {"status": hk.motion.ik.InverseStatus.REACHED},
         "asymptotically_cyclic": {"level": [0.3]}, "LeafFunction.disagreement": {"by": q + 0.01},
         # verdicts and searches
         "around": {"radius": 0.1}, "box": {"lower": q - 0.1, "upper": q + 0.1}, "ball": {"start": q, "radius": 0.1},

@@ -54,7 +54,7 @@ PLACES: dict[str, Callable[[Any], Any]] = {
     "ik.nearest": lambda pose: IK.nearest(pose).q,
     "ik.batch": lambda pose: IK.batch([pose, pose]).q,
     "ik at a level": lambda pose: IK(pose, level=0.0),
-    "all_postures": lambda pose: hk.motion.ik.all_postures(LAW, pose, -0.1, starts=16, near=PANDA_START).q,
+    "all_postures": lambda pose: hk.motion.ik.all_postures(LAW, pose, -0.1, near=PANDA_START).q,
     "controller.step": lambda pose: STEP(PANDA_START, pose, np.zeros(6)),
     "task.target": lambda pose: TASK.target(pose)[1],
     "spline": lambda pose: hk.spline([PANDA.pose(PANDA_START), pose]).at([0.1]).rotation,
@@ -586,7 +586,7 @@ def test_no_answer_is_beyond_the_limits(seed: int) -> None:
     for point in points[::9]:
         assert robot.beyond(ik.nearest(point, rcond=1e-3).q).max() < 1e-8
     for q, pose in ((q0, robot.pose(q0)), (postures[0], robot.pose(postures[0]))):
-        postures_there = hk.motion.ik.all_postures(law, pose, law.g(q), starts=32)
+        postures_there = hk.motion.ik.all_postures(law, pose, law.g(q))
         assert robot.within(postures_there.q).all()
     level = law.g(q0) + rng.uniform(-0.5, 0.5)
     try:

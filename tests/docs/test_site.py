@@ -78,7 +78,7 @@ def test_brackets_of_a_formula_are_no_links(site: Path) -> None:
     assert 'href="q(t)' not in page
 
 
-@sampled(1, "name", ["self_motion", "planar_loops", "leaves"])
+@sampled(1, "name", ["self_motion", "leaf_on_self_motions", "planar_loops", "leaves"])
 def test_a_picture_of_the_concepts_can_be_drawn_again(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x652d4bd672dd6a95U
+#if PPR_EXPORT != 0x9a9dcc78cb4de268U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1517,10 +1517,10 @@ static int hk_fold_ahead(hk_fold *fold, const hk_way *way, hk_t middle, hk_t sha
 
 /* Inverse kinematics on a leaf: a way gone in stretches that are shown to keep to one branch, and in the pieces of newton.c
    where they cannot be.
-   hk_go: from the posture q; 0 at its end, 1 where it could not go on, 2 where it took too many pieces, 3 where it comes to
+   hk_go: from the posture q, at a share of the way; 0 at its end, 1 where it could not go on, 2 where it took too many pieces, 3 where it comes to
    a fold. q becomes the posture there; x is for (q, p, R, c). */
-static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
-  hk_t share = HK_C(0), width, rate[HK_N];
+static int hk_go(const hk_way *way, const hk_rules *rules, hk_t share, hk_t *q, hk_t *x) {
+  hk_t width, rate[HK_N];
   hk_fold fold = {HK_C(0), HK_C(0), HK_C(0), HK_C(0), 0, 0};
   hk_branch branch;
 #ifdef HK_RAYS
@@ -1528,7 +1528,7 @@ static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
   if (hk_leap(way, rules, q, x)) return 0;
 #endif
 #ifdef HK_STRETCHES
-  share = hk_go_stretches(way, rules, &fold, q, x);
+  share = hk_go_stretches(way, rules, share, &fold, q, x);
   if (fold.found) return 3;
 #endif
   branch.laid = 0;
@@ -1595,7 +1595,7 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
   hk_constraint_body(q, g);
   hk_way_to(from, g, x + HK_N, c, &way);
   for (int i = 0; i < HK_N; i++) at[i] = q[i];
-  if (hk_go(&way, &rules, at, x)) return PPR_NOT_CONVERGED;
+  if (hk_go(&way, &rules, HK_C(0), at, x)) return PPR_NOT_CONVERGED;
   for (int i = 0; i < HK_N; i++) x[i] = q[i] = at[i];
   if (hk_beyond(q)) return PPR_LIMIT;
   hk_leaf_body(x, y);

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x652d4bd672dd6a95U
+#define PPR_EXPORT 0x9a9dcc78cb4de268U
 
 #ifdef __cplusplus
 extern "C" {

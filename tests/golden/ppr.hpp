@@ -10,7 +10,7 @@
 
 #include "ppr.h"
 
-static_assert(PPR_EXPORT == 0x652d4bd672dd6a95U, "ppr.h is of another export");
+static_assert(PPR_EXPORT == 0x9a9dcc78cb4de268U, "ppr.h is of another export");
 
 namespace ppr {
 

@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x652d4bd672dd6a95U
+#if PPR_EXPORT != 0x9a9dcc78cb4de268U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x652d4bd672dd6a95U
+#if PPR_VECTORS != 0x9a9dcc78cb4de268U
 #error "these files are of different exports: export again"
 #endif
 

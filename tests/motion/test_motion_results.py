@@ -86,7 +86,7 @@ RESULTS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "many poses": (lambda: hk.ik(ARM, START).batch([[1.2, 1.2], [9.0, 0.0]]), "1 of 2 poses reached; 1 "),
     "all postures": (
-        lambda: all_postures(ARM, ARM.task.robot.pose(START), ARM.g(START), starts=64),
+        lambda: all_postures(ARM, ARM.task.robot.pose(START), ARM.g(START)),
         r"\d postures? at this tool pose on this leaf",
     ),
     "a self-motion": (lambda: hk.strategies.self_motion(ARM.task, START, limits=False), r"closed: \d"),

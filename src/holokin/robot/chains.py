@@ -12,7 +12,7 @@ from ..base.arguments import check, typed
 from ..base.errors import ArgumentError, RobotFileError, UnknownNameError, shown
 from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, one_or_each, tool_pose
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, kept, one_or_each, tool_pose
 from ..symbolic.rotations import rotation_from_rpy
 from .joints import Body, Coordinate, Joint, Tip, foot_of, joints_above
 from .model import Robot
@@ -61,6 +61,7 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
     return Span(links.first(points), links.last(points), links.length(points)[0] + links.slides)
 
 
+@kept
 def longest_reach(robot: Robot, tip: str | None = None) -> float:
     """A distance [m] from its foot beyond which no posture brings a tip: links in a line, slides at their ends.
 

@@ -8,10 +8,7 @@ from .jumps import first_jump as first_jump
 from .jumps import jump_near as jump_near
 from .jumps import jumps_of as jumps_of
 from .jumps import may_jump as may_jump
-from .radial_strategy import SelfMotion, radial, self_motion
-from .radial_strategy import SelfMotions as SelfMotions
-from .radial_strategy import correction as correction
-from .radial_strategy import unit_null as unit_null
+from .radial_strategy import radial
 from .right_inverses import (
     NumericStrategy,
     coupled_twist,
@@ -30,6 +27,10 @@ from .right_inverses import (
     weighted,
 )
 from .right_inverses import check_exact as check_exact
+from .self_motion_curves import CurveTracer as CurveTracer
+from .self_motion_curves import SelfMotionCurve, self_motion
+from .self_motion_curves import correction as correction
+from .self_motion_curves import unit_null as unit_null
 from .strategy import Brackets as Brackets
 from .strategy import Expressions as Expressions
 from .strategy import Field, FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy, Strategy
@@ -47,7 +48,7 @@ __all__ = [
     "KernelStrategy",
     "NumericStrategy",
     "RowStrategy",
-    "SelfMotion",
+    "SelfMotionCurve",
     "Strategy",
     "coupled_twist",
     "fitted",

@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from functools import cached_property
 
 import numpy as np
 
-from ..base.arguments import made, typed
-from ..base.errors import ArgumentError, SingularityError, SingularityKind
+from ..base.arguments import made
+from ..base.errors import ArgumentError
 from ..base.tolerances import TOLERANCES
-from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Result, Value, Vector, finite, frozen, whole
+from ..base.types import ArrayLike, Matrix, Vector, frozen, whole
 from ..robot import Robot, start_posture
 from ..symbolic import (
     SX,
@@ -37,251 +35,13 @@ from ..symbolic import (
     symbol,
     transport,
     vertcat,
-    wrapped,
 )
-from ..symbolic.linear import null_space, null_space_expression, null_vector
+from ..symbolic.linear import null_space, null_space_expression
 from .constraints import Constraint
 from .right_inverses import holonomic
+from .self_motion_curves import self_motion
 from .strategy import HolonomicStrategy, Strategy
 from .tasks.task import Task
-
-# --- Self-motions, the postures that hold the tool where it is: walked in steps, at many tool poses side by side.
-#
-# dq/ds = v, where v is the last direction without its part that moves the tool, v - J^+ J v. With one redundant joint
-# that is the self-motion itself, a curve; with several it is a line in it.
-
-ROUGH = 1e-4
-"""Last correction [joint units] of a good step, at most: the next one would be of the order of its square."""
-
-
-class CurveEnd(StrEnum):
-    """Why a self-motion is followed no farther."""
-
-    CLOSED = "closed"
-    LIMIT = "limit"
-    SINGULAR = "singular"
-    LENGTH = "length"
-
-
-@dataclass(frozen=True, eq=False)
-class SelfMotion(Result, Value):
-    """Postures (k, n) with one tool pose, in order, s (k,) [joint units] their arc length from the given posture.
-
-    `endings`: why it stops at its first and at its last posture; both CLOSED when it comes back to itself.
-    """
-
-    task: Task
-    q: Matrix
-    s: Vector
-    endings: tuple[CurveEnd, CurveEnd]
-
-    def __str__(self) -> str:
-        ends = "closed" if self.closed else f"open, it ends at a {' and at a '.join(self.endings)}"
-        return f"{ends}: {self.s[-1] - self.s[0]:.4g} joint units long, {len(self.q)} postures with one tool pose"
-
-    @property
-    def closed(self) -> bool:
-        """True when the self-motion leads back to where it began."""
-        return self.endings[0] is CurveEnd.CLOSED
-
-    def at(self, s: float) -> Vector:
-        """The posture (n,) at an arc length s [joint units] of it, with the tool exactly still.
-
-        Raises: ArgumentError, ShapeError, NotFiniteError.
-        """
-        s = float(finite("s", s, ()))
-        q = np.array([np.interp(s, self.s, joint) for joint in self.q.T])
-        for _ in range(3):  # 1e-4 off at first, at round-off after three corrections
-            q = q + correction(self.task, q, *self._target)
-        return q
-
-    @cached_property
-    def _target(self) -> tuple[Vector, Matrix]:
-        """Where the tool is at the given posture: position (3,), rotation (3, 3)."""
-        p, R = self.task._place(self.q[int(np.argmin(np.abs(self.s)))])
-        return frozen(p), frozen(R)
-
-
-@typed
-def self_motion(
-    task: Task, q0: ArrayLike, *, step: float = 0.02, length: float = 4 * np.pi, limits: bool = True
-) -> SelfMotion:
-    """Trace the postures that hold the tool where it is at q0, both ways: dq/ds = n(q), corrected to f(q) = f(q0).
-
-    Args:
-        step: arc length between postures [joint units]. length: at most so far each way.
-        limits: a curve ends at the joint limits; False goes on beyond them.
-
-    Raises:
-        ArgumentError: not one redundant joint, or bad numbers. SingularityError: J is singular at q0.
-        JointLimitError: with limits, q0 is beyond them.
-    """
-    start = start_posture(task.robot, q0, limits)
-    if task.n - task.m != 1:
-        what = "the number of redundant joints"
-        raise ArgumentError(what, task.n - task.m, "give a task that leaves one")
-    if not (0 < step < length < np.inf and length / step <= MOST):
-        what = "the step and length of a self-motion"
-        raise ArgumentError(what, (step, length), f"give 0 < step < length, {MOST:g} steps at most")
-    unit_null(task, start, None)
-    return SelfMotions.through(task, start[None]).traced(start[None], step=step, length=length, limits=limits)[0]
-
-
-@dataclass(frozen=True, eq=False)
-class SelfMotions(Value):
-    """The postures that hold the tool at poses p (S, 3), R (S, 3, 3)."""
-
-    task: Task
-    p: Matrix
-    R: Array
-
-    @classmethod
-    def through(cls, task: Task, Q: Matrix) -> SelfMotions:
-        """Those through postures (S, n)."""
-        return cls(task, *task._poses(Q))
-
-    def traced(
-        self, Q: Matrix, *, step: float, length: float, limits: bool, directions: Matrix | None = None
-    ) -> list[SelfMotion]:
-        """The curves through postures (S, n), both ways, each round once.
-
-        Args: as `self_motion`; directions (S, n): in which they begin, where several joints are redundant.
-        """
-        v = directions
-        if v is None:
-            v = np.array([null_vector(J) for J in self.task.jacobian_batch(Q)[0]]).reshape(Q.shape)
-        # Ahead, and back where the curve has not come round.
-        ahead, last = self._one_way(Q, v, np.arange(len(Q)), step, length, limits)
-        open_curves = np.flatnonzero([end is not CurveEnd.CLOSED for end in last])
-        behind = zip(*self._one_way(Q[open_curves], -v[open_curves], open_curves, step, length, limits), strict=True)
-        backward = dict(zip(open_curves.tolist(), behind, strict=True))
-        # Both halves as one curve, with its arc length from the given posture.
-        curves = []
-        for i, q in enumerate(Q):
-            back, first = backward.get(i, (Q[:0], last[i]))
-            curve = np.concatenate([back[::-1], q[None], ahead[i]])
-            s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
-            curves.append(SelfMotion(self.task, curve, s - s[len(back)], (first, last[i])))
-        return curves
-
-    def walked(self, Q: Matrix, v: Matrix, lengths: Vector, step: float) -> tuple[Matrix, Flags]:
-        """Postures (S, n) so far [joint units] along the self-motions through Q (S, n), and which walks got there."""
-        every, steps = np.arange(len(Q)), int(np.ceil(np.abs(lengths).max() / step))
-        postures, along, sound = self.step(Q, v, every, np.zeros(len(Q)))
-        for _ in range(steps):
-            postures, along, sound_now = self.step(postures, along, every, lengths / steps)
-            sound &= sound_now
-        return postures, sound
-
-    def step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
-        """One step of postures (k, n) of the poses i along their directions v (k, n), which need not hold the tool.
-
-        Returns (postures, directions there, which of them are good); those that are not stay where they were.
-        """
-        postures, along, sound = self._step(q, v, i, length)
-        for parts in (4, 16, 64):  # shorter steps where self-motions bend, as close to a singular posture
-            bad = np.flatnonzero(~sound & (length != 0))
-            if not len(bad):
-                break
-            posture, way, good = q[bad], v[bad], np.ones(len(bad), dtype=bool)
-            for _ in range(parts):
-                posture, way, sound_part = self._step(posture, way, i[bad], length[bad] / parts)
-                good &= sound_part
-            postures[bad], along[bad], sound[bad] = np.where(good[:, None], posture, q[bad]), way, good
-        return postures, along, sound
-
-    def _step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
-        # Along the direction in the middle of the step.
-        start, size = q, np.inf
-        J = self.task.jacobian_batch(q + length[:, None] / 2 * v)[0]
-        along = _unit(v - least_motion(J, (J @ v[:, :, None]))[:, :, 0])
-        q = q + length[:, None] * along
-        # Newton corrections: a step of 0.2 leaves 1e-3, the first one 1e-6 of it, the second one round-off.
-        for _ in range(2):
-            J = self.task.jacobian_batch(q)[0]
-            e = self.task._error_function.batch(q, self.p[i], self.R[i]).reshape(len(q), -1)
-            motions = least_motion(J, np.stack([e, np.einsum("kmn,kn->km", J, along)], axis=2))
-            q, along = q + motions[:, :, 0], _unit(along - motions[:, :, 1])
-            size = np.abs(motions[:, :, 0]).max(axis=1)
-        with np.errstate(invalid="ignore"):
-            near = np.linalg.norm(q - start, axis=1) < 2 * np.abs(length) + ROUGH
-            sound = np.isfinite(q).all(axis=1) & near & (size < ROUGH)
-        return np.where(sound[:, None], q, start), along, sound
-
-    def _one_way(
-        self, Q: Matrix, v: Matrix, i: Indices, step: float, length: float, limits: bool
-    ) -> tuple[list[Matrix], list[CurveEnd]]:
-        """The postures behind Q (k, n) in the direction v, and why there are no more."""
-        if not len(Q):
-            return [], []
-        ends, walking = np.full(len(Q), CurveEnd.LENGTH, dtype=object), np.arange(len(Q))
-        posture, along, _ = self._step(Q, v, i, np.zeros(len(Q)))
-        first, numbers, points = along, [walking[:0]], [Q[:0]]
-        for k in range(int(np.ceil(length / step))):
-            posture, along, sound = self.step(posture, along, i[walking], np.full(len(walking), step))
-            ends[walking[~sound]] = CurveEnd.SINGULAR
-            if limits:
-                beyond = sound & ~self.task.robot.within(posture)
-                ends[walking[beyond]], sound = CurveEnd.LIMIT, sound & ~beyond
-            # A curve has come round where it is within half a step of its start, and goes the same way: else it
-            # crosses itself.
-            round_again = sound & (np.sum(along * first[walking], axis=1) > 0.9) & (k > 2)
-            round_again &= away(self.task, posture, Q[walking]) < 0.75 * step
-            ends[walking[round_again]] = CurveEnd.CLOSED
-            numbers.append(walking[sound])
-            points.append(posture[sound])
-            left = sound & ~round_again
-            walking, posture, along = walking[left], posture[left], along[left]
-            if not len(walking):
-                break
-        # The points of each curve, in the order in which they were reached.
-        which, flat = np.concatenate(numbers), np.concatenate(points)
-        order = np.argsort(which, kind="stable")
-        cuts = np.searchsorted(which[order], np.arange(1, len(Q)))
-        return np.split(flat[order], cuts), ends.tolist()
-
-
-def away(task: Task, q: Matrix, others: Matrix) -> Vector:
-    """How far postures (..., n) are from others [joint units], full turns of hinges taken off."""
-    return np.linalg.norm(joint_gap(task.robot, q, others), axis=-1)
-
-
-def joint_gap(robot: Robot, q: Matrix, others: Matrix) -> Matrix:
-    """Postures less others (..., n), full turns of hinges taken off."""
-    gap = q - others
-    return np.where(robot.hinges, wrapped(gap), gap)
-
-
-def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array:
-    """The least weighted dq (S, n, k) with J dq = wanted (S, m, k); weights (n,) or (S, n)."""
-    T = np.swapaxes(J, 1, 2) / np.asarray(weights)[..., None]
-    with np.errstate(all="ignore"):
-        try:
-            return T @ np.linalg.solve(J @ T, wanted)
-        except np.linalg.LinAlgError:  # one of them is singular to the last bit
-            return T @ np.linalg.pinv(J @ T) @ wanted
-
-
-def correction(task: Task, q: Vector, p: Vector, R: Matrix) -> Vector:
-    """The least joint motion (n,) that, to first order, takes the tool to a pose: position (3,), rotation (3, 3)."""
-    motion = np.linalg.lstsq(task.jacobian(q), task._error_function(q, p, R), rcond=None)[0]
-    return np.asarray(motion, dtype=float)
-
-
-def unit_null(task: Task, q: Vector, before: Vector | None) -> Vector:
-    """The unit null vector of J at q, turned as `before`. Raises: SingularityError."""
-    J = task.jacobian(q)
-    sigma = np.linalg.svd(J, compute_uv=False)
-    if sigma[-1] < 1e-6 * sigma[0]:
-        what = f"the self-motion of the {task.name}"
-        raise SingularityError(SingularityKind.KINEMATIC, q, what, float(sigma[-1]))
-    return null_vector(J, before)
-
-
-def _unit(v: Matrix) -> Matrix:
-    with np.errstate(all="ignore"):
-        return v / np.linalg.norm(v, axis=1, keepdims=True)
-
 
 # --- Labels of the postures with one tool pose: what tells the leaves of a `radial` strategy apart.
 #

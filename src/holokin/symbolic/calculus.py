@@ -223,6 +223,27 @@ class Formula:
     angular: tuple[bool, ...]
 
 
+_LINEAR, _PRODUCTS = {ca.OP_ADD, ca.OP_SUB, ca.OP_NEG}, {ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE}
+
+
+def bends_widely(formula: Formula) -> bool:
+    """Whether a formula is a polynomial of its variables, and of sines and cosines of single ones: of whole turns, and
+    not of parts of them."""
+
+    def apply(op: int, kinds: list[str]) -> str:
+        if op == ca.OP_ASSIGN or set(kinds) == {"constant"}:
+            return kinds[0]
+        if op in _LINEAR and sorted(kinds) in (["variable"], ["constant", "variable"]):
+            return "variable"
+        divided = op == ca.OP_DIV and kinds[1] == "constant"
+        if "other" not in kinds and (op in _LINEAR | _PRODUCTS or divided):
+            return "polynomial"
+        return "polynomial" if op in (ca.OP_SIN, ca.OP_COS) and kinds == ["variable"] else "other"
+
+    made = ca.Function("made", [formula.variables], [formula.expression])
+    return "other" not in walk(made, lambda _, i: "variable", lambda _: "constant", apply).values()
+
+
 def switches_of(formula: Formula) -> list[Switches]:
     """The switches of a formula's rows, as expressions of q."""
     switches_by_row = []

@@ -96,6 +96,9 @@ class CheckedBatch:
 NATIVE_FROM = 50_000
 """Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""
 
+LOADED_FROM = 2_000
+"""Calls in rows from which native code is looked for in the cache: 20 ms of the virtual machine, as its C takes."""
+
 CHUNKS = {256: 128, 16: 12}
 """Samples that one mapped evaluation takes, and from how many on it is worth its idle rest.
 
@@ -142,6 +145,7 @@ class Function:
         self._maps: dict[int, Port] = {}  # as a Port is each thread's own, it does not matter which thread makes it
         self._natives: dict[str, Any] = {}  # None where it could not be made, so that it is tried once
         self._absent: set[str] = set()  # of those that the cache did not have
+        self._repeats = 0  # calls that `repeated` made
         shown = [() if shape == (1,) else shape for shape in self._shapes[1]]
         self._one = Evaluator(self.program, *self._shapes, self._port, results=shown, convert=weak(self._converted))
 
@@ -196,7 +200,50 @@ class Function:
 
         Returns one array (k, *shape), or a tuple of them; scalars come back as (k,).
         """
-        # The arguments, and how many samples they are.
+        count, stacked = self._samples(args, named)
+        # The results: of native code, which takes many, else of the virtual machine.
+        if out is None:
+            out = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
+        wanted = [(count, *shape) for shape in self.output_shapes.values()]
+        results = [_result_array(self.name, array, shape) for array, shape in zip(out, wanted, strict=False)]
+        if len(out) != len(wanted):
+            raise ShapeError(f"{self.name}.batch: out", f"{len(wanted)} arrays", len(out))
+        kernel = self._native() if count >= (NATIVE_FROM if native_from is None else native_from) else None
+        if kernel is not None:
+            kernel([_rows(v) for v in stacked], results, threads)
+        else:
+            self._on_machine(stacked, results, count)
+        return self._unwrapped(results, count)
+
+    def repeated(self, times: int, fed: int, *args: ArrayLike) -> list[Array]:
+        """The results (k, times, *shape) of calls in a row at each of k samples, as native code once that pays.
+
+        The first `fed` arguments of a call are the first results of the call before, of the same shapes; the others
+        stay as they are. Arguments as those of `batch`.
+        """
+        count, stacked = self._samples(args, {})
+        results = [np.empty((count, times, *shape)) for shape in self.output_shapes.values()]
+        # Native code is looked for once its loading pays, and built once that does.
+        kind, kernel, before = f"{fed} fed", None, self._repeats
+        self._repeats += count * times
+        if count and before >= LOADED_FROM:
+            fits, build = self.program.longest <= LARGEST_VECTOR, before >= NATIVE_FROM
+            kernel = self._kernel(
+                kind, fits, lambda: BatchKernel(self.program, *self._shapes, fed=fed, build=build), build
+            )
+        if kernel is not None:
+            kernel([_rows(v) for v in stacked], results, times=times)
+            return results
+        for t in range(times):
+            once = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
+            self._on_machine(stacked, once, count)
+            for result, array in zip(results, once, strict=True):
+                result[:, t] = array
+            stacked[:fed] = once[:fed]
+        return results
+
+    def _samples(self, args: tuple[ArrayLike, ...], named: Mapping[str, ArrayLike]) -> tuple[int, list[Array]]:
+        """(how many samples, the arguments (k, *shape)). Raises: ShapeError."""
         values = [numbers(f"an argument of {self.name}.batch", value) for value in self._collect(args, named)]
         shapes = list(self.input_shapes.items())
         counts = set()
@@ -212,17 +259,10 @@ class Function:
             value if value.ndim == len(shape) + 1 else np.broadcast_to(value, (count, *shape))
             for value, (_, shape) in zip(values, shapes, strict=True)
         ]
-        # The results: of native code, which takes many, else of the virtual machine.
-        if out is None:
-            out = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
-        wanted = [(count, *shape) for shape in self.output_shapes.values()]
-        results = [_result_array(self.name, array, shape) for array, shape in zip(out, wanted, strict=False)]
-        if len(out) != len(wanted):
-            raise ShapeError(f"{self.name}.batch: out", f"{len(wanted)} arrays", len(out))
-        kernel = self._native() if count >= (NATIVE_FROM if native_from is None else native_from) else None
-        if kernel is not None:
-            kernel([_rows(v) for v in stacked], results, threads)
-            return self._unwrapped(results, count)
+        return count, stacked
+
+    def _on_machine(self, stacked: Sequence[Array], results: Sequence[Array], count: int) -> None:
+        """Fill results (k, *shape) from arguments (k, *shape) by the virtual machine."""
         done = 0
         for size, fewest in CHUNKS.items():
             while count - done >= fewest:
@@ -235,7 +275,6 @@ class Function:
             self._port.trigger()
             for result, slot in zip(results, self._port.results, strict=True):
                 result[i] = slot
-        return self._unwrapped(results, count)
 
     def _unwrapped(self, results: list[Array], count: int) -> Any:
         outs = [r.reshape(count) if s == (1,) else r for r, s in zip(results, self.output_shapes.values(), strict=True)]
@@ -260,6 +299,8 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code."""
+        if self._natives.get("batch") is not None and allowed():
+            return self._natives["batch"]
         fits = self.program.longest <= LARGEST_VECTOR
         return self._kernel("batch", fits, lambda: BatchKernel(self.program, *self._shapes))
 

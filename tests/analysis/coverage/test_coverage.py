@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, fails
+from conftest import IIWA_START, PANDA_START, fails
 from holokin.analysis.coverage import Coverage, PoseStatus, coverage_slices, posture_reach
-from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
-from holokin.motion.ik.pose_paths import nearest_postures
+from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, ShapeError
+from holokin.motion.ik.least_squares import nearest_postures
 from holokin.strategies import HolonomicStrategy
 
 LINKS = (0.5, 0.4, 0.3)
@@ -184,6 +185,33 @@ def test_a_workspace_out_of_reach_altogether_has_the_share_0_and_says_so(law: Ho
     assert far.share == far.reachable == 0
     assert far.causes() == [(PoseStatus.OUT_OF_REACH.text, 32)]
     assert "none of the 0 for which a posture was found" in far.sentence
+
+
+def test_the_elbow_of_an_iiwa_is_in_the_way_by_what_the_law_of_cosines_says(iiwa14: hk.Robot, monkeypatch) -> None:
+    """Near the base the elbow has to bend more than its limit: by how much, the distance from shoulder to wrist tells.
+
+    Coverage, advice and sheets all name it.
+    """
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # for so few poses no compiler
+    wide = [replace(c, lower=-3.2, upper=3.2) for c in iiwa14.coordinates]
+    wide[3] = replace(wide[3], lower=-1.45, upper=1.45)
+    robot = replace(iiwa14, coordinates=tuple(wide))
+    tool, task = robot.pose(IIWA_START), hk.pose(robot)
+    space = hk.workspace(sphere=(tool[:3, 3] - [0.2, 0.0, 0.0], 0.05), rotation=tool[:3, :3])
+    found = hk.coverage(hk.holonomic(task, hk.lock(2)), space, IIWA_START, samples=16)
+    wrist = found.poses[:, :3, 3] - 0.126 * found.poses[:, :3, 2]
+    away = np.linalg.norm(wrist - [0, 0, 0.36], axis=1)
+    bend = np.arccos((away**2 - 0.42**2 - 0.4**2) / (2 * 0.42 * 0.4)) - 1.45
+    assert found.count(PoseStatus.BEYOND_LIMITS) == len(found) and found.reach is not None
+    assert found.reach.beyond == pytest.approx(bend, abs=1e-6)
+    told = (
+        f"every posture is beyond the joint limits: {robot.joint_names[3]} by {bend.min():.2g} to {bend.max():.2g} rad"
+    )
+    assert found.causes() == [(f"{told} at best", 16)]
+    assert "none of the 0 that the arm reaches" in found.sentence
+    near = f"every posture is beyond the joint limits: {robot.joint_names[3]} by "
+    fails(OutOfReachError, near, lambda: hk.advise(task, space, q0=IIWA_START))
+    fails(OutOfReachError, near, lambda: hk.sheets(task, space, samples=16))
 
 
 def test_a_position_task_does_not_look_at_the_rotations(law: HolonomicStrategy, covered: Coverage) -> None:

@@ -209,7 +209,7 @@ def loop(robot: hk.Robot, axis: np.ndarray, size: float, pole: np.ndarray) -> tu
     T[:3, :3] = np.diag([1.0, -1.0, -1.0])
     T[:3, 3] = SHOULDER + 0.6 * w + 0.126 * T[:3, 2]
     leaf = hk.holonomic(hk.pose(robot), hk.arm_angle(pole=pole, reference=np.cross(pole, [0.3, 0.5, 0.7])))
-    start = hk.motion.ik.all_postures(leaf, T, 0.4, starts=64).q[0]
+    start = hk.motion.ik.all_postures(leaf, T, 0.4).q[0]
     center = SHOULDER + 0.6 * np.cos(size) * axis + 0.126 * T[:3, 2]
     return start, hk.circle(T[:3, 3], center, axis)
 

@@ -163,13 +163,14 @@ def test_a_part_of_any_kind_is_shown(value: Any) -> None:
 
 NO_QUESTION = {
     # what is asked about, and settings
-    "ArmClass", "ClosedInverse", "Held", "NoClass",
+    "ArmClass", "ClosedInverse", "GeneralInverse", "GeneralPostures", "Held", "NoClass",
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
-    "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotion",
+    "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotionCurve",
+    "SelfMotionArc", "ArcEnd", "EndKind", "LevelInterval",
     "FrameTask", "StackedTask", "Segment", "Samples",
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",

@@ -15,8 +15,10 @@ import holokin as hk
 from conftest import PANDA_START, R3_START, Command, campaign, fails, urdf
 from holokin.analysis.coverage import fitting_task, locked_joints, regular_starts
 from holokin.analysis.coverage.cover_workspace import largest_part
-from holokin.analysis.coverage.pose_postures import along_leaf, along_radial, chain_to_tool, chart_of, coordinates_of
+from holokin.analysis.coverage.leaf_lines import along_leaf, along_radial
+from holokin.analysis.coverage.pose_coordinates import chart_of, coordinates_of
 from holokin.analysis.coverage.starts import Candidate, candidates, postures_at, unwound
+from holokin.analysis.coverage.tool_chain import chain_to_tool
 from holokin.analysis.design import Advice, advice_case, nearby_cusps
 from holokin.analysis.design.objectives import costs_of
 from holokin.analysis.design.trials import (

@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused, fails
-from holokin.analysis.coverage.pose_postures import chart_of
+from holokin.analysis.coverage.pose_coordinates import chart_of
 from holokin.analysis.coverage.starts import candidates, kinds_that_fit, postures_at, task_of_kind
 from holokin.analysis.design.trials import PROVABLE, Poses, Trial, distinct, tried
 from holokin.app.job import open_job, run_job

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import PANDA_START, PPR_RADIUS, R3_START, campaign, fails, sampled, urdf
 from exported import rates
-from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
+from holokin.analysis.coverage.pose_coordinates import chart_of, coordinates_of
 from holokin.analysis.curvature import ball, box
 from holokin.analysis.design import Design, closest_holonomic, level_range, nearby_cusps
 from holokin.analysis.design.closest_strategy import SampledSeries, series_over

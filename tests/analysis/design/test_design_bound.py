@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
-from holokin.analysis.design.designed_strategy import Floor
+from holokin.analysis.coverage.pose_coordinates import chart_of, coordinates_of
+from holokin.analysis.design.least_costs import Floor
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.base.types import Array, Flags, Matrix
-from holokin.motion.ik.pose_paths import nearest_postures
+from holokin.motion.ik.least_squares import nearest_postures
 
 ELBOW_UP = np.array((-1.8445, -1.1136, 2.0248, -0.7794, -1.0769, 1.1356, 1.9234))
 ELBOW_DOWN = np.array((0.919, 1.392, -2.255, -0.083, 0.039, 1.029, 1.597))
@@ -103,3 +103,42 @@ def test_limits_cut_the_least_off_where_a_dense_walk_does(
             assert (here.beyond[k] == 0) == np.isfinite(here.squared_speed[k])
             cut += here.squared_speed[k] > 1.01 * energy.min()
     assert cut >= 4
+
+
+def test_the_least_over_all_postures_is_that_of_a_fine_grid_also_where_limits_leave_narrow_pieces() -> None:
+    """Referee: the postures of a planar arm in closed form; limits that are not symmetric cut its curves."""
+    robot = hk.with_limits(hk.load("planar-3r"), lower=-2.6, upper=3.0)
+    task, turns = hk.position(robot), np.arange(-np.pi, np.pi, 4e-4)
+    p = np.array([[1.4, 0.3, 0.0], [0.9, -0.5, 0.0], [2.2, 0.4, 0.0], [0.5, 0.4, 0.0]])
+    every = []
+    for x, y, _ in p:
+        wrist = np.array([x, y]) - np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        far = np.linalg.norm(wrist, axis=1)
+        for side in (1.0, -1.0):
+            q2 = side * np.arccos(np.clip(far**2 / 2 - 1, -1, 1))
+            q1 = np.arctan2(wrist[:, 1], wrist[:, 0]) - q2 / 2
+            every.append(wrapped_to_pi(np.stack([q1, q2, turns - q1 - q2], axis=1)[far < 2]))
+    every = [np.vstack(every[2 * k : 2 * k + 2]) for k in range(len(p))]
+    energies = [np.sum(np.linalg.pinv(task.jacobian_batch(q)[0]) ** 2, axis=(1, 2)) for q in every]
+    R, goal, cut = np.tile(np.eye(3), (len(p), 1, 1)), Objective(1.0), 0
+    Q = np.array([postures[-1] for postures in every])
+    c = coordinates_of(chart_of(task, np.eye(3)), Q)
+    costs = costs_of(robot, goal, c.turns, c.spread)
+    offs = [np.abs(wrapped_to_pi(postures - 0.2)).max(axis=1) / 2.8 for postures in every]
+    for allowed in [share * off.min() for off in offs for share in (1.002, 1.3)]:
+        found = Floor(c, costs, goal.weights, np.full(3, allowed), Q, p, R).anywhere
+        for k, (off, cost) in enumerate(zip(offs, energies, strict=True)):
+            within, wider = cost[off <= allowed - 4e-4], cost[off <= allowed + 4e-4]
+            if len(within):
+                assert wider.min() * (1 - 1e-4) < found.squared_speed[k] < within.min() * (1 + 1e-3)
+                cut += within.min() > 1.01 * cost.min()
+            elif not len(wider):
+                assert np.isinf(found.squared_speed[k])
+            assert found.beyond[k] == pytest.approx(max(0.0, off.min() - allowed), abs=4e-4)
+            assert found.joint_limits[k] == pytest.approx(off.min(), abs=4e-4) or not len(within)
+    assert cut >= 4
+
+
+def wrapped_to_pi(Q: Matrix) -> Matrix:
+    """Hinges (k, n) from -pi to pi."""
+    return (Q + np.pi) % (2 * np.pi) - np.pi

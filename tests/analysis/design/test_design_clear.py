@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from conftest import fails
-from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
+from holokin.analysis.coverage.pose_coordinates import chart_of, coordinates_of
 from holokin.analysis.design import Design
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.analysis.design.section import Limits, Search, SectionSamples, TiltedLeaves

@@ -114,11 +114,11 @@ def test_signs_tell_all_postures_of_many_poses_apart(name):
     check_signs(name, 2000, 3)
 
 
-def test_a_search_from_many_starts_finds_the_postures_of_the_closed_form_and_no_others(monkeypatch):
+def test_roots_along_self_motions_are_the_postures_of_the_closed_form_and_no_others(monkeypatch):
     robot, _, G, q0, _ = following("panda", 4)
     ik, poses = hk.ik(G, q0), around(robot, q0, 4, 0.4, 5)
     closed = [ik.all(pose) for pose in poses]
-    monkeypatch.setattr("holokin.motion.ik.posture_search.closed_leaf", lambda *_: None)
+    monkeypatch.setattr("holokin.motion.ik.postures_of_pose.closed_leaf", lambda *_: None)
     for some, pose in zip(closed, poses, strict=True):
         searched = ik.all(pose)
         assert some.closed and not searched.closed and len(some.q) == len(searched.q) > 0

@@ -55,8 +55,7 @@ def test_a_batch_answers_each_pose_as_a_single_call_does_and_raises_nothing(ik, 
     assert len(found) == 12
     assert found.status[[4, 5, 6]].tolist() == [InverseStatus.NOT_FINITE, *2 * [InverseStatus.NOT_A_ROTATION]]
     assert found.status[3] in (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
-    assert np.isnan(found.last[[4, 5, 6]]).all()
-    assert np.isfinite(found.last[3]).all()
+    assert np.isnan(found.last[3:7]).all()  # no posture of the arm has the first of these: no path is gone
     assert found.count(InverseStatus.REACHED) == found.reached.sum() > 4
     for pose, q, reached in zip(poses, found.q, found.reached, strict=True):
         if reached:
@@ -107,7 +106,7 @@ def test_a_transposed_pose_is_refused_wherever_one_comes_in(
             ik,
             ik.nearest,
             lambda wanted: ik.near(wanted, PANDA_START),
-            lambda wanted: hk.motion.ik.all_postures(strategy, wanted, starts=4),
+            lambda wanted: hk.motion.ik.all_postures(strategy, wanted),
             lambda wanted: step.step(PANDA_START, wanted, np.zeros(6)),
             lambda wanted: point.step(PANDA_START, wanted, np.zeros(6)),
             lambda wanted: pose_cloud([wanted]),
@@ -325,7 +324,7 @@ def test_every_posture_that_is_found_is_on_the_leaf_and_at_the_pose_and_q_is_amo
         except HolokinError:
             continue
         for limits, near in ((False, None), (True, None), (True, q), (False, q)):
-            found = hk.motion.ik.all_postures(law, robot.pose(q), c, limits=limits, near=near, starts=256)
+            found = hk.motion.ik.all_postures(law, robot.pose(q), c, limits=limits, near=near)
             for i, one in enumerate(found.q):
                 assert np.abs(law.constraint.nearest(law.g(one) - c)).max() < 1e-8 * (1 + np.abs(c).max()), law.name
                 assert np.abs(task.error(one, *task._place(q))).max() < 1e-8
@@ -371,8 +370,8 @@ def test_an_arm_without_redundancy_needs_no_constraint(name: str) -> None:
     for _ in range(4):
         q = rng.uniform(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
         pose = robot.pose(q)
-        found = hk.motion.ik.all_postures(law, pose, limits=False, starts=512)
-        within = hk.motion.ik.all_postures(law, pose, near=q, starts=512)
+        found = hk.motion.ik.all_postures(law, pose, limits=False)
+        within = hk.motion.ik.all_postures(law, pose, near=q)
         assert np.abs(wrapped(found.q - q)).max(axis=1).min() < 1e-8 and np.abs(within.q - q).max(axis=1).min() < 1e-8
         assert robot.within(within.q).all() and "leaf" not in found.sentence
         assert max(np.abs(robot.pose(one) - pose).max() for one in found.q) < 1e-8

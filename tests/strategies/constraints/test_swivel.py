@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, campaign, sampled, urdf
+from conftest import IIWA_START, PANDA_START, sampled, urdf
 from holokin.analysis.coverage import PoseStatus
-from holokin.base.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError
+from holokin.base.errors import (
+    ArgumentError,
+    CallError,
+    ShapeError,
+    SingularityError,
+    SingularityKind,
+    UnknownNameError,
+)
 from holokin.strategies.constraints import find_arm
 from holokin.symbolic import Function, jacobian, symbol
 
@@ -79,13 +86,8 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
         assert iiwa14.pose(q) == pytest.approx(pose, abs=1e-12)
         assert stereo_sew(*points, -Z, Y) == pytest.approx(np.pi / 6, abs=1e-10)
         assert sum(np.abs((q - p + np.pi) % (2 * np.pi) - np.pi).max() < 1e-9 for p in closed) == 1
-    assert found.unseen == 0.0
-    assert found.found.sum() + found.singular <= found.starts
-    assert "no proof" in found.sentence and "one more start" not in found.sentence
-    few = hk.motion.ik.all_postures(strategy, T, np.pi / 6, limits=False, starts=8)
-    assert few.unseen == (few.found == 1).sum() / 8 > 0
-    assert f"one more start would find another with a chance of {few.unseen:.1g}; a search" in few.sentence
-    assert np.array_equal(hk.motion.ik.all_postures(strategy, T, np.pi / 6, limits=False).q, found.q)
+    assert found.curves and found.step < 0.6 and not (found.doubt or found.starts or found.closed or found.searched)
+    assert f"{found.curves} curves of its self-motion" in found.sentence
 
 
 @sampled(1, "seed", range(3))
@@ -114,24 +116,23 @@ def test_within_the_limits_the_postures_are_those_of_the_closed_form_that_the_ro
         iiwa14.check_limits(q)
 
 
-@pytest.mark.parametrize("starts", [2048, campaign("starts", 4096)])
-def test_all_postures_of_a_pandas_locked_joint_reach_the_pose_and_are_different(panda: hk.Robot, starts: int) -> None:
+def test_all_postures_of_a_pandas_locked_joint_reach_the_pose_and_are_different(panda: hk.Robot) -> None:
     strategy, T = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
     found = hk.motion.ik.all_postures(strategy, T, PANDA_START[2], limits=False)
-    assert min(np.abs(found.q - PANDA_START).max(axis=1)) < 1e-9
+    assert len(found) == 10 and min(np.abs(found.q - PANDA_START).max(axis=1)) < 1e-9
     for i, q in enumerate(found.q):
         assert panda.pose(q) == pytest.approx(T, abs=1e-9)
         assert q[2] == pytest.approx(PANDA_START[2], abs=1e-9)
         assert all(np.abs(q - other).max() > 0.01 for other in found.q[:i])
-    more = hk.motion.ik.all_postures(strategy, T, PANDA_START[2], limits=False, starts=starts)
-    assert len(more) == len(found) == 10
+    with pytest.raises(CallError, match=r"all_postures\(strategy, pose, level=0.0, limits=True, near=None\)"):
+        hk.motion.ik.all_postures(strategy, T, PANDA_START[2], starts=2048)
 
 
 def test_a_pose_out_of_reach_has_no_posture_and_a_bad_one_is_refused(panda: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(panda), hk.arm_angle())
     T = panda.pose(PANDA_START).copy()
     T[0, 3] = 5.0
-    assert len(hk.motion.ik.all_postures(strategy, T, 0.0, starts=64)) == 0
+    assert len(hk.motion.ik.all_postures(strategy, T, 0.0)) == 0
     with pytest.raises(ArgumentError, match="right-handed"):
         hk.motion.ik.all_postures(strategy, np.diag([2.0, 2.0, 2.0, 1.0]), 0.0)
     with pytest.raises(ShapeError):

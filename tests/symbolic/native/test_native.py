@@ -17,7 +17,7 @@ import holokin as hk
 from conftest import PANDA_START, Command
 from holokin.base.errors import ArgumentError, NativeError, ShapeError
 from holokin.motion.control_step import StepStatus
-from holokin.symbolic import Function, symbol
+from holokin.symbolic import Function, sumsqr, symbol
 from holokin.symbolic import function as function_module
 from holokin.symbolic.native import engine
 from holokin.symbolic.native import toolchain as native
@@ -117,6 +117,30 @@ def test_a_large_batch_is_the_small_batches(
         assert np.abs(a - b).max() < 1e-12 * max(1, np.abs(b).max())
     G = strategy.batch(Q)
     assert np.abs(G[17] - strategy(Q[17])).max() < 1e-12 * np.abs(G[17]).max()
+
+
+@compiled
+@pytest.mark.parametrize("count", [1, 1301])
+def test_calls_in_a_row_are_single_calls_one_after_another(cache: Path, monkeypatch: Patch, count: int) -> None:
+    """Springs of their own stiffness, whose place and speed go round; native code is taken once it pays."""
+    x, v, k = symbol("x", 2), symbol("v", 2), symbol("k", 1)
+    faster = v - k * x / 10
+    spring = Function("spring", {"x": x, "v": v, "k": k}, {"x": x + faster / 10, "v": faster, "e": sumsqr(x)})
+    monkeypatch.setattr(function_module, "LOADED_FROM", 1)
+    monkeypatch.setattr(function_module, "NATIVE_FROM", 1)
+    rng = np.random.default_rng(0)
+    X, V, K = rng.normal(size=(count, 2)), rng.normal(size=(count, 2)), rng.uniform(1, 2, (count, 1))
+    results = [spring.repeated(7, 2, X, V, K) for _ in range(2)]
+    assert spring._natives["2 fed"] is not None
+    places, speeds, energies = results[0]
+    assert [a.shape for a in results[0]] == [(count, 7, 2), (count, 7, 2), (count, 7, 1)]
+    for t in range(7):
+        before = (X, V) if t == 0 else (places[:, t - 1], speeds[:, t - 1])
+        once = spring.batch(*before, K, native_from=10**9)  # on the virtual machine
+        assert np.array_equal(places[:, t], once[0]) and np.array_equal(speeds[:, t], once[1])
+        assert np.array_equal(energies[:, t, 0], once[2])
+    assert all(np.abs(a - b).max() < 1e-13 for a, b in zip(*results, strict=True))
+    assert spring.repeated(7, 2, X[:0], V[:0], K[:0])[0].shape == (0, 7, 2)
 
 
 # --- the control step ---

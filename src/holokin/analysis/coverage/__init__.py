@@ -5,9 +5,9 @@ Uses `motion/checks`. Read first: `cover_workspace.py`, `starts.py`.
 """
 
 from .cover_workspace import Coverage, PoseStatus, Reach, Slice, coverage, coverage_slices, posture_reach
-from .pose_postures import Coordinates as Coordinates
-from .pose_postures import Polynomial as Polynomial
-from .pose_postures import chart_of as chart_of
+from .pose_coordinates import Coordinates as Coordinates
+from .pose_coordinates import Polynomial as Polynomial
+from .pose_coordinates import chart_of as chart_of
 from .starts import fitting_task as fitting_task
 from .starts import locked_joints as locked_joints
 from .starts import regular_starts as regular_starts

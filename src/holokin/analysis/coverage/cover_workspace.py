@@ -30,14 +30,13 @@ from ...base.types import (
     Vector,
     frozen,
     numbers,
-    some,
     whole,
 )
 from ...motion.checks import Clear
 from ...motion.ik import InverseStatus, ik, leaf_value
 from ...motion.ik.inverse_function import ends_of_paths, leads_to
 from ...motion.ik.leaf import leaf_step
-from ...motion.ik.pose_paths import nearest_postures
+from ...motion.ik.pose_reach import Reach, reach_of
 from ...path.path import turn_between
 from ...path.workspaces import PoseRange, Workspace, pose_cloud
 from ...robot import check_metres, start_posture
@@ -68,18 +67,6 @@ class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
 
 
 @dataclass(frozen=True, eq=False)
-class Reach(Result, Value):
-    """Which of k poses the arm reaches by any posture that was found: at all, and within its joint limits."""
-
-    anyhow: Flags
-    within: Flags
-
-    def __str__(self) -> str:
-        k, within, anyhow = len(self.within), int(self.within.sum()), int(self.anyhow.sum())
-        return f"{within} of {k} poses are reached within the joint limits, {anyhow} at all"
-
-
-@dataclass(frozen=True, eq=False)
 class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     """What one leaf reaches of some tool poses (k, 4, 4).
 
@@ -90,8 +77,8 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     last: where its path ended (k, n).
     rcond: of [J; J_g] at q (k,), NaN where there is none.
     margins: from q to the nearer limit of each joint (k, n) [joint units]: negative beyond it, inf without limits.
-    limits: whether joint limits were looked at. explained: whether other postures were searched for where the leaf
-        fails; without, no pose is called out of reach.
+    limits: whether joint limits were looked at. reach: by which posture the arm reaches each pose best, where the leaf
+        does not; None where this was not asked: then no pose is called out of reach.
     """
 
     name: str
@@ -110,7 +97,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     rcond: Vector
     margins: Matrix
     limits: bool
-    explained: bool
+    reach: Reach | None
 
     def __len__(self) -> int:
         return len(self.status)
@@ -134,7 +121,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
 
     @property
     def reachable(self) -> float:
-        """Share of the poses that any posture found reaches, within the joint limits if these were looked at."""
+        """Share of the poses that some posture has, within the joint limits if these were looked at."""
         return float((self.status < PoseStatus.BEYOND_LIMITS).mean())
 
     @cached_property
@@ -168,6 +155,10 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
         for status in PoseStatus:
             if status is PoseStatus.LIMIT:
                 rows += [(f"{joint} is beyond its {side} limit", k) for (joint, side), k in self.at_limits().items()]
+            elif status in (PoseStatus.BEYOND_LIMITS, PoseStatus.OUT_OF_REACH) and self.reach is not None:
+                out = "out of reach: " if status is PoseStatus.OUT_OF_REACH else ""
+                obstacles = self.reach.obstacles(np.flatnonzero(self.status == status))
+                rows += [(f"{out}{obstacle}", k) for obstacle, k in obstacles]
             elif self.count(status):
                 rows.append((status.text, self.count(status)))
         return rows
@@ -178,9 +169,13 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
         k, within, size = int(self.reached.sum()), " within its limits" if self.limits else "", self.workspace.size
         drawn = "" if size is None else ", all of the cloud," if size == len(self) else f", drawn from {size},"
         facts = [f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){drawn}{within}"]
-        if self.explained and self.reachable < 1:
-            share = f"{self.share / self.reachable:.1%}" if k else "none"
-            facts[0] += f", {share} of the {round(self.reachable * len(self))} for which a posture was found"
+        if self.reach is not None:
+            reachable = round(self.reachable * len(self))
+            if reachable < len(self):
+                share = f"{self.share / self.reachable:.1%}" if k else "none"
+                facts[0] += f", {share} of the {reachable} {'that the arm reaches' if self.reach.complete else FOUND}"
+            if k < reachable:
+                facts[0] += f"; other leaves serve {reachable - k}"
         if k:
             rcond = self.rcond[self.reached]
             facts.append(f"rcond at least {rcond.min():.2g}, median {np.median(rcond):.2g}")
@@ -232,13 +227,16 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
             "workspace": str(self.workspace),
             "poses": len(self),
             "share": self.share,
-            "reachable": self.reachable if self.explained else None,
+            "reachable": None if self.reach is None else self.reachable,
             "rcond": float(self.rcond[reached].min()) if reached.any() else None,
             "causes": dict(self.causes()),
             "turn": self.turn,
             "remark": self.remark,
         }
 
+
+FOUND = "for which a posture was found"
+"""What is said of poses of which a search tells whether the arm reaches them."""
 
 SAMPLES = 1024
 """Poses by default: shares of two known sets were then right to 0.3 % in a plane and 0.6 % in six dimensions (rms over
@@ -260,9 +258,10 @@ def coverage(
     """How much of a workspace the leaf through a posture reaches, and why the rest is not reached.
 
     Each pose is gone to on the straight path from the tool pose at q0, as `ik` does. Where the leaf does not get
-    there within the limits, other postures of the arm are searched for, by least squares from random postures: so it
-    shows whether the strategy fails there or no strategy can serve. A workspace that is out of reach altogether has the
-    share 0.
+    there within the limits, the other postures of the arm are looked at: so it shows whether the strategy fails there
+    or no strategy can serve, and which joint's limit is in the way. They are all postures of whole poses of arms with
+    six or seven joints; else a search by least squares finds some. A workspace that is out of reach altogether has
+    the share 0.
 
     A task of positions looks at the positions of the poses alone.
 
@@ -270,8 +269,8 @@ def coverage(
         samples: poses; by default 1024, or all those of a cloud.
         seed: of the poses, see `Workspace.poses`.
         limits: False leaves joint limits aside.
-        explain: False does not search for other postures: faster, and no pose is called out of reach.
-        reach: of the same poses, as `posture_reach` found it, to spare the search.
+        explain: False does not look at other postures: faster, and no pose is called out of reach.
+        reach: of the same poses, as `posture_reach` gives it, to spare looking again.
 
     Raises:
         JointLimitError: q0 is beyond its limits, unless limits is False. SingularityError: the strategy is singular
@@ -301,14 +300,16 @@ def coverage(
     ended = np.flatnonzero(~on_leaf)
     status[ended] = _endings(strategy, poses[ended], last[ended], ends[ended])
     # Whether any other posture would reach the rest
-    if explain:
-        rest = np.flatnonzero(status != PoseStatus.REACHED)
-        if reach is None:
-            known = _search(task, poses[rest], np.where(np.isfinite(last[rest]), last[rest], start), limits)
-        else:
-            known = some(reach, rest)
-        status[rest[~(known.within if limits else known.anyhow)]] = PoseStatus.BEYOND_LIMITS
-        status[rest[~known.anyhow & ~on_leaf[rest]]] = PoseStatus.OUT_OF_REACH
+    rest = status != PoseStatus.REACHED
+    if explain and reach is None:
+        best, near = q.copy(), np.where(np.isfinite(last[rest]), last[rest], start)
+        of_rest = reach_of(task, poses[rest, :3, 3], poses[rest, :3, :3], near, limits=limits)
+        best[rest] = of_rest.q
+        reach = Reach(robot, best, of_rest.complete)
+    if explain and reach is not None:
+        reach = Reach(robot, np.where(reach.anyhow[:, None], reach.q, q), reach.complete)
+        status[rest & ~(reach.within if limits else reach.anyhow)] = PoseStatus.BEYOND_LIMITS
+        status[rest & ~reach.anyhow & ~on_leaf] = PoseStatus.OUT_OF_REACH
     # The turn to the middle orientation is 0 for given poses, and where the task leaves it free
     tool, turn = task.pose(start), 0.0
     if isinstance(workspace, PoseRange) and any(row >= 3 for row in task.rows):
@@ -317,7 +318,7 @@ def coverage(
     return Coverage(
         name=strategy.name, workspace=workspace, joint_names=robot.joint_names, joint_units=units, lower=robot.lower,
         upper=robot.upper, q0=start, tool=tool, turn=turn, poses=poses, status=status, q=q, last=last, rcond=rcond,
-        margins=margins, limits=limits, explained=explain,
+        margins=margins, limits=limits, reach=reach if explain else None,
     )  # fmt: skip
 
 
@@ -340,8 +341,8 @@ def _on_straight_paths(
 def posture_reach(task: Task, workspace: Workspace, near: ArrayLike, *, samples: int = SAMPLES, seed: int = 0) -> Reach:
     """Which poses of a workspace the arm reaches by any posture: for several calls of `coverage` with the same poses.
 
-    By least squares from a posture and from 64 random ones a pose; a pose that none of these leads to may still be
-    reachable.
+    Args:
+        near: the posture from which a search begins, where not all postures are known.
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError.
@@ -350,16 +351,7 @@ def posture_reach(task: Task, workspace: Workspace, near: ArrayLike, *, samples:
     of_one_tool(task, "coverage")
     check_metres(task.robot, poses, task.tip)
     begin = task.robot.checked(near, "the posture to begin from")
-    return _search(task, poses, np.tile(begin, (len(poses), 1)), True)
-
-
-def _search(task: Task, poses: Array, near: Matrix, limits: bool) -> Reach:
-    p, R = poses[:, :3, 3], poses[:, :3, :3]
-    anyhow = nearest_postures(task, p, R, near, limits=False).reached
-    within = anyhow.copy()
-    if limits and anyhow.any():
-        within[anyhow] = nearest_postures(task, p[anyhow], R[anyhow], near[anyhow], limits=True).reached
-    return Reach(anyhow, within)
+    return reach_of(task, poses[:, :3, 3], poses[:, :3, :3], np.tile(begin, (len(poses), 1)))
 
 
 def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, ends: Indices) -> Indices:

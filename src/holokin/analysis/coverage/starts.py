@@ -11,8 +11,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ...base.errors import ArgumentError, NoArmError, NotFiniteError
-from ...base.types import Array, Matrix, Value, Vector
-from ...motion.ik.pose_paths import nearest_postures, surely_beyond
+from ...base.types import Array, Indices, Matrix, Value, Vector
+from ...motion.ik.least_squares import nearest_postures
+from ...motion.ik.pose_reach import Reach, at_best_turns, every_posture, reach_of
 from ...path.workspaces import PoseRange
 from ...path.workspaces import workspace as pose_range
 from ...robot import Robot
@@ -30,10 +31,10 @@ from ...strategies.constraints import (
     stack,
     stationary,
 )
-from ...strategies.radial_strategy import least_motion
+from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import pose, position
-from .cover_workspace import Reach
+from ...symbolic.linear import null_space
 
 FREE = 1.2
 """Range [rad or m] on either side of zero for a joint without limits."""
@@ -101,33 +102,47 @@ def regular_starts(task: Task) -> Matrix:
     shares = np.random.default_rng(0).uniform(0.25, 0.75, (2000, robot.n))
     Q = np.round(unwound(robot, lower + shares * (upper - lower)), 2)
     Q = Q[robot.within(Q)]
-    return Q[np.argsort([-regular(task, q) for q in Q], kind="stable")]
+    return Q[np.argsort(-regular(task, Q), kind="stable")]
 
 
 def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     """Postures (k, n) within the joint limits with the tool at a pose (4, 4), far from each other; none where there
-    are none. The most comfortable is the first.
-
-    Searched for from random postures, so that they are of all branches and all over the self-motions, and moved from
-    there by self-motion towards the middle of the joints' ranges. No hinge has a whole turn too many.
-    """
-    p, R, seeds = pose[:3, 3], pose[:3, :3], 96
-    lower, upper = task.robot.ranges(FREE)
-    near = np.random.default_rng(0).uniform(lower, upper, (seeds, task.n))
-    if not nearest_postures(task, p[None], R[None], near[:1], limits=True).reached[0]:
-        return np.zeros((0, task.n))
-    # Postures of all branches, and others on their ways to the middle of the ranges
-    nearest = nearest_postures(task, np.tile(p, (seeds, 1)), np.tile(R, (seeds, 1, 1)), near, limits=True)
-    Q = unwound(task.robot, _centred(task, nearest.q[nearest.reached], p, R))
-    Q = Q[task.robot.within(Q)]
+    are none. The most comfortable is the first."""
+    Q = postures_within_limits(task, pose)
+    if not len(Q):
+        return Q
     # The most comfortable, then those that are comfortable and far from all before
-    values = np.array([_comfort(task, q) for q in Q])
+    values = _comfort(task, Q)
     chosen = [int(np.argmax(values))]
     away = np.full(len(Q), np.inf)
     while len(chosen) < min(count, len(Q)):
         away = np.minimum(away, np.linalg.norm(Q - Q[chosen[-1]], axis=1))
         chosen.append(int(np.argmax(away * values)))
     return Q[chosen]
+
+
+def postures_within_limits(task: Task, pose: Matrix) -> Matrix:
+    """Postures (k, n) within the joint limits with the tool at a pose (4, 4).
+
+    They are those of all its self-motions, some tenths of a radian apart, where these are known. Elsewhere they are
+    searched for from random postures, and moved by self-motion towards the middle of the joints' ranges. No hinge
+    has a whole turn too many.
+    """
+    p, R, seeds = pose[:3, 3], pose[:3, :3], 96
+    lower, upper = task.robot.ranges(FREE)
+    near = np.random.default_rng(0).uniform(lower, upper, (seeds, task.n))
+    every = every_posture(task, p[None], R[None])
+    best = reach_of(task, p[None], R[None], near[:1], every=every)
+    if not best.within[0]:
+        return np.zeros((0, task.n))
+    if every is None:
+        # Postures of all branches, and others on their ways to the middle of the ranges
+        nearest = nearest_postures(task, np.tile(p, (seeds, 1)), np.tile(R, (seeds, 1, 1)), near, limits=True)
+        Q = _centred(task, nearest.q[nearest.reached], p, R)
+    else:
+        Q = np.vstack([best.q, at_best_turns(task.robot, every.q)])
+    Q = unwound(task.robot, Q)
+    return Q[task.robot.within(Q)]
 
 
 def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:
@@ -146,14 +161,14 @@ def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:
     return np.vstack(postures)
 
 
-def _comfort(task: Task, q: Vector) -> float:
-    """How far a posture is from limits and singular postures, 0 to 1: least distance to a limit over half the joint's
-    range, times `regular`."""
+def _comfort(task: Task, Q: Matrix) -> Vector:
+    """How far postures (k, n) are from limits and singular postures (k,), 0 to 1: least distance to a limit over half
+    the joint's range, times `regular`."""
     robot = task.robot
     spans = (robot.upper - robot.lower) / 2
     free = ~np.isfinite(spans)
-    shares = np.minimum(q - robot.lower, robot.upper - q)[~free] / spans[~free]
-    return float(max(0.0, shares.min(initial=1.0)) * regular(task, q))
+    shares = np.minimum(Q - robot.lower, robot.upper - Q)[:, ~free] / spans[~free]
+    return np.maximum(0.0, shares.min(axis=1, initial=1.0)) * regular(task, Q)
 
 
 def unwound(robot: Robot, Q: Matrix) -> Matrix:
@@ -170,27 +185,35 @@ def unwound(robot: Robot, Q: Matrix) -> Matrix:
     return np.where(robot.beyond(back) <= 0, back, Q)
 
 
-def regular(task: Task, q: Vector) -> float:
-    """How far [J; rows of the locked joints] is from singular at q, 1 at best: smallest singular value over largest."""
-    J = task.jacobian(q)
-    locked = locked_joints(task, q)
-    others = [i for i in range(task.n) if i not in locked]
-    values = np.linalg.svd(J[:, others], compute_uv=False)
-    return float(values[-1] / values[0]) if values[0] > 0 else 0.0
+def regular(task: Task, Q: Matrix) -> Vector:
+    """How far (k,) [J; rows of the locked joints] is from singular at postures (k, n), 1 at best: smallest singular
+    value over largest."""
+    J = np.nan_to_num(task.jacobian_batch(Q)[0])
+    locked = np.zeros(Q.shape, dtype=bool)
+    np.put_along_axis(locked, _pivots(null_space(J)), True, axis=1)
+    others = np.argsort(locked, axis=1, kind="stable")[:, : task.m]
+    values = np.linalg.svd(np.take_along_axis(J, others[:, None], axis=2), compute_uv=False)
+    return values[:, -1] / np.maximum(values[:, 0], 1e-300)
 
 
 def locked_joints(task: Task, q: Vector) -> list[int]:
     """The r joints that determine the self-motion best: pivots of its basis N (n, r)."""
-    N: Matrix = task.null_space(q).copy()
-    chosen: list[int] = []
-    for _ in range(task.n - task.m):
-        sizes = np.linalg.norm(N, axis=1)
-        sizes[chosen] = 0.0
-        pivot = int(np.argmax(sizes))
-        chosen.append(pivot)
-        direction = N[pivot] / max(sizes[pivot], 1e-300)
-        N = N - np.outer(N @ direction, direction)
-    return sorted(chosen)
+    return sorted(_pivots(task.null_space(q)[None])[0].tolist())
+
+
+def _pivots(N: Array) -> Indices:
+    """Pivots (k, r) of bases (k, n, r): rows that are longest, one after the other, without their parts along those
+    before."""
+    count, n, r = N.shape
+    rows, chosen, left = np.arange(count), np.zeros((count, 0), dtype=np.intp), np.ones((count, n), dtype=bool)
+    for _ in range(r):
+        sizes = np.where(left, np.linalg.norm(N, axis=2), 0.0)
+        pivot = np.argmax(sizes, axis=1)
+        left[rows, pivot] = False
+        chosen = np.column_stack([chosen, pivot])
+        direction = N[rows, pivot] / np.maximum(sizes[rows, pivot], 1e-300)[:, None]
+        N = N - (N @ direction[:, :, None]) * direction[:, None]
+    return chosen
 
 
 # --- The strategies that fit a robot and its task: what `advise` compares.
@@ -326,7 +349,8 @@ def _fixes(candidate: Candidate, starts: Matrix, bases: list[Matrix]) -> bool:
 
 def first_start(task: Task) -> Vector:
     """The most comfortable of the regular start postures."""
-    return max(regular_starts(task), key=lambda q: _comfort(task, q))
+    starts = regular_starts(task)
+    return starts[np.argmax(_comfort(task, starts))]
 
 
 def proposed_workspace(task: Task, q0: Vector) -> PoseRange:
@@ -342,21 +366,11 @@ def proposed_workspace(task: Task, q0: Vector) -> PoseRange:
         return pose_range(box=(tool[:3, 3].round(3), half.round(3)), rotation=tool[:3, :3], tilt=tilt, spin=spin)
 
     # Half sides over the length of the arm; 97 % of 64 poses are nearly all
-    sides = (side for side in (0.15, 0.1, 0.07) if reached(task, box(side).poses(64), q0)[1].within.mean() >= 0.97)
+    sides = (side for side in (0.15, 0.1, 0.07) if reached(task, box(side).poses(64), q0).within.mean() >= 0.97)
     return box(next(sides, 0.05))
 
 
-def reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:
-    """Postures (k, n) at poses (k, 4, 4), within the limits if there are such, NaN where there are none."""
-    p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+def reached(task: Task, T: Array, start: Vector | None) -> Reach:
+    """By which postures poses (k, 4, 4) are reached; a search begins at a start (n,), else at a regular posture."""
     near = np.tile(regular_starts(task)[0] if start is None else start, (len(T), 1))
-    Q, known = np.full_like(near, np.nan), {}
-    rest = np.flatnonzero(~surely_beyond(task, p, R))
-    for limits in (True, False):
-        known[limits] = np.isfinite(Q).all(axis=1)
-        if len(rest):
-            nearest = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits)
-            Q[rest[nearest.reached]] = nearest.q[nearest.reached]
-            known[limits][rest] = nearest.reached
-            rest = rest[~nearest.reached]
-    return Q, Reach(known[False], known[True])
+    return reach_of(task, np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3]), near)

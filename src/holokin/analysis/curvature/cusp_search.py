@@ -21,7 +21,7 @@ from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.ik.branch import turning
 from ...motion.ik.posture_search import EXACT, newton
 from ...strategies import HolonomicStrategy
-from ...strategies.radial_strategy import joint_gap
+from ...strategies.self_motion_curves import joint_gap
 from ...symbolic import Function, directional, gradient, jacobian, symbol, vertcat
 
 LONGEST = 0.3

@@ -10,6 +10,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from ...base.types import (
     Vector,
     joined,
     kept,
+    plain_data,
     some,
     whole,
 )
@@ -53,7 +55,7 @@ from ...path.curves import spline
 from ...robot import start_posture
 from ...robot.closed_form import NoClass
 from ...strategies import HolonomicStrategy, Strategy
-from ...strategies.radial_strategy import joint_gap
+from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import Function
 from .cusp_search import CuspPoints, distinct, families, seek_cusps
@@ -298,29 +300,46 @@ CHUNK = 256
 class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
     """The cusps found on the leaf through q0 (n,), the nearest first, and tool loops that do not bring the joints back.
 
-    q: their postures (k, n), each once: there g(q) = c, [J; J_g] has corank 1 and kappa is zero, to 1e-8, and what
-    tells a cusp from other such postures was tested. level: c (r,) of the leaf. limits: only cusps and loops within the
-    joint limits count; `outside` others were left out. starts: postures that Newton's method began from. double: those
-    that came to where singular sheets cross, which is no cusp; corank: those that came to where more than one direction
-    is lost, or nearly.
-    witnesses: of the loops that were followed from one posture to another one at the same tool pose, the smallest, and
-    the one that keeps farthest from singular postures. stopped: Ctrl-C ended the search.
+    points: their postures q (k, n), each once: there g(q) = c, [J; J_g] has corank 1 and kappa is zero, to 1e-8, and
+    what tells a cusp from other such postures was tested. level: c (r,) of the leaf. limits: only cusps and loops
+    within the joint limits count; `outside` others were left out. starts: postures that Newton's method began from.
+    double: those that came to where singular sheets cross, which is no cusp; corank: those that came to where more than
+    one direction is lost, or nearly. stopped: Ctrl-C ended the search.
     """
 
     strategy: HolonomicStrategy
     q0: Vector
-    q: Matrix
+    points: CuspPoints
     level: Vector
     limits: bool
     starts: int
     outside: int
     double: int
     corank: int
-    witnesses: tuple[CuspWitness, ...]
     stopped: bool = False
 
     def __len__(self) -> int:
         return len(self.q)
+
+    @property
+    def q(self) -> Matrix:
+        """Postures (k, n) of the cusps."""
+        return self.points.q
+
+    @cached_property
+    def witnesses(self) -> tuple[CuspWitness, ...]:
+        """Of the loops about the 60 nearest cusps that lead from one posture to another one at the same tool pose when
+        they are followed, the smallest, and the one that keeps farthest from singular postures."""
+        if not len(self.q):
+            return ()
+        motions, measures = candidates(self.strategy, self.level, some(self.points, slice(60)), self.limits)
+        orders = np.argsort(measures[:, 0] + TURN * measures[:, 1]), np.argsort(-measures[:, 2])
+        found = [first_witness(self.strategy, self.level, motions, order, self.limits) for order in orders]
+        return tuple(witness for witness in found if witness is not None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        return super().to_dict() | plain_data({"q": self.q, "witnesses": self.witnesses})
 
     @property
     def cuspidal(self) -> bool:
@@ -423,9 +442,9 @@ def cusps(
 
     Newton's method on g(q) = c, det [J; J_g] = 0 and its cusp condition begins at `starts` postures spread over the
     joint ranges, hinges without a range over one turn; exact slopes come from the formulas. Loops about the cusps
-    nearest to q0 are followed by `follow`: only where one ends at another posture is the leaf called cuspidal. The leaf
-    may have several sheets, and the cusps may lie on others than that of q0. Where it is proven that there are none, on
-    the whole arm, none is looked for: `excluded` says so.
+    nearest to q0 are followed by `follow` when `witnesses` or `cuspidal` is first asked for: only where one ends at
+    another posture is the leaf called cuspidal. The leaf may have several sheets, and the cusps may lie on others than
+    that of q0. Where it is proven that there are none, on the whole arm, none is looked for: `excluded` says so.
 
     Args:
         strategy: with leaves; any one where nothing is redundant, n = m. Or an inverse kinematics, for its leaf: what
@@ -487,16 +506,7 @@ def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusp
     points, inside = some(replace(points, q=q), each), inside[each]
     outside, points = int(np.sum(~inside)), some(points, inside)
     points = some(points, np.argsort(np.abs(points.q - start).max(axis=1, initial=0.0), kind="stable"))
-    # Loops about the 60 nearest: one with a short tool path, and one that is regular
-    near, witnesses = some(points, slice(60)), []
-    if len(near.q):
-        motions, measures = candidates(leafed, level, near, limits)
-        for order in (np.argsort(measures[:, 0] + TURN * measures[:, 1]), np.argsort(-measures[:, 2])):
-            witnesses.append(first_witness(leafed, level, motions, order, limits))
-    return Cusps(
-        strategy=leafed, q0=start, q=points.q, level=level, limits=limits, starts=done, outside=outside, double=double,
-        corank=corank, witnesses=tuple(witness for witness in witnesses if witness is not None), stopped=done < starts,
-    )  # fmt: skip
+    return Cusps(leafed, start, points, level, limits, done, outside, double, corank, stopped=done < starts)
 
 
 def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limits: bool) -> Array:

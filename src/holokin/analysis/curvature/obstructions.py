@@ -20,9 +20,9 @@ from ...motion.ik.leaf import DONE, NEWTONS, leaf_step, leaf_value
 from ...motion.ik.posture_search import newton, to_poses
 from ...path import Path
 from ...path.path import straight
-from ...strategies import HolonomicStrategy, SelfMotions, Strategy, checked_rate, moore_penrose
+from ...strategies import CurveTracer, HolonomicStrategy, Strategy, checked_rate, moore_penrose
 from ...strategies.constraints import Arm, find_arm
-from ...strategies.radial_strategy import correction, joint_gap
+from ...strategies.self_motion_curves import correction, joint_gap
 from ...strategies.tasks.frame_task import completing, leaves_free
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import runge_kutta
@@ -100,7 +100,7 @@ def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
 
     One counts as open after 40 joint units; a Panda's closes after 13 or less.
     """
-    lines = SelfMotions.through(task, Q).traced(Q, step=STEP, length=40.0, limits=False)
+    lines = CurveTracer.through(task, Q).traced(Q, step=STEP, length=40.0, limits=False)
     return [line.q if line.closed else None for line in lines]
 
 

@@ -19,7 +19,7 @@ from ...proof.kept_apart import clearances_of
 from ...robot import check_metres
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.cover_workspace import Coverage, Reach, coverage, largest_part
-from ..coverage.pose_postures import Chain, chart_of, coordinates_of
+from ..coverage.pose_coordinates import chart_of, coordinates_of
 from ..coverage.starts import (
     Candidate,
     candidates,
@@ -30,7 +30,9 @@ from ..coverage.starts import (
     proposed_workspace,
     reached,
 )
-from .designed_strategy import Design, Floor, design
+from ..coverage.tool_chain import Chain
+from .designed_strategy import Design, design
+from .least_costs import Floor
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of
 from .objectives import Objective, costs_of
 from .trials import (
@@ -78,13 +80,13 @@ class Case:
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
         progress("which poses can be reached")
-        self.Q, self.reach = reached(task, T, q0)
+        self.reach = reached(task, T, q0)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
         self.starts = q0[None] if q0 is not None else self._starts(T)
-        self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
+        self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.reach.q[self.reach.anyhow])
         self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
-        self.poses = posed(task, T, self.Q, self.coordinates, self.costs, apart)
+        self.poses = posed(task, T, self.reach.q, self.coordinates, self.costs, apart)
         self.trials: dict[str, Trial] = {}
         self.made: dict[str, Design] = {}
         self.checked: dict[str, Coverage] = {}
@@ -100,7 +102,7 @@ class Case:
             clear = postures if self.apart is None else postures[self.apart.clear(postures)]
             if len(clear):
                 return clear
-        return self.Q[self.reach.within][:1]
+        return self.reach.q[self.reach.within][:1]
 
     def ranked(self) -> tuple[RatedStrategy, ...]:
         """All strategies, on their best leaves, the best one looked at closely."""
@@ -325,9 +327,13 @@ def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
     """Why no pose of a workspace is served."""
     name = f"the workspace of {task.robot.name!r}, {workspace},"
     if reach.anyhow.any():
-        return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
+        obstacles = "; ".join(f"{obstacle}: {k}" for obstacle, k in reach.obstacles(np.arange(len(reach.q))))
+        return OutOfReachError(
+            f"{name} has no pose that is reached within the joint limits ({obstacles})", "move or turn it"
+        )
     cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
-    return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
+    none = "no posture has any of its poses" if reach.complete else "no posture was found at any of its poses"
+    return OutOfReachError(f"{name} is out of reach altogether: {none}", cure)
 
 
 @typed

@@ -30,13 +30,13 @@ from ...base.types import Array, Matrix, Result, Value, Vector, frozen, whole
 from ...motion.ik import ik
 from ...path.workspaces import Cylinder, Sphere, sobol
 from ...robot import Kinematics
-from ...strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
+from ...strategies import CurveTracer, HolonomicStrategy, Strategy, holonomic, radial, self_motion
 from ...strategies.constraints import Constraint, formulas_of, linear, lock
 from ...strategies.right_inverses import monomials, monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ...symbolic.linear import null_space
-from ..coverage.pose_postures import Coordinates, chart_of, coordinates_of
+from ..coverage.pose_coordinates import Coordinates, chart_of, coordinates_of
 from ..curvature import Ball, Deviation, Region
 from ..curvature.leaf_functions import deviation_of, distance_to_repeatable
 from .objectives import Objective, length_of
@@ -377,7 +377,7 @@ def _postures(base: HolonomicStrategy, region: Region | Ball, q0: Vector, count:
         circuit = self_motion(task, q0, step=0.05, limits=False)
         along = min(along, (circuit.s[-1] - circuit.s[0]) / 2) if circuit.closed else along
     v = np.random.default_rng(seed).normal(size=Q.shape)
-    Q, sound = SelfMotions(task, p, R).walked(Q, v, (2 * u[arrived, 3] - 1) * along, 0.2)
+    Q, sound = CurveTracer(task, p, R).walked(Q, v, (2 * u[arrived, 3] - 1) * along, 0.2)
     if not sound.sum() > JUDGED:
         raise ArgumentError(f"the postures found in the ball, of {count}", int(sound.sum()), "give a smaller ball")
     return Q[sound]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError, PathError
-from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Flags, Matrix, NoTruthValue, Result, Value, Vector, not_negative, whole
 from ...motion.checks import Scene
 from ...motion.checks.check_report import counted
@@ -20,23 +19,13 @@ from ...proof.kept_apart import clearances_of
 from ...robot import check_metres, start_posture
 from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import Constraint, linear, tilted
-from ...strategies.radial_strategy import least_motion
 from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
-from ...symbolic import wrapped
 from ...symbolic.linear import null_space
-from ..coverage.pose_postures import (
-    STARTS,
-    Coordinates,
-    Polynomial,
-    PosePostures,
-    chart_of,
-    coordinates_of,
-    postures_at_poses,
-)
-from ..coverage.pose_postures import Cost as PostureCost
+from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of
+from .least_costs import Floor, one_redundant
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
-from .objectives import POWER, Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
+from .objectives import Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
 from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
 
 
@@ -95,147 +84,6 @@ def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matr
         fact = f"none of {len(poses)} poses of the workspace is reached by the leaf of {strategy.name!r} ({causes})"
         raise OutOfReachError(fact, "move or shrink the workspace, or give another start or base constraint")
     return solutions.q[solutions.reached], poses[solutions.reached]
-
-
-# --- The least cost at each tool pose, over all postures that a search finds there and over all slopes.
-#
-# A section has at the pose x some posture and some right inverse; at best the cheapest of both. No integrability is
-# asked, so the mean of these least costs is a lower bound of every strategy with these postures, repeatable or not.
-# They are looked for from many starts (`pose_postures`), so that those of all branches are among them.
-
-
-@dataclass(frozen=True, eq=False)
-class LeastCosts(Value):
-    """The least costs (S,) at each tool pose over postures found there, those between them included.
-
-    allowed: |q - middle| over half the range (n,) up to which postures count, full turns of hinges taken off; inf for
-        all. Costs are inf where no posture found is within.
-    """
-
-    postures: PosePostures
-    coordinates: Coordinates
-    costs: Costs
-    allowed: Vector
-
-    @cached_property
-    def squared_speed(self) -> Vector:
-        """The least |G|^2, as in `Costs`."""
-
-        def cost(q: Matrix) -> Vector:
-            G = least_slopes(self._J(q), self.coordinates.P, self.costs.joints)
-            return np.sum(G**2 * self.costs.joints[:, None] * self.costs.columns**2, axis=(1, 2))
-
-        return self._least(cost)
-
-    @cached_property
-    def worst_speed(self) -> Vector:
-        """The least greatest share of a joint's speed limit."""
-        return self._least(lambda q: _least_worst(self._J(q), self.coordinates.P, self.costs))
-
-    @cached_property
-    def joint_limits(self) -> Vector:
-        """The least distance of the farthest joint from its middle, over half its range."""
-        return self._least(lambda q: self._off(q).max(axis=1))
-
-    def own(self, cost: OwnCost) -> float:
-        """The mean of the least of a cost of the user's own."""
-        return float(np.mean(self._least(cost.values)))
-
-    @cached_property
-    def beyond(self) -> Vector:
-        """How far a posture is beyond the allowed limits at least, 0 where one is within."""
-        if np.isinf(self.allowed).all():
-            return np.zeros(len(self.postures.p))
-        return np.maximum(self.postures.least(self._over, self._over), 0.0)
-
-    def _least(self, cost: PostureCost) -> Vector:
-        """The least of a cost over the postures that count."""
-
-        def allowed_cost(q: Matrix) -> Vector:
-            values, within = np.full(len(q), np.inf), self._over(q) <= TOLERANCES.limit
-            values[within] = cost(q[within])
-            return np.where(np.isfinite(values), values, np.inf)
-
-        return self.postures.least(allowed_cost, self._over)
-
-    def _J(self, q: Matrix) -> Array:
-        return self.coordinates.chart.jacobian_batch(q)[0]
-
-    def _off(self, q: Matrix) -> Matrix:
-        gap, turning = q - self.costs.middle, self.coordinates.chart.robot.hinges & np.isfinite(self.costs.half)
-        return np.abs(np.where(turning, wrapped(gap), gap)) / self.costs.half
-
-    def _over(self, q: Matrix) -> Vector:
-        return (self._off(q) - self.allowed).max(axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class Floor(Value):
-    """What no strategy at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
-
-    Q: a strategy's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
-    """
-
-    coordinates: Coordinates
-    costs: Costs
-    weights: dict[str, float]
-    allowed: Vector
-    Q: Matrix
-    p: Matrix
-    R: Array
-
-    @cached_property
-    def here(self) -> LeastCosts:
-        """The least costs over the self-motions of the strategy's postures."""
-        return self._over(0)
-
-    @cached_property
-    def anywhere(self) -> LeastCosts:
-        """The least costs over all postures found."""
-        return self._over(STARTS)
-
-    def _over(self, starts: int) -> LeastCosts:
-        postures = postures_at_poses(self.coordinates.chart, self.Q, self.p, self.R, starts=starts)
-        return LeastCosts(postures, self.coordinates, self.costs, self.allowed)
-
-    def of(self, least: LeastCosts) -> float:
-        """The weighted costs of these least ones: no strategy has less, since each of the costs is at its least there.
-
-        Where the strategy's own self-motions leave the allowed limits, limits do not count.
-        """
-        if self.here.beyond.any():
-            least = replace(least, allowed=np.full_like(self.allowed, np.inf))
-        floors = {
-            "squared_speed": lambda: float(np.mean(least.squared_speed)),
-            "worst_speed": lambda: float(np.mean(least.worst_speed**POWER) ** (1 / POWER)),
-            "joint_limits": lambda: float(np.mean(least.joint_limits**POWER) ** (1 / POWER)),
-            "rcond": lambda: 1.0,
-        }
-        floors |= {cost.name: partial(least.own, cost) for cost in self.costs.own}
-        # travel and clearance may be 0
-        return sum(weight * floors[name]() for name, weight in self.weights.items() if name in floors)
-
-
-def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
-    """G P (S, n, d) of the right inverse with the least weighted squared joint speed: W^-1 J^T (J W^-1 J^T)^-1 P.
-
-    weights: (n,), or one for each sample (S, n).
-    """
-    return least_motion(J, np.broadcast_to(P, (len(J), *P.shape)), weights)
-
-
-def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
-    """Lower bounds (S,) of max_i |G_i| / max_velocity_i over all right inverses: max >= the mean with any weights."""
-    limited = costs.speeds > 0
-    share, best = np.full((len(J), len(limited)), 1.0 / limited.sum()) * limited, np.zeros(len(J))
-    # Twelve changes of the weights balance the greatest speeds: each gives a bound, the last ones agree to a per cent
-    for _ in range(12):
-        weights = share * costs.speeds**2 + 1e-12  # joints without a speed limit are free
-        G = least_slopes(J, P, weights)
-        squares = np.sum((G * costs.columns) ** 2, axis=2) * costs.speeds**2
-        best = np.fmax(best, np.sum(share * squares, axis=1))
-        share = share * np.sqrt(squares) / np.sum(share * np.sqrt(squares), axis=1, keepdims=True)
-    return np.sqrt(best)
 
 
 # --- The problem that `design` solves: a base strategy, a workspace, an objective and hard limits; and a strategy of
@@ -392,7 +240,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         strategy does not, the last one alone is of all of them.
     broken: at how many samples the base strategy as it was breaks a hard limit: the search, which keeps them, may cost
         more.
-    floor: what no strategy with the postures found at the samples can have less of; see `bound`.
+    floor: what no strategy can have less of at the samples; see `bound`.
     before, after: the base strategy and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold.
@@ -417,7 +265,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     @cached_property
     def bound(self) -> float:
         """The least objective of any strategy within the limits: the mean over the samples of the least cost of all
-        postures that a search finds there, of every branch. Where several joints are redundant it may be too high.
+        postures there, of every branch. Where several joints are redundant they are searched for, and it may be too
+        high.
         """
         return self.floor.of(self.floor.anywhere)
 
@@ -428,8 +277,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
 
     @property
     def bound_traced(self) -> bool:
-        """Whether whole self-motions were walked for the bounds, and not lines in them."""
-        return self.floor.here.postures.traced
+        """Whether whole self-motions were looked at for the bounds, and not lines in them."""
+        return one_redundant(self.base.task)
 
     @cached_property
     def impossible(self) -> int:

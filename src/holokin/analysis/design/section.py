@@ -26,7 +26,7 @@ from ...motion.ik.posture_search import newton
 from ...strategies import HolonomicStrategy
 from ...strategies.right_inverses import Terms, monomials_up_to
 from ...symbolic import Function, dot, gradient, symbol, vec
-from ..coverage.pose_postures import Coordinates, values_and_slopes
+from ..coverage.pose_coordinates import Coordinates, values_and_slopes
 from .objectives import Costs, Slopes
 
 if TYPE_CHECKING:

@@ -16,12 +16,20 @@ from ...motion.ik.closed_leaf import leaf_class
 from ...path.workspaces import Box, PoseRange, Workspace
 from ...robot.closed_form import ArmClass
 from ...strategies import HolonomicStrategy, moore_penrose, radial
-from ...strategies.radial_strategy import SelfMotions
 from ...strategies.tasks.task import Task
 from ..coverage.cover_workspace import Coverage
-from ..coverage.pose_postures import Chain, Coordinates, along_leaf, along_radial, best_of, line_through
+from ..coverage.leaf_lines import along_leaf, along_radial
+from ..coverage.pose_coordinates import Coordinates
 from ..coverage.starts import Candidate, kinds_that_fit
-from .designed_strategy import least_slopes
+from ..coverage.tool_chain import Chain
+from .least_costs import (
+    least_on_curves,
+    least_on_lines,
+    least_slopes,
+    one_redundant,
+    postures_found,
+    traced_through,
+)
 from .nearby_cusps import LevelRange, NearbyCusps
 from .objectives import Costs
 
@@ -513,8 +521,7 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
     """The least squared joint speed (S,) of postures within the joint limits and near those given (S, n), over all
     slopes, at tool poses p (S, 3), R (S, 3, 3).
     """
-    task, rng = coordinates.chart, np.random.default_rng(0)
-    r = task.n - task.m
+    task = coordinates.chart
 
     def over(Q: Matrix) -> Vector:
         return (np.abs(Q - costs.middle) - costs.half).max(axis=1)
@@ -524,17 +531,9 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
         speed = np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2))
         return np.where((over(Q) > 0) | ~np.isfinite(speed), np.inf, speed)
 
-    # One redundant joint: along the self-motion, then in a tenth of the steps round the best posture. Several: along
-    # eight lines for each, the last ones finer
-    count = round(NEAR / 0.1)
-    lines = [(0.1, count), (0.01, 10)] if r == 1 else [(0.1 if k < 8 else 0.01, count) for k in range(8 * r)]
-    motions, every, best, values = SelfMotions(task, p, R), np.arange(len(Q)), Q.copy(), least(Q)
-    for step, count in lines:
-        line = line_through(motions, best, rng.normal(size=Q.shape), every, step, count)
-        postures, speeds, _ = best_of(line, least, over)
-        better = speeds < values
-        values[better], best[better] = speeds[better], postures[better]
-    return values
+    if one_redundant(task):
+        return least_on_curves(traced_through(task, Q, p, R, step=0.1, length=NEAR), least, over)
+    return least_on_lines(postures_found(task, Q, p, R, starts=0), least, over, step=NEAR / 10)
 
 
 # --- Strategies of different names that are one: the same joint rates at every pose of a workspace.

@@ -16,7 +16,7 @@ from ...motion.checks import Clear
 from ...strategies import holonomic
 from ...strategies.constraints import linear
 from ...strategies.tasks.task import Task
-from ..coverage.pose_postures import along_leaf
+from ..coverage.leaf_lines import along_leaf
 from ..coverage.starts import Candidate, postures_at
 from .set_cover import ROUND, not_within_another
 from .sheet import Sheet, known, spread_out

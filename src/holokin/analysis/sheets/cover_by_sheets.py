@@ -12,6 +12,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
 from ...base.types import ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
 from ...motion.checks import Clearances, Scene
+from ...motion.ik.pose_reach import Reach
 from ...path.workspaces import Workspace
 from ...robot import check_metres
 from ...strategies import HolonomicStrategy
@@ -97,10 +98,10 @@ def sheets(
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)
     progress("which poses can be reached")
-    rest = rests_of(task, T, clear)
+    rest, reach = rests_of(task, T, clear)
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
-        raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
+        raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest, reach)}", "move or turn it")
     # The fewest of many leaves that serve the share.
     given, end = _given(task, q0), time.monotonic() + limit
     poses = SearchedPoses.of(T[within], turn_length(task), FIRST)
@@ -151,9 +152,12 @@ def _given(task: Task, q0: ArrayLike | None) -> Matrix:
     return postures
 
 
-def _why(rest: Indices) -> str:
-    counts = [(int((rest == kind).sum()), kind.text) for kind in PoseRest]
-    return "; ".join(f"{count}: {text}" for count, text in counts if count)
+def _why(rest: Indices, reach: Reach) -> str:
+    """Why poses are not served, the joints named whose limits are in the way."""
+    blocked = int((rest == PoseRest.BLOCKED).sum())
+    counts = [(PoseRest.BLOCKED.text, blocked)] if blocked else []
+    counts += reach.obstacles(np.flatnonzero(rest >= PoseRest.LIMITS))
+    return "; ".join(f"{count}: {text}" for text, count in counts)
 
 
 def _search(

@@ -19,15 +19,8 @@ from ...strategies.constraints import custom, tilted
 from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task
 from ..coverage import regular_starts
-from ..coverage.pose_postures import (
-    Coordinates,
-    Polynomial,
-    along_leaf,
-    chart_of,
-    coordinates_of,
-    one_by_one,
-    values_and_slopes,
-)
+from ..coverage.leaf_lines import along_leaf, one_by_one
+from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
 from ..coverage.starts import Candidate, candidates, postures_at
 from .sheet import allowed_postures, known, nearby, neighbours
 

@@ -22,6 +22,7 @@ from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_po
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
 from ...motion.checks import Clear, Clearances, Scene
 from ...motion.ik.inverse_function import leads_to
+from ...motion.ik.pose_reach import Reach
 from ...path import Path
 from ...path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud, workspace
 from ...proof import UniqueRegion, unique_region
@@ -29,7 +30,7 @@ from ...proof.checker_file import need, numbers, parsed
 from ...robot import Robot
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task
-from ..coverage.starts import postures_at, reached
+from ..coverage.starts import postures_within_limits, reached
 from .follow_sheets import Stops, follow_sheets
 from .seams import Seams, SheetMotion, Where, seams_of
 from .sheet import PosePoints, Sheet, known, postures_of_sheets, seen_features
@@ -58,20 +59,20 @@ class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
         )[self]
 
 
-def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
-    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
-    Q, reach = reached(task, T, None)
+def rests_of(task: Task, T: Array, clear: Clear | None) -> tuple[Indices, Reach]:
+    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it, and which are reached."""
+    reach = reached(task, T, None)
     rest = np.full(len(T), int(PoseRest.NOT_COVERED))
     rest[~reach.within] = PoseRest.LIMITS
     rest[~reach.anyhow] = PoseRest.OUT_OF_REACH
     if clear is not None and reach.within.any():
         blocked = np.flatnonzero(reach.within)
-        rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
+        rest[blocked[~clear(reach.q[blocked])]] = PoseRest.BLOCKED
         for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
-            postures = postures_at(task, T[i])
+            postures = postures_within_limits(task, T[i])
             if len(postures) and clear(postures).any():
                 rest[i] = PoseRest.NOT_COVERED
-    return rest
+    return rest, reach
 
 
 ON_LEAF = 1e-6  # difference from the level of a sheet [units of g] below which a posture lies on its leaf
@@ -221,7 +222,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
 
     @typed
     def why(self, pose: PoseLike) -> PoseRest:
-        """Why a tool pose (4, 4) is served or not: a search for postures there. `.text` says it in words.
+        """Why a tool pose (4, 4) is served or not, by the postures of the arm there. `.text` says it in words.
 
         Raises:
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
@@ -229,7 +230,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         T = self._pose(pose)
         if any(sheet.posture(T, self.clear) is not None for sheet in self.sheets):
             return PoseRest.SERVED
-        return PoseRest(int(rests_of(self.task, T[None], self.clear)[0]))
+        rests, _ = rests_of(self.task, T[None], self.clear)
+        return PoseRest(int(rests[0]))
 
     @typed
     def seams(self, at: Where = None) -> Seams:

@@ -16,7 +16,7 @@ from ...motion.checks import Clear
 from ...motion.timing import Stretch
 from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
-from ...strategies.radial_strategy import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
+from ...strategies.self_motion_curves import CurveEnd, CurveTracer, SelfMotionCurve, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 
 STEP = 0.1  # arc length [joint units] between the postures of a self-motion that is traced
@@ -139,28 +139,25 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
         raise ArgumentError(
             "the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose"
         )
-    return still_motions(task, a[None], b[None], clear, thorough=True)[0]
+    return still_motions(task, a[None], b[None], clear)[0]
 
 
-def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None, thorough: bool = False) -> list[StillMotion]:
-    """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none.
-
-    thorough: whether curves that end at joint limits are followed beyond, so that it is known whether they would come
-    to the other posture.
-    """
+def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None) -> list[StillMotion]:
+    """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none."""
     same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
     if same.any():
-        others = iter(still_motions(task, A[~same], B[~same], clear, thorough))
+        others = iter(still_motions(task, A[~same], B[~same], clear))
         return [StillMotion(a[None], np.zeros(1)) if rests else next(others) for a, rests in zip(A, same, strict=True)]
     if task.n == task.m:
         return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
         return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
-    motions, near = _traced(task, A, B, clear, True)
-    again = [i for i, motion in enumerate(motions) if motion.hindrance is Hindrance.LIMITS and (thorough or near[i])]
-    if again:
-        for i, motion in zip(again, _traced(task, A[again], B[again], clear, False)[0], strict=True):
-            motions[i] = motion
+    motions = [_hindered(task.n, Hindrance.SINGULAR) for _ in A]
+    sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
+    good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
+    curves = CurveTracer.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=False)
+    for i, curve in zip(good.tolist(), curves, strict=True):
+        motions[i] = _along(_Line.of(curve), A[i], B[i], clear)
     return motions
 
 
@@ -179,22 +176,6 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
     return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
 
 
-def _traced(
-    task: Task, A: Matrix, B: Matrix, clear: Clear | None, limits: bool
-) -> tuple[list[StillMotion], list[bool]]:
-    """(the motions, whether the other posture is near an end of the curve: it may lie a step farther, at a limit)."""
-    motions, near = [_hindered(task.n, Hindrance.SINGULAR) for _ in A], [False for _ in A]
-    sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
-    good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
-    if len(good):
-        curves = SelfMotions.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=limits)
-        for i, curve in zip(good.tolist(), curves, strict=True):
-            motions[i] = _along(_Line.of(curve), A[i], B[i], clear)
-            ends = curve.q[[0, -1]]
-            near[i] = bool(np.linalg.norm(joint_gap(task.robot, ends, B[i]), axis=1).min() < 3 * STEP)
-    return motions, near
-
-
 @dataclass(frozen=True, eq=False)
 class _Line(Value):
     """A self-motion q (k, n) at arc lengths s (k,), 0 at the posture from which it was traced.
@@ -210,13 +191,9 @@ class _Line(Value):
     why: Hindrance
 
     @classmethod
-    def of(cls, curve: SelfMotion) -> _Line:
+    def of(cls, curve: SelfMotionCurve) -> _Line:
         """That of a self-motion. `why`: what is the matter where a posture is not on it."""
-        ends = {
-            CurveEnd.LIMIT: Hindrance.LIMITS,
-            CurveEnd.SINGULAR: Hindrance.SINGULAR,
-            CurveEnd.LENGTH: Hindrance.LENGTH,
-        }
+        ends = {CurveEnd.SINGULAR: Hindrance.SINGULAR, CurveEnd.LENGTH: Hindrance.LENGTH}
         why = next((ends[ending] for ending in ends if ending in curve.endings), Hindrance.APART)
         q, s, wind = curve.q, curve.s, np.zeros(curve.q.shape[1])
         if curve.closed:
@@ -230,13 +207,16 @@ class _Line(Value):
         """Of one round."""
         return float(self.s[-1] - self.s[0])
 
-    def at(self, s: Vector) -> Matrix:
-        """Postures (k, n) at arc lengths (k,), beyond the ends of a closed one as well; the tool is exactly still."""
+    def near(self, s: Vector) -> Matrix:
+        """Postures (k, n) at arc lengths (k,), beyond the ends of a closed one as well, on straight lines between its
+        own."""
         laps = np.floor((s - self.s[0]) / self.length) if self.closed else np.zeros(len(s))
-        inside = s - laps * self.length
-        q = np.column_stack([np.interp(inside, self.s, joint) for joint in self.q.T])
-        begin = self.q[int(np.argmin(np.abs(self.s)))]
-        return held(self.task, q, *self.task._place(begin)) + 2 * np.pi * laps[:, None] * self.wind
+        q = np.column_stack([np.interp(s - laps * self.length, self.s, joint) for joint in self.q.T])
+        return q + 2 * np.pi * laps[:, None] * self.wind
+
+    def at(self, s: Vector) -> Matrix:
+        """The same with the tool exactly still."""
+        return held(self.task, self.near(s), *self.task._place(self.q[int(np.argmin(np.abs(self.s)))]))
 
     def places(self, b: Vector) -> list[float]:
         """Arc lengths, within one round, at which it passes a posture (n,), whole turns of hinges taken off."""
@@ -278,8 +258,13 @@ def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotio
     ends, why = line.ends(b)
     motions = []
     for end in ends:
-        way = line.at(np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP)))))
-        motion = _checked_motion(line.task, np.vstack([a, way[1:-1], b]), clear)
+        s = np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP))))
+        if (line.task.robot.beyond(line.near(s)) > STEP).any():
+            why = Hindrance.LIMITS
+            continue
+        way = line.at(s)
+        way[[0, -1]] = a, b
+        motion = _checked_motion(line.task, way, clear)
         why = why if motion.hindrance is None else motion.hindrance
         if motion.hindrance is None:
             motions.append(motion)
@@ -295,6 +280,8 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
     speeds = speed_limits(robot)
     if not np.isfinite(q).all():
         return _hindered(task.n, Hindrance.SINGULAR)
+    if (robot.beyond(q) > TOLERANCES.limit).any():
+        return _hindered(task.n, Hindrance.LIMITS)
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
     for _ in range(FINER):
         curve = Stretch(_way(q, speeds), q)

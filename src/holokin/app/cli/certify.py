@@ -128,7 +128,7 @@ def _of_robot(
     """(name for files, title, what makes [(strategy, certificate or why there is none)]) of a robot and a strategy."""
     import numpy as np
 
-    from ...analysis.coverage.pose_postures import chain_to_tool
+    from ...analysis.coverage.tool_chain import chain_to_tool
     from ...base.errors import NoProofError
     from ...proof import certify as prove
     from ...strategies import moore_penrose

@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...analysis.coverage.pose_postures import Chain, chain_to_tool
 from ...analysis.coverage.starts import task_of_kind
+from ...analysis.coverage.tool_chain import Chain, chain_to_tool
 from ...analysis.design import Advice
 from ...analysis.design.advice_case import advise_chain
 from ...base.errors import ArgumentError, HolokinError

@@ -286,7 +286,7 @@ def _map(axes: Any, sheets: Sheets, space: Any, plane: Plane) -> bool:
     from matplotlib.colors import to_rgb
 
     poses = space.at(plane.points[plane.inside.ravel()])
-    within = np.flatnonzero(reached(sheets.task, poses, None)[1].within)  # a sheet takes long to say no
+    within = np.flatnonzero(reached(sheets.task, poses, None).within)  # a sheet takes long to say no
     answers = sheets.batch(poses[within])
     sheet, q = np.full(len(poses), -1), np.full((len(poses), sheets.task.n), np.nan)
     sheet[within], q[within] = answers.sheet, answers.q

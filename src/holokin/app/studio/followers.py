@@ -24,7 +24,7 @@ from ...path import Path, arc, figure_eight, polyline
 from ...path.editing import AnyPath, synchronized
 from ...path.path import StraightPath, straight
 from ...robot import start_posture
-from ...strategies import HolonomicStrategy, SelfMotion, Strategy, moore_penrose
+from ...strategies import HolonomicStrategy, SelfMotionCurve, Strategy, moore_penrose
 from ...strategies.tasks.frame_task import completed
 from ...strategies.tasks.task import Task
 from .states import History, Judgement, StrategyState, StrategyStatus
@@ -502,7 +502,7 @@ class Run:
     walk: Walk | None = None
     complete: bool = True  # it has made every step of the loop
     judgement: Judgement | None = None
-    curves: dict[int, tuple[SelfMotion, float]] = field(default_factory=dict)  # of sliders, with the place on each
+    curves: dict[int, tuple[SelfMotionCurve, float]] = field(default_factory=dict)  # of sliders, with the place on each
     levels: dict[int, Slider] = field(default_factory=dict)  # sliders across the leaves
     ready: bool = False  # native code was built, or tried
     state: StrategyState | None = None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.coverage import fitting_task, regular_starts
-from ...analysis.coverage.pose_postures import chain_to_tool
+from ...analysis.coverage.tool_chain import chain_to_tool
 from ...base.errors import ArgumentError, HolokinError
 from ...base.types import ArrayLike, Matrix, Vector
 from ...motion import drift, follow

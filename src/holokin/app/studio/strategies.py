@@ -16,9 +16,9 @@ from ...motion import path_spread
 from ...motion.control import ControlLaw
 from ...motion.ik.leaf import REGULAR, PathEnd, leaf_follower, leaf_value, leaf_walk, straight_path
 from ...path import Path, polyline
-from ...strategies import HolonomicStrategy, SelfMotion, Strategy, holonomic, moore_penrose, radial
+from ...strategies import HolonomicStrategy, SelfMotionCurve, Strategy, holonomic, moore_penrose, radial
 from ...strategies.constraints import arm_angle, find_arm, lock
-from ...strategies.radial_strategy import SelfMotions
+from ...strategies.self_motion_curves import CurveTracer
 from ...strategies.tasks.task import Task, of_one_tool
 from .states import StrategyStatus
 
@@ -132,7 +132,7 @@ class Slider:
     why_high: str
 
 
-def self_motion_curve(task: Task, q: Vector, limits: bool, direction: int = 0) -> SelfMotion:
+def self_motion_curve(task: Task, q: Vector, limits: bool, direction: int = 0) -> SelfMotionCurve:
     """The postures with the tool where it is at q (n,), on either side of it.
 
     With several redundant joints the curve that begins in the direction in which one of them moves alone, the others
@@ -146,11 +146,11 @@ def self_motion_curve(task: Task, q: Vector, limits: bool, direction: int = 0) -
         cure = f"the {task.name} leaves {free} joints free: give a number from 0 to {free - 1}"
         raise ArgumentError("the direction of the self-motion", direction, cure)
     pulled = None if free == 1 else np.eye(task.n)[[locked_joints(task, q)[direction]]]
-    motions = SelfMotions.through(task, q[None])
+    motions = CurveTracer.through(task, q[None])
     return motions.traced(q[None], step=STEP, length=LENGTH, limits=limits, directions=pulled)[0]
 
 
-def along(curve: SelfMotion, s: float) -> Vector:
+def along(curve: SelfMotionCurve, s: float) -> Vector:
     """The posture (n,) at an arc length s of a curve, with the tool exactly still.
 
     Raises:
@@ -163,7 +163,7 @@ def along(curve: SelfMotion, s: float) -> Vector:
     return curve.at(s)
 
 
-def self_slider(strategy: NamedStrategy, curve: SelfMotion, s: float, direction: int = 0) -> Slider:
+def self_slider(strategy: NamedStrategy, curve: SelfMotionCurve, s: float, direction: int = 0) -> Slider:
     """The slider along a curve, at the place s."""
     task, label = strategy.task, "self-motion"
     units = {c.unit for c in task.robot.coordinates}

@@ -7,21 +7,29 @@ from .arm_inverse import ArmAnswers, ArmInverse, NearAnswer
 from .arm_map import ArmMap
 from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
-from .posture_search import Postures, all_postures
+from .pose_curves import ArcEnd, EndKind, LevelInterval, SelfMotion, SelfMotionArc, ServedLevels, self_motion
+from .postures_of_pose import Postures, all_postures
 from .solutions import InverseStatus, Solutions
 
 __all__ = [
+    "ArcEnd",
     "ArmAnswers",
     "ArmInverse",
     "ArmMap",
+    "EndKind",
     "InverseKinematics",
     "InverseStatus",
+    "LevelInterval",
     "NearAnswer",
     "Nearest",
     "Postures",
+    "SelfMotion",
+    "SelfMotionArc",
+    "ServedLevels",
     "Solutions",
     "all_postures",
     "ik",
     "leaf_value",
     "move_to_leaf",
+    "self_motion",
 ]

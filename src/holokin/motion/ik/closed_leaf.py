@@ -60,6 +60,8 @@ def held_joints(strategy: HolonomicStrategy) -> HeldJoints | str:
     if rows and not slopes.is_constant():
         return f"{strategy.constraint.name!r} does not hold single joints"
     A = np.array([[float(slopes[i, j]) for j in range(task.n)] for i in range(rows)]).reshape(rows, task.n)
+    if rows and may_jump(replace(strategy, constraint=base)):
+        return f"{strategy.constraint.name!r} may jump"
     if not ((A != 0).sum(axis=1) == 1).all() or len(set(np.argmax(A != 0, axis=1))) < rows:
         return f"{strategy.constraint.name!r} ties joints together and does not hold them one by one"
     held = np.argmax(A != 0, axis=1)
@@ -82,14 +84,21 @@ def closed_branch(strategy: HolonomicStrategy, q0: Vector, level: Vector, limits
     """
     if may_jump(strategy):
         return None
-    tilt, turn = strategy.constraint.tilt, np.inf
-    if tilt is not None:
-        p, R = strategy.task._place(q0)
-        turn = float(tilt.turn(strategy.task, Kinematics(SX(p), SX(R), SX(6, 0), {})))
+    turn = turn_before_jump(strategy, q0)
     leaf = closed_leaf(strategy, level, limits) if turn > 0 else None
     if leaf is not None and not leaf.inverse.arm.proven:
         return ClosedBranch(leaf, q0, None, frozen(strategy.task._place(q0)[1]), turn)
     return ClosedBranch.of(leaf, q0, turn)
+
+
+def turn_before_jump(strategy: HolonomicStrategy, q0: Vector) -> float:
+    """How far [rad] the tool may turn from its rotation at q0 before coordinates jump that g takes; else infinite."""
+    if (tilt := strategy.constraint.tilt) is None:
+        return np.inf
+    if strategy.task.frames > 1:
+        return 0.0
+    p, R = strategy.task._place(q0)
+    return float(tilt.turn(strategy.task, Kinematics(SX(p), SX(R), SX(6, 0), {})))
 
 
 def closed_leaf(strategy: HolonomicStrategy, level: Vector, limits: bool) -> Held | Following | None:
@@ -315,5 +324,5 @@ class ClosedBranch(Value):
         if others:
             fact = f"no posture of the start's branch has the tool pose{held}; {others} of other branches have it"
             return BranchError(fact, "take one of ik.all(pose) as the start, or another pose")
-        fact = f"the pose is out of reach of {arm.robot.name!r}{held}: no posture has it"
+        fact = f"the pose is out of reach of {arm.robot.name!r}{held}: no posture has the pose"
         return OutOfReachError(fact, "give a pose nearer to the base" + (", or another level" if names else ""))

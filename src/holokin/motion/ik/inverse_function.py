@@ -35,7 +35,7 @@ from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function, inverse_code, stretch_code
 from .leaf import TRIES, leaf_step, leaf_value, level_towards, with_leaves
 from .pose_paths import PosePaths
-from .posture_search import Postures, all_postures
+from .postures_of_pose import Postures, all_postures
 from .solutions import GivenPoses, InverseStatus, PoseSet, Solutions
 
 # --- The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves its reach.
@@ -328,7 +328,8 @@ class InverseKinematics(Value):
 
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line, or g jumps on it.
-            OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
+            OutOfReachError: no posture of the arm at all reaches it, or none within the limits: milliseconds to find
+                out, and up to a second where only a search can tell.
             JointLimitError: the posture is beyond the joint limits.
             OutOfReachError: only with a region: the pose does not belong to it.
             ShapeError, NotFiniteError, ArgumentError: a bad pose or level; a level beside a region.
@@ -340,7 +341,8 @@ class InverseKinematics(Value):
     def all(self, pose: PoseLike, level: ArrayLike | None = None, *, near: ArrayLike | None = None) -> Postures:
         """All postures of a tool pose (4, 4) on the leaf, whatever their branch; see `all_postures`.
 
-        By a closed form, and then there are no others (`closed` is True), or as far as a search finds them.
+        By an inverse of six hinges, along the self-motion, or, with several redundant joints, as far as a search finds
+        them: the answer says which.
 
         Args:
             level: c (r,), or one number for all rows; by default that of the start.
@@ -506,11 +508,13 @@ class InverseKinematics(Value):
 
         `nearest` has native code of its own, which its first call builds or loads: call it once before a loop begins.
         """
-        _ = self._calls
+        _ = self._calls, self._paths.nowhere
         return engine() if self._paths.kernel is not None else "CasADi's virtual machine"
 
     def _cold(self, pose: PoseLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
+        if self.region is None and self._paths.nowhere(pose):
+            raise self._paths.out_of_reach(np.asarray(pose)[:3, 3])
         return self._cold_at(*self._given_poses.one(pose), self._paths)
 
     def _cold_at(self, p: Vector, R: Matrix, paths: PosePaths) -> Vector:
@@ -691,7 +695,7 @@ def ends_of_paths(ik: InverseKinematics, poses: Array) -> tuple[Matrix, Indices]
     last = found.last.copy()
     untold = (found.status == InverseStatus.LEAF_ENDS) & np.isnan(last).any(axis=1)
     if untold.any():
-        last[untold] = ik._paths.go_paths(*ik._given_poses.places(poses[untold]), None)[0]
+        last[untold] = ik._paths.go_paths(*ik._given_poses.places(poses[untold]), None, shown=True)[0]
     return last, found.status
 
 

@@ -1,38 +1,26 @@
-"""All postures at a tool pose on a leaf: by a closed form, else as far as a search from many starts finds them."""
+"""Newton's method from many postures side by side, and the whole turns of hinges that keep a tool pose and a level."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from ...base.arguments import typed
-from ...base.errors import ArgumentError, ShapeError
-from ...base.poses import PoseLike, given_pose
 from ...base.tolerances import TOLERANCES
 from ...base.types import (
-    ROTATION,
     Array,
-    ArrayLike,
     Flags,
     Indices,
     Matrix,
-    Result,
-    Value,
     Vector,
-    finite,
-    tool_pose,
-    whole,
 )
 from ...path.workspaces import sobol
 from ...robot import Robot
-from ...strategies import HolonomicStrategy, Strategy
-from ...strategies.radial_strategy import joint_gap, least_motion
-from ...strategies.tasks.task import Task, of_one_tool
-from .closed_leaf import DOUBT, closed_leaf
-from .leaf import check_levels, leaf_step, with_leaves
+from ...strategies import HolonomicStrategy
+from ...strategies.self_motion_curves import least_motion
+from ...strategies.tasks.task import Task
+from .leaf import leaf_step
 
 Correct = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
 """(postures (k, n), which of the first ones they are (k,)) -> (corrections (k, n), which of these are sound (k,))."""
@@ -128,7 +116,7 @@ def nearest_equivalent(
     for turning in (free, np.zeros_like(free)):  # a hinge that was free elsewhere need not be so here
         # Hinges that may turn freely take the turn nearest to the reference; the others are tried near it, together.
         candidates = np.vstack([postures, _combinations(postures[0], robot.hinges, turning, reference, low, high)])
-        candidates = np.where(turning, _turns(candidates, reference, low, high), candidates)
+        candidates = np.where(turning, turned(candidates, reference, low, high), candidates)
         # Keep what is within the limits and on the leaf, with the pose.
         within = candidates[np.all((candidates >= low) & (candidates <= high), axis=1)]
         on_leaf = within[keeps(strategy, postures[:1], within)] if len(within) else within
@@ -139,7 +127,7 @@ def nearest_equivalent(
     return None
 
 
-def _turns(q: Matrix, near: Vector, low: Vector, high: Vector) -> Matrix:
+def turned(q: Matrix, near: Vector, low: Vector, high: Vector) -> Matrix:
     """Hinges at the turn that is nearest to `near` within the limits, in [near - pi, near + pi) without any."""
     k = -np.floor((q - near + np.pi) / (2 * np.pi))
     first, last = np.ceil((low - q) / (2 * np.pi)), np.floor((high - q) / (2 * np.pi))
@@ -174,156 +162,8 @@ EXACT = 1e-10
 MOST_STARTS = 1_000_000
 """They are all gone from at once: a million take two minutes and a gigabyte."""
 
-
 SAMPLED = 8
 """Postures at which it is looked at which hinges may turn round without a change of g."""
-
-
-@dataclass(frozen=True, eq=False)
-class Postures(Result, Value):
-    """The postures q (k, n) found at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
-
-    Each is at the pose and on the leaf, if there is one; of those that differ by whole turns of hinges it is one, see
-    `near` of `all_postures`. found (k,): from how many of the `starts` each was found; rcond (k,): how regular [J; J_g]
-    is there. `singular` starts ended where it is singular; postures that lie there are not counted. `outside` postures
-    lie outside the joint limits and were left out. With a closed form there are no starts, and these are all.
-    """
-
-    q: Matrix
-    pose: Matrix
-    level: Vector
-    found: Vector
-    rcond: Vector
-    starts: int
-    singular: int
-    outside: int
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-    @property
-    def unseen(self) -> float:
-        """About how likely one more start is to find a posture that is not yet here: the share of starts whose posture
-        no other start found [Goo53]."""
-        return float(np.sum(self.found == 1)) / self.starts if self.starts else 0.0
-
-    @property
-    def closed(self) -> bool:
-        """Whether a closed form gave them: then there are no others."""
-        return not self.starts
-
-    @property
-    def sentence(self) -> str:
-        """What was found, and by which search."""
-        many = f"{len(self)} posture{'' if len(self) == 1 else 's'}"
-        least = f", each from {int(self.found.min())} of them at least" if len(self) else ""
-        left = f"; {self.outside} more outside the joint limits" if self.outside else ""
-        more = f"; one more start would find another with a chance of {self.unseen:.1g}" if self.unseen else ""
-        leaf = " on this leaf" if len(self.level) else ""
-        if self.closed:
-            meet = "; two postures meet here, at a singular one, and are not counted" if self.singular else ""
-            return f"{many} at this tool pose{leaf}, by a closed form{left}; there are no others{meet}"
-        return (
-            f"{many} at this tool pose{leaf} found by Newton's method from {self.starts} starts spread over the "
-            f"joint ranges{least}{left}{more}; a search, no proof that there are no others"
-        )
-
-    def __str__(self) -> str:
-        return self.sentence
-
-
-@typed
-def all_postures(
-    strategy: Strategy,
-    pose: PoseLike,
-    level: ArrayLike = 0.0,
-    *,
-    limits: bool = True,
-    starts: int = 1024,
-    near: ArrayLike | None = None,
-) -> Postures:
-    """All postures with f(q) = x and g(q) = c, the branches of a leaf: by a closed form, or from many starts.
-
-    Where joints are held on an arm whose other six have a closed inverse, these are all, and there is no search. Else
-    they are those that Newton's method finds.
-
-    A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
-    ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `ik` keeps to the one that
-    it began with. Where nothing is redundant, n = m, any strategy will do, as `moore_penrose(task)`: all postures with
-    f(q) = x. The starts are a low-discrepancy sequence over the joint ranges, the same at every call.
-
-    Args:
-        pose: of the tool (4, 4).
-        level: c (r,), or one number for all rows.
-        limits: False keeps postures beyond the joint limits, too.
-        starts: how many, where they are searched for; more find rarer postures.
-        near: a posture (n,): of answers that differ by whole turns of hinges, which keep the pose and the level, the
-            one nearest to it is given; the search begins there, too. Without it, the one nearest to the middle of the
-            ranges with limits, else to 0.
-
-    Raises:
-        ArgumentError: a strategy without leaves. ShapeError.
-    """
-    strategy = with_leaves(strategy)
-    task, count = strategy.task, whole("starts", starts)
-    of_one_tool(task, "all_postures")
-    if count > MOST_STARTS:
-        raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
-    wanted = given_pose("a tool pose", pose)
-    given, r = finite("the leaf", level), strategy.constraint.rows
-    if given.shape not in ((), (r,)):
-        raise ShapeError("the leaf", (r,), given.shape)
-    c = np.broadcast_to(given, (r,))
-    check_levels(strategy, c)
-    robot = task.robot
-    if near is None:
-        bounded = limits & np.isfinite(robot.lower) & np.isfinite(robot.upper)
-        with np.errstate(invalid="ignore"):
-            aim = np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)
-    else:
-        aim = robot.checked(near, "near")
-    if (leaf := closed_leaf(strategy, c, limits)) is not None:
-        answers = leaf.one(wanted)
-        if not answers[0, 11] < ROTATION:
-            tool_pose("a tool pose", wanted)
-        real, doubtful = answers[:, 9] > DOUBT, np.abs(answers[:, 9]) <= DOUBT
-        low, high = (robot.lower, robot.upper) if limits else (np.full(task.n, -np.inf), np.full(task.n, np.inf))
-        q, turning = leaf.postures(answers[real]), leaf.inverse.others
-        low, high = low[turning] - TOLERANCES.limit, high[turning] + TOLERANCES.limit
-        q[:, turning] = _turns(q[:, turning], aim[turning], low, high)
-        inside = np.all(robot.beyond(q) <= (TOLERANCES.limit if limits else np.inf), axis=1)
-        return _postures(strategy, wanted, c, q[inside], np.ones(len(q))[inside], 0, int(doubtful.any()), inside)
-    p, R = tool_pose("a tool pose", wanted)[:3, 3], wanted[:3, :3]
-    # Newton's method from starts over the joint ranges; singular postures are counted apart.
-    free = free_hinges(strategy, spread(task.robot, SAMPLED))
-    begun = spread(task.robot, count, ~free & task.robot.hinges)
-    begun = begun if near is None else np.vstack([aim, begun[1:]])
-    q, rcond, arrived = leaf_postures(strategy, begun, p, R, c)
-    regular = arrived & (rcond > TOLERANCES.singular)
-    singular = int(np.sum(arrived & ~regular))
-    classes = _distinct(task.robot, q[regular])
-    # Of each class of postures that differ by whole turns the one nearest to what is wanted.
-    nearest = [nearest_equivalent(strategy, members, free, aim, limits) for members in classes]
-    inside = np.array([posture is not None for posture in nearest], dtype=bool)
-    postures = np.array([posture for posture in nearest if posture is not None]).reshape(-1, task.n)
-    counts = np.array([len(members) for members in classes], dtype=float)[inside]
-    return _postures(strategy, wanted, c, postures, counts, count, singular, inside)
-
-
-def _postures(
-    strategy: HolonomicStrategy,
-    pose: Matrix,
-    level: Vector,
-    q: Matrix,
-    counts: Vector,
-    starts: int,
-    singular: int,
-    inside: Flags,
-) -> Postures:
-    """Postures q (k, n) in the order of their joints, with their rcond."""
-    order = np.lexsort(np.round(q, 6).T[::-1])
-    rcond = np.array([strategy.gain(posture)[1] for posture in q[order]])  # one by one: so few cost less than a batch
-    return Postures(q[order], pose, level.copy(), counts[order], rcond, starts, singular, int(np.sum(~inside)))
 
 
 def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:
@@ -370,17 +210,3 @@ def leaf_postures(
 
     q, arrived = newton(correct, q, steps=STEPS, longest=LONGEST, exact=EXACT)
     return q, rcond, arrived
-
-
-def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
-    """Postures (k, n), those that differ by whole turns of hinges together, as they were found."""
-    classes: list[list[Vector]] = []
-    for posture in q:
-        known = np.array([members[0] for members in classes]).reshape(-1, robot.n)
-        # One posture: well over `EXACT`, well under what tells branches apart.
-        same = np.abs(joint_gap(robot, known, posture)).max(axis=1) < 1e-6
-        if same.any():
-            classes[int(np.argmax(same))].append(posture)
-        else:
-            classes.append([posture])
-    return [np.array(members) for members in classes]

@@ -84,7 +84,8 @@ class Solutions(NoTruthValue, Value, ask="`.reached`"):
 
     q: joints (k, n), a row of NaN where a pose was not reached.
     status: an `InverseStatus` for each pose (k,).
-    last: the posture (k, n) to which its path was followed; q where it was reached, NaN where there was no path.
+    last: the posture (k, n) to which its path was followed; q where it was reached, NaN where there was no path,
+        as to a pose that no posture of the arm has.
     """
 
     q: Matrix

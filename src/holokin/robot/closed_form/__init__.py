@@ -1,9 +1,19 @@
-"""Closed-form inverses: which arms have one, and its steps.
+"""Inverses of six hinges: which arms have a closed form, its steps, and the eigenvalues that serve all others.
 
-Uses the robot's model. Read first: `arm_classes.py`, `six_hinges.py`.
+Uses the robot's model. Read first: `arm_classes.py`, `six_hinges.py`, `loop_roots.py`.
 """
 
 from .arm_classes import ArmClass, NoClass, arm_class
 from .closed_inverse import ClosedInverse, Held
+from .general_inverses import GeneralInverse, GeneralPostures, general_inverse
 
-__all__ = ["ArmClass", "ClosedInverse", "Held", "NoClass", "arm_class"]
+__all__ = [
+    "ArmClass",
+    "ClosedInverse",
+    "GeneralInverse",
+    "GeneralPostures",
+    "Held",
+    "NoClass",
+    "arm_class",
+    "general_inverse",
+]

@@ -263,16 +263,23 @@ class NoClass(Value):
     singular: bool = False
 
 
+def no_six_hinges(links: Sequence[Link], held: Sequence[int]) -> str | None:
+    """Why links with the coordinates `held` at a value are not six hinges that turn one by one; else None."""
+    moving = [link for link in links if link.coordinate >= 0 and link.coordinate not in held]
+    if len(moving) != 6:
+        return f"{len(moving)} joints are left, and six are needed"
+    if any(link.slides for link in moving):
+        return "a slide is left among the six"
+    if len({link.coordinate for link in moving}) < 6 or any(abs(link.multiplier) != 1 for link in moving):
+        return "one of the six follows another through a gear"
+    return None
+
+
 def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmClass | NoClass:
     """The class of what is left when the coordinates `held` are."""
     links, held = links_of(robot, tip), tuple(held)
-    moving = [link for link in links if link.coordinate >= 0 and link.coordinate not in held]
-    if len(moving) != 6:
-        return NoClass(held, f"{len(moving)} joints are left, and six are needed")
-    if any(link.slides for link in moving):
-        return NoClass(held, "a slide is left among the six")
-    if len({link.coordinate for link in moving}) < 6 or any(abs(link.multiplier) != 1 for link in moving):
-        return NoClass(held, "one of the six follows another through a gear")
+    if reason := no_six_hinges(links, held):
+        return NoClass(held, reason)
     fixed = [i for i, link in enumerate(links) if link.coordinate in held]
     # Candidates by numbers at one place of the held joints, then in exact arithmetic at as many as a polynomial needs.
     place = {i: (0.3,) if links[i].slides else (0.8, 0.6) for i in fixed}

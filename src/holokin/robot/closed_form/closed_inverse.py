@@ -15,7 +15,7 @@ from ...symbolic import SX, Function, cross, densify, dot, horzcat, norm_2, subs
 from ...symbolic.native import SignsKernel, allowed, signs_kernel
 from ...symbolic.rotations import rotation_about
 from .arm_classes import ArmClass, Link, links_of
-from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver
+from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver, steps
 
 SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
 """The signs (8, 3) of the three slopes."""
@@ -165,6 +165,14 @@ class ClosedInverse(Value):
             chains[0], np.repeat(poses, len(SIGNS), axis=0), chains[1], self.joints, np.tile(SIGNS, (k, 1))
         )
         return rows.reshape(k, len(SIGNS), COLUMNS)
+
+    @cached_property
+    def first_root(self) -> Function:
+        """(values (r,) of the held joints, pose (4, 4)) -> how real the root of the first step is: below 0 no posture
+        has the pose at these values. Of steps of degree two alone: signs change nothing then."""
+        held, pose = symbol("held", len(self.arm.held)), symbol("pose", 4, 4)
+        roots = steps(self.arm.form, self.numbers(held)[0], pose[:3, :3], pose[:3, 3], [SX(1)] * 3)[1]
+        return Function("first_root", {"held": held, "pose": pose}, {"share": roots[0].share})
 
     @cached_property
     def _chains(self) -> Function:

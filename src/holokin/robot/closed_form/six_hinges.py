@@ -104,21 +104,22 @@ class Turn(NamedTuple):
 
 
 class Root(NamedTuple):
-    """A root, the slope s there, and how real it is, (a^2 + b^2 - d^2) / (a^2 + b^2)."""
+    """A root, the slope s there, how real it is, s^2 / (a^2 + b^2), and s^2 = a^2 + b^2 - d^2, which may be below 0."""
 
     turn: Turn
     slope: SX
     share: SX
+    square: SX
 
 
 def _root(a: SX, b: SX, d: SX, sign: SX) -> Root:
     """The root of a cos q + b sin q = d whose slope has a sign, 1 or -1; where there is none, the q nearest to one."""
     square = a * a + b * b
-    share = 1 - d * d / square
-    size = sqrt(fmax(square - d * d, 0))
+    share, inside = 1 - d * d / square, square - d * d
+    size = sqrt(fmax(inside, 0))
     d = fmin(fmax(d, -sqrt(square)), sqrt(square))
     s = sign * size
-    return Root(Turn.along(a * d + b * s, b * d - a * s, square), s, share)
+    return Root(Turn.along(a * d + b * s, b * d - a * s, square), s, share, inside)
 
 
 class Wave(NamedTuple):
@@ -249,7 +250,7 @@ def _to_point_in_space(h: list[SX], p: list[SX], normal: SX, start: SX, goal: SX
     second = _between(h[1], x, y.at(third.turn) * normal + z.at(third.turn) * across)
     first = _between(h[0], d * normal + second.about(h[1], x), v)
     third = third._replace(slope=d * sine * third.slope)
-    return [first, second, third.turn], [third, Root(second, SX(1), SX(1))]
+    return [first, second, third.turn], [third, Root(second, SX(1), SX(1), SX(1))]
 
 
 def _root_of_degree_four(squared: list[Wave], less: Wave, signs: list[SX]) -> Root:
@@ -290,7 +291,7 @@ def _root_of_degree_four(squared: list[Wave], less: Wave, signs: list[SX]) -> Ro
         more = -value * slope / (slope * slope + 1e-16 * size * size)
         more = if_else(fabs(more) < 0.01, more, 0)
         turn = _plus(turn, Turn(1 - more * more / 2, more))
-    return Root(turn, _slope(squared, less, turn), point.share)
+    return Root(turn, _slope(squared, less, turn), point.share, point.square)
 
 
 def _slope(squared: list[Wave], less: Wave, turn: Turn) -> SX:
@@ -498,19 +499,29 @@ def solver(form: Form, polish: bool) -> Function:
 
 def answer(form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joints: SX, signs: SX) -> SX:
     """The answer (12,) of `solver` as an expression of its arguments."""
+    q, roots, _ = posture(form, polish, numbers, pose, own_numbers, joints, signs)
+    within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
+    share = reduce(fmin, [root.share for root in roots])
+    return vertcat(q, *(root.slope for root in roots), share, within, _fault(pose))
+
+
+def posture(
+    form: Form, polish: bool, numbers: SX, pose: SX, own_numbers: SX, joints: SX, signs: SX
+) -> tuple[SX, list[Root], SX]:
+    """(six joints (6,), roots of the three steps, largest last correction) as expressions of `solver`'s arguments."""
     chain, own = (_chain(form, x, *_frame(pose)) for x in (numbers, own_numbers))
     turns, roots = _solved(form, chain, [signs[i] for i in range(3)])
+    last = [SX(0)] * 6
     if polish:
         first = _corrections(form.family, own, turns)
         turns = [_plus(turn, Turn(1 - more * more / 2, more)) for turn, more in zip(turns, first, strict=True)]
     angles = [turn.angle for turn in turns]
     if polish:
-        angles = [a + more for a, more in zip(angles, _corrections(form.family, own, turns), strict=True)]
-    share = fmin(fmin(roots[0].share, roots[1].share), roots[2].share)
+        last = _corrections(form.family, own, turns)
+        angles = [a + more for a, more in zip(angles, last, strict=True)]
     q = joints[0, :].T * (vertcat(*(angles[::-1] if form.reversed else angles)) - joints[1, :].T)
     q = q + 2 * np.pi * floor((joints[2, :].T - q) / (2 * np.pi) + 0.5)
-    within = reduce(fmin, [x for i in range(6) for x in (q[i] - joints[3, i], joints[4, i] - q[i])])
-    return vertcat(q, *(root.slope for root in roots), share, within, _fault(pose))
+    return q, roots, reduce(fmax, [fabs(more) for more in last])
 
 
 def _fault(pose: SX) -> SX:

@@ -53,14 +53,27 @@ class VelocityRules(ctypes.Structure):
 
 
 class BatchKernel:
-    """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile."""
+    """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile.
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, driver: str = "batch.c") -> None:
+    fed: how many of the first results become the first arguments of the next call, where a sample is for many calls.
+    build: False for one whose library is in the cache, or none.
+    """
+
+    def __init__(
+        self,
+        made: Program,
+        inputs: Shapes,
+        outputs: Shapes,
+        driver: str = "batch.c",
+        *,
+        fed: int = 0,
+        build: bool = True,
+    ) -> None:
         sizes_in, sizes_out = ([int(np.prod(s)) for s in shapes] for shapes in (inputs, outputs))
         head = (
             f"#define HK_INPUTS {len(sizes_in)}\n#define HK_OUTPUTS {len(sizes_out)}\n"
             f"#define HK_NX {max(1, sum(sizes_in))}\n#define HK_NY {max(1, sum(sizes_out))}\n"
-            f"#define HK_SIGNS {sizes_in[-1]}\n"
+            f"#define HK_SIGNS {sizes_in[-1]}\n#define HK_FED {fed}\n"
             f"static const int hk_in[] = {{{', '.join(map(str, sizes_in))}}};\n"
             f"static const int hk_out[] = {{{', '.join(map(str, sizes_out))}}};\n"
         )
@@ -69,25 +82,40 @@ class BatchKernel:
             fast=True,
             long=made.instructions > LONG,
             needs=("hk_batch",),
+            build=build,
         )
         self._run: Any = self._library.hk_batch
-        self._run.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+        self._run.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 3, ctypes.c_longlong]
         self._run.restype = None
+        self._inputs, self._outputs = ctypes.c_void_p * len(sizes_in), ctypes.c_void_p * len(sizes_out)
+        self._strides = ctypes.c_longlong * len(sizes_in)
 
-    def __call__(self, arguments: Sequence[Array], results: Sequence[Array], threads: int | None = None) -> None:
-        """Fill results (k, ...) from arguments, each C-contiguous (k, ...), or with stride 0 along the samples."""
+    def __call__(
+        self, arguments: Sequence[Array], results: Sequence[Array], threads: int | None = None, times: int = 1
+    ) -> None:
+        """Fill results (k, ...) from arguments, each C-contiguous (k, ...), with stride 0 along the samples, or of one
+        sample (1, ...), which is repeated.
+
+        Of so many calls for each sample the results are (k, times, ...).
+        """
         count = len(results[0])
-        most = (os.cpu_count() or 1) if threads is None else whole("threads", threads)
-        workers = max(1, min(most, count // 4096))
+        most = 1 if count * times < 8192 else (os.cpu_count() or 1) if threads is None else whole("threads", threads)
+        workers = max(1, min(most, count, count * times // 4096))
+        X, strides = [_address(a) for a in arguments], [a.strides[0] if len(a) > 1 else 0 for a in arguments]
+        Y, steps = [_address(r) for r in results], [r.strides[0] for r in results]
+        lanes = self._strides(*(stride // 8 for stride in strides))
 
         def part(k: int) -> None:
             start, stop = k * count // workers, (k + 1) * count // workers
-            X = (ctypes.c_void_p * len(arguments))(*(a.ctypes.data + start * a.strides[0] for a in arguments))
-            strides = (ctypes.c_longlong * len(arguments))(*(a.strides[0] // 8 for a in arguments))
-            Y = (ctypes.c_void_p * len(results))(*(r.ctypes.data + start * r.strides[0] for r in results))
-            self._run(stop - start, X, strides, Y)
+            ins = self._inputs(*(x + start * stride for x, stride in zip(X, strides, strict=True)))
+            outs = self._outputs(*(y + start * stride for y, stride in zip(Y, steps, strict=True)))
+            self._run(stop - start, ins, lanes, outs, times)
 
         in_parts(part, workers, workers)
+
+
+def _address(array: Array) -> int:
+    return array.__array_interface__["data"][0]
 
 
 def in_parts(part: Callable[[int], None], count: int, workers: int) -> None:
@@ -547,12 +575,12 @@ class InverseKernel:
         frames = inputs[1][0] // 3
         head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {frames}\n#define HK_MATRICES 1\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
-        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "poses.c"))
+        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "continuation.c", "reach.c", "poses.c"))
         long = made.instructions > LONG
         self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses
         places = [ctypes.c_void_p] * 2
-        self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, *places]
+        self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, ctypes.c_int, *places]
         self._poses.restype = None
         self._joints = inputs[0][0]
         self._pose = (4, 4) if frames == 1 else (frames, 4, 4)
@@ -571,8 +599,18 @@ class InverseKernel:
             calls.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))
         return None if None in calls else (calls[0], calls[1])
 
-    def __call__(self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None) -> Indices:
-        """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free."""
+    def nowhere(self, context: Vector) -> Callable[[Any], float | None] | None:
+        """(pose) -> 1.0 where no posture of the arm at all has it, as an array of floats; else None."""
+        found, place = self._library.hk_call_nowhere, self._library
+        return bound_call(found, (self._pose,), ((),), lambda _pose: None, (place, context), context)
+
+    def __call__(
+        self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None, shown: bool = False
+    ) -> Indices:
+        """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free.
+
+        warm: paths begin at q. shown: they are gone in pieces alone that are shown to keep to the branch.
+        """
         count = len(targets)
         status = np.empty(count, dtype=np.int64)
         most = threads or os.cpu_count() or 1
@@ -582,7 +620,7 @@ class InverseKernel:
         def part(i: int) -> None:
             first, last = edges[i], edges[i + 1]
             places = [array[first:].ctypes.data for array in (targets, q, status)]
-            self._poses(last - first, places[0], context.ctypes.data, int(warm), places[1], places[2])
+            self._poses(last - first, places[0], context.ctypes.data, int(warm), int(shown), places[1], places[2])
 
         in_parts(part, len(edges) - 1, workers)
         return status

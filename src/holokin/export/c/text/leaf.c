@@ -62,7 +62,7 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
   hk_constraint_body(q, g);
   hk_way_to(from, g, x + HK_N, c, &way);
   for (int i = 0; i < HK_N; i++) at[i] = q[i];
-  if (hk_go(&way, &rules, at, x)) return ${NAME}_NOT_CONVERGED;
+  if (hk_go(&way, &rules, HK_C(0), at, x)) return ${NAME}_NOT_CONVERGED;
   for (int i = 0; i < HK_N; i++) x[i] = q[i] = at[i];
   if (hk_beyond(q)) return ${NAME}_LIMIT;
   hk_leaf_body(x, y);

@@ -163,7 +163,7 @@ static int hk_walked(const hk_edge *edge, hk_t *q, const hk_way *way, int tries)
   hk_t x[HK_STATE];
   hk_rules rules = edge->rules;
   rules.tries = tries;
-  return hk_go(way, &rules, q, x) == 0;
+  return hk_go(way, &rules, HK_C(0), q, x) == 0;
 }
 
 /* The same by Newton steps alone: quick, and not shown to keep to the branch; nothing less than its end counts. */

@@ -1,9 +1,9 @@
 /* Inverse kinematics on a leaf: a way gone in stretches that are shown to keep to one branch, and in the pieces of newton.c
    where they cannot be.
-   hk_go: from the posture q; 0 at its end, 1 where it could not go on, 2 where it took too many pieces, 3 where it comes to
+   hk_go: from the posture q, at a share of the way; 0 at its end, 1 where it could not go on, 2 where it took too many pieces, 3 where it comes to
    a fold. q becomes the posture there; x is for (q, p, R, c). */
-static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
-  hk_t share = HK_C(0), width, rate[HK_N];
+static int hk_go(const hk_way *way, const hk_rules *rules, hk_t share, hk_t *q, hk_t *x) {
+  hk_t width, rate[HK_N];
   hk_fold fold = {HK_C(0), HK_C(0), HK_C(0), HK_C(0), 0, 0};
   hk_branch branch;
 #ifdef HK_RAYS
@@ -11,7 +11,7 @@ static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
   if (hk_leap(way, rules, q, x)) return 0;
 #endif
 #ifdef HK_STRETCHES
-  share = hk_go_stretches(way, rules, &fold, q, x);
+  share = hk_go_stretches(way, rules, share, &fold, q, x);
   if (fold.found) return 3;
 #endif
   branch.laid = 0;

@@ -20,9 +20,10 @@ int hk_sample(const double *const *in, double *const *out, const double *context
   return 1;
 }
 
-/* The same at many samples, as hk_batch has them. */
-void hk_batch(long long count, const double *const *X, const long long *strides, double *const *Y) {
+/* The same at many samples, as hk_batch has them, once. */
+void hk_batch(long long count, const double *const *X, const long long *strides, double *const *Y, long long times) {
   const double *in[HK_INPUTS];
+  (void)times;
   for (long long i = 0; i < count; i++) {
     for (int a = 0; a < HK_INPUTS - 1; a++) in[a] = X[a] + i * strides[a];
     hk_all_signs(in, Y[0] + (i << HK_SIGNS) * HK_NY);

@@ -191,15 +191,15 @@ static int hk_meet(const hk_stretch *a, const hk_stretch *b, hk_t share) {
   return gap + a->reach <= b->radius || gap + b->reach <= a->radius;
 }
 
-/* Go the way in stretches as far as they can be shown, or until a fold is found: q becomes the posture there. Returns the
-   share done. */
-static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_fold *fold, hk_t *q, hk_t *x) {
+/* Go the way in stretches from a share of it, as far as they can be shown, or until a fold is found: q becomes the posture
+   there. Returns the share done. */
+static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_t from, hk_fold *fold, hk_t *q, hk_t *x) {
   hk_stretch last, next;
   hk_node node;
-  hk_t share = HK_C(0), half = HK_C(0.5), slender = HK_C(HK_SLENDER), margin, seen[HK_N + HK_TARGET + HK_R];
+  hk_t share = from, half = (HK_C(1) - from) / HK_C(2), slender = HK_C(HK_SLENDER), margin, seen[HK_N + HK_TARGET + HK_R];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  if (!hk_lay_stretch(way, HK_C(0), HK_C(HK_FIRST), slender, rules, x, &last, &node)) return HK_C(0); /* for its curve alone */
-  if (!(last.radius > HK_C(0))) return HK_C(0);
+  if (!hk_lay_stretch(way, from, HK_C(HK_FIRST), slender, rules, x, &last, &node)) return from; /* for its curve alone */
+  if (!(last.radius > HK_C(0))) return from;
   half = HK_FMIN(half, HK_C(HK_FIRST) * HK_C(HK_FIRST) * HK_C(HK_SLENDER) / last.radius);
   last.radius = last.reach = HK_C(0);
   for (int laid = 0; share < HK_C(1) && laid < HK_STRETCHES; laid++) {
@@ -225,13 +225,13 @@ static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_fold *f
       return share;
     }
   }
-  if (!(share > HK_C(0))) return HK_C(0);
+  if (!(share > from)) return from;
   hk_aim(way, share, x);
   hk_curve(&last, share, x);
   for (int i = 0; i < HK_N; i++) next.c[i] = x[i];
-  if (!hk_newton(x, rules, &margin)) return HK_C(0);
+  if (!hk_newton(x, rules, &margin)) return from;
   for (int i = 0; i < HK_N; i++) next.c[i] -= x[i];
-  if (!(hk_most(next.c) <= last.radius)) return HK_C(0);
+  if (!(hk_most(next.c) <= last.radius)) return from;
   for (int i = 0; i < HK_N; i++) q[i] = x[i];
   return share;
 }

@@ -1,0 +1,378 @@
+"""Whether a tool pose can be reached at all, by which posture best, and which joint's limit is in the way.
+
+All postures of a pose are looked at where the inverse of six hinges gives them. The best one lies between two of a
+curve, where two joints are equally far beyond their limits, or where one turns back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ...base.poses import pose_from
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, frozen, kept
+from ...robot import Robot
+from ...robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
+from ...strategies.self_motion_curves import least_motion
+from ...strategies.tasks.frame_task import FrameTask
+from ...strategies.tasks.task import Task, TipFrame
+from .closed_leaf import DOUBT
+from .curve_cuts import cuts_of
+from .least_squares import nearest_postures, surely_beyond
+from .posture_search import EXACT, newton, to_poses
+from .self_motions import SelfMotions, cut_class, self_motions_at
+
+TOGETHER = 256
+"""Poses whose curves are looked at together: as many as stay in a processor's memory."""
+
+BENDS = 1.0
+"""Distance of a curve from the line between neighbours over what an even bend has, a quarter of it at most."""
+
+SMALL = 1e-9
+"""Gain [joint units] for which it is not looked closer."""
+
+LOOKS = 9
+"""Postures between two of a curve that are compared, in each of ROUNDS rounds, which look closer every time."""
+
+ROUNDS = 6
+
+CLOSER = 0.15
+"""Share of the way between two of a curve, each way, in which the best posture is looked for again."""
+
+SHORT = 0.01
+"""Way [joint units] along a curve within which the joints move as their slopes say."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reach(Result, Value):
+    """Which of k poses the arm reaches, by which posture best, and what is in the way where it does not.
+
+    q (k, n): the best posture: where none is within the joint limits, as little beyond as possible; else as far from
+    them as possible, by a closed form, or one that was found. Hinges are at the best of their turns; NaN where no
+    posture has the pose. complete: whether all postures are known, up to the resolution of `SelfMotions`; else a search
+    tells.
+    """
+
+    robot: Robot
+    q: Matrix
+    complete: bool
+
+    @cached_property
+    def anyhow(self) -> Flags:
+        """Which poses some posture has (k,)."""
+        return frozen(np.isfinite(self.q).all(axis=1))
+
+    @cached_property
+    def beyond(self) -> Vector:
+        """How far the best posture is beyond the joint limits (k,) [joint units], at most 0 within; inf without one."""
+        return frozen(np.where(self.anyhow, _excess(self.robot, self.q).max(axis=1), np.inf))
+
+    @property
+    def within(self) -> Flags:
+        """Which poses some posture within the joint limits has (k,)."""
+        return self.beyond <= TOLERANCES.limit
+
+    @cached_property
+    def joint(self) -> Indices:
+        """The joint that is in the way (k,): farthest beyond its limits at the best posture, or nearest to them."""
+        return frozen(np.argmax(np.where(self.anyhow[:, None], _excess(self.robot, self.q), 0.0), axis=1))
+
+    def obstacle(self, i: int) -> str | None:
+        """Why no posture within the limits has pose i, in words; None where one has."""
+        if self.within[i]:
+            return None
+        return self.obstacles(np.array([i]))[0][0]
+
+    def obstacles(self, which: Indices) -> list[tuple[str, int]]:
+        """(why no posture within the limits has them, at how many), of poses of which that is so; limits by joint."""
+        every, best = ("every posture", " at best") if self.complete else ("every posture found", "")
+        rows: list[tuple[str, int]] = []
+        reached = which[self.anyhow[which]]
+        for joint in np.unique(self.joint[reached]):
+            past = self.beyond[reached][self.joint[reached] == joint]
+            amounts = dict.fromkeys(f"{x:.2g}" for x in (past.min(), past.max()))
+            name, unit = self.robot.joint_names[joint], self.robot.coordinates[joint].unit
+            by = f"{name} by {' to '.join(amounts)} {unit}{best}"
+            rows.append((f"{every} is beyond the joint limits: {by}", len(past)))
+        rows.sort(key=lambda row: -row[1])
+        if len(reached) < len(which):
+            none = "no posture has the pose" if self.complete else "no posture was found"
+            rows.append((none, len(which) - len(reached)))
+        return rows
+
+    def __str__(self) -> str:
+        k, within, anyhow = len(self.within), int(self.within.sum()), int(self.anyhow.sum())
+        return f"{within} of {k} poses are reached within the joint limits, {anyhow} at all"
+
+
+def _excess(robot: Robot, q: Array) -> Array:
+    return np.maximum(robot.lower - q, q - robot.upper)
+
+
+# --- Turns of hinges.
+
+
+class _Turns(NamedTuple):
+    """Where the turns of each joint are counted from (n,), and how much each is; infinite where a turn is not the same
+    posture."""
+
+    middle: Vector
+    period: Vector
+
+
+@kept
+def _turns(robot: Robot) -> _Turns:
+    turning = robot.hinges.copy()
+    for joint in robot.joints:
+        turning[joint.coordinate] &= float(joint.multiplier).is_integer()
+    lower, upper = np.isfinite(robot.lower), np.isfinite(robot.upper)
+    middle = np.zeros(robot.n)
+    middle[lower] = robot.lower[lower] + 2 * np.pi
+    middle[upper] = robot.upper[upper] - 2 * np.pi
+    middle[lower & upper] = 0.5 * (robot.lower[lower & upper] + robot.upper[lower & upper])
+    return _Turns(middle, np.where(turning, 2 * np.pi, np.inf))
+
+
+def at_best_turns(robot: Robot, q: Array) -> Array:
+    """The same postures (..., n) with each hinge at the turn that is farthest within its limits, or least beyond."""
+    middle, period = _turns(robot)
+    return q - np.where(np.isfinite(period), period, 0.0) * np.round((q - middle) / period)
+
+
+# --- Whether poses are reached.
+
+
+def reach_of(
+    task: Task, p: Matrix, R: Array, near: Matrix, *, limits: bool = True, every: SelfMotions | None = None
+) -> Reach:
+    """Whether tool poses p (k, 3), R (k, 3, 3) can be reached, and by which posture best.
+
+    Args:
+        near: postures (k, n) from which a search begins, where there is no closed form.
+        limits: False asks for any posture, not for the best one.
+        every: all postures there, where they are known already.
+    """
+    if not all_known(task):
+        return Reach(task.robot, _found(task, p, R, near, limits), complete=False)
+    if every is not None:
+        return Reach(task.robot, _best_of(every, limits), complete=True)
+    q, rest = np.full((len(p), task.n), np.nan), np.flatnonzero(~surely_beyond(task, p, R))
+    if task.n > task.m and cut_class(task) is None and len(rest):
+        # Curves without a closed form take longer than to find a posture within the limits, where one is near.
+        nearest = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits, restarts=0).q
+        nearest, reached = newton(to_poses(task, p[rest], R[rest]), nearest, steps=6, exact=EXACT)
+        reached &= _excess(task.robot, nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
+        q[rest[reached]], rest = nearest[reached], rest[~reached]
+    for first in range(0, len(rest), TOGETHER):
+        some = rest[first : first + TOGETHER]
+        postures = every_posture(task, p[some], R[some])
+        if postures is not None:
+            q[some] = _best_of(postures, limits)
+    return Reach(task.robot, q, complete=True)
+
+
+def _best_of(postures: SelfMotions, limits: bool) -> Matrix:
+    """The best posture (S, n) at each pose, NaN where there is none; with limits also between those given."""
+    robot, q = postures.task.robot, np.full((len(postures.p), postures.task.n), np.nan)
+    excess = _excess(robot, at_best_turns(robot, postures.q)).max(axis=1)
+    order = np.lexsort((excess, postures.pose))
+    pose, first = np.unique(postures.pose[order], return_index=True)
+    q[pose] = at_best_turns(robot, postures.q[order[first]])
+    if limits:
+        _refine(postures, excess, q)
+    return q
+
+
+def all_known(task: Task) -> bool:
+    """Whether the inverse of six hinges gives all postures of a task's poses: else they are searched for."""
+    return bool(cuts_of(task)) if task.n - task.m == 1 else _inverse(task) is not None
+
+
+def every_posture(task: Task, p: Matrix, R: Array) -> SelfMotions | None:
+    """All postures at poses, where `all_known`; those of an arm without a redundant joint one by one."""
+    if task.n > task.m:
+        return self_motions_at(task, p, R) if all_known(task) else None
+    inverse = _inverse(task)
+    if inverse is None:
+        return None
+    if isinstance(inverse, GeneralInverse):
+        postures = inverse.postures(pose_from(p, R), np.zeros(0))
+        q, pose = postures.q, postures.row
+    else:
+        answers = inverse.answers(pose_from(p, R), np.zeros((1, 0)))
+        pose, sign = np.nonzero(answers[:, :, 9] > -DOUBT)
+        q = np.zeros((len(pose), task.n))
+        q[:, inverse.others] = answers[pose, sign, :6]
+    return SelfMotions(task, p, R, q, pose, np.arange(len(q)), np.zeros(len(q), dtype=bool))
+
+
+@kept
+def _inverse(task: Task) -> ClosedInverse | GeneralInverse | None:
+    """The inverse of a task that leaves no joint free; None where there is none."""
+    whole_pose = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))
+    if not whole_pose or task.n != 6:
+        return None
+    arm = arm_class(task.robot, (), task.tip)
+    if isinstance(arm, ArmClass):
+        return ClosedInverse(arm, limits=False)
+    inverse = general_inverse(task.robot, (), task.tip)
+    return inverse if isinstance(inverse, GeneralInverse) else None
+
+
+def _found(task: Task, p: Matrix, R: Array, near: Matrix, limits: bool) -> Matrix:
+    """Postures (k, n) that a search finds, within the limits if there are such, NaN where there are none."""
+    q = np.full((len(p), task.n), np.nan)
+    rows = np.flatnonzero(~surely_beyond(task, p, R))
+    for within in (False, True)[: 1 + limits]:
+        if not len(rows):
+            break
+        nearest = nearest_postures(task, p[rows], R[rows], near[rows], limits=within)
+        rows = rows[nearest.reached]
+        q[rows] = nearest.q[nearest.reached] if within else at_best_turns(task.robot, nearest.q[nearest.reached])
+        rows = rows[_excess(task.robot, q[rows]).max(axis=1, initial=-np.inf) > 0]
+    return q
+
+
+def obstacle_at(task: Task, p: Vector, R: Matrix, near: Vector, limits: bool) -> tuple[str | None, Vector]:
+    """(what is in the way of a pose p (3F,), R (3F, 3), in words; the posture nearest to it that a search met).
+
+    None where a posture has the pose, and where a search did not come to an end, since nothing is known then.
+    """
+    if all_known(task):
+        reach = reach_of(task, p[None], R[None], near[None], limits=limits)
+        return (None if not limits and reach.anyhow[0] else reach.obstacle(0)), near
+    nearest = nearest_postures(task, p[None], R[None], near[None], limits=limits)
+    if nearest.reached[0] or not nearest.ended[0]:
+        return None, nearest.q[0]
+    reach = reach_of(task, p[None], R[None], near[None], limits=False)
+    if reach.within[0] and limits:
+        return None, reach.q[0]
+    off = f"no search came closer to it than {nearest.missing[0]:.3g} (m or rad)"
+    if not limits or not reach.anyhow[0]:
+        return f"{off}, even without joint limits", nearest.q[0]
+    return f"{off} within the joint limits; {reach.obstacle(0)}", nearest.q[0]
+
+
+# --- The best posture, between two postures of a curve.
+
+
+def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
+    """The best postures (S, n) at poses, the best of the given ones before, improved in place."""
+    task, robot = postures.task, postures.task.robot
+    # Pairs of neighbours between which a better posture may lie: no joint's excess falls faster than the joint moves.
+    known = np.full(len(q), np.inf)
+    np.minimum.at(known, postures.pose, excess)
+    least = known[postures.pose] - SMALL
+    distance = np.linalg.norm(np.diff(postures.q, axis=0), axis=1)
+    near = 0.5 * (excess[:-1] + excess[1:]) - 1.5 * distance < least[:-1]
+    first = np.flatnonzero(near & (distance > 0) & (np.diff(postures.curve) == 0))
+    move = postures.q[first + 1] - postures.q[first]
+    ends = [_excess(robot, at_best_turns(robot, postures.q[i])) for i in (first, first + 1)]
+    bound = (0.5 * (ends[0] + ends[1] - np.abs(move)) - _bends(postures, first)).max(axis=1, initial=-np.inf)
+    first, move = first[bound < least[first]], move[bound < least[first]]
+    if not len(first):
+        return
+    # The least excess on the cubic through both with the curve's directions, and the best one of each pose.
+    pose, cubics = postures.pose[first], _Cubics.between(task, postures.q[first], move)
+    u, value = cubics.least(robot)
+    order = np.lexsort((value, pose))
+    which, index = np.unique(pose[order], return_index=True)
+    chosen, (p, R) = order[index], (postures.p[which], postures.R[which])
+    # Twice more on cubics through two near it, which are nearer to the curve; then on the curve.
+    cubics, u, correct = cubics.some(chosen), u[chosen], to_poses(task, p, R)
+    for _ in range(2):
+        ends = cubics.at(u[:, None] + [-CLOSER, CLOSER])
+        begin, end = (newton(correct, ends[:, k], steps=6, exact=EXACT)[0] for k in (0, 1))
+        cubics = _Cubics.between(task, begin, end - begin)
+        u, _ = cubics.least(robot)
+    refined = cubics.at(u[:, None])[:, 0]
+    q[which] = _polished(task, p, R, refined, q[which], move[chosen])
+
+
+class _Cubics(NamedTuple):
+    """Cubics from postures begin (k, n) to begin + move, with their slopes (k, n) at both."""
+
+    begin: Matrix
+    move: Matrix
+    first: Matrix
+    last: Matrix
+
+    @staticmethod
+    def between(task: Task, begin: Matrix, move: Matrix) -> _Cubics:
+        """Those with the directions of self-motions."""
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        return _Cubics(begin, move, *(length * _direction(task, q, move) for q in (begin, begin + move)))
+
+    def some(self, rows: Indices) -> _Cubics:
+        """Some of them."""
+        return _Cubics(*(part[rows] for part in self))
+
+    def at(self, u: Matrix) -> Array:
+        """Postures (k, j, n) at shares (k, j) of their ways."""
+        u = u[:, :, None]
+        bend = self.first[:, None] * (1 - u) - self.last[:, None] * u + self.move[:, None] * (2 * u - 1)
+        return self.begin[:, None] + u * (self.move[:, None] + (1 - u) * bend)
+
+    def least(self, robot: Robot) -> tuple[Vector, Vector]:
+        """(shares (k,) at which they are least beyond the limits, how far there), looked at closer and closer."""
+        rows, width = np.arange(len(self.begin)), 0.5
+        best, value = np.full(len(rows), 0.5), np.full(len(rows), np.inf)
+        for _ in range(ROUNDS):
+            u = np.clip(best[:, None] + width * np.linspace(-1.0, 1.0, LOOKS), 0.0, 1.0)
+            values = _excess(robot, at_best_turns(robot, self.at(u))).max(axis=2)
+            i = np.argmin(values, axis=1)
+            best, value, width = u[rows, i], values[rows, i], 2 * width / (LOOKS - 1)
+        return best, value
+
+
+def _bends(postures: SelfMotions, first: Indices) -> Matrix:
+    """How far joints may be (k, n) from the straight lines from some postures to the next, by the bends at both."""
+    last, bends = len(postures.q) - 1, np.zeros((len(first), postures.task.n))
+    for i in (first, first + 1):
+        before, after = np.maximum(i - 1, 0), np.minimum(i + 1, last)
+        inner = (postures.curve[before] == postures.curve[i]) & (postures.curve[after] == postures.curve[i])
+        moves = [postures.q[i] - postures.q[before], postures.q[after] - postures.q[i]]
+        lengths = [np.maximum(np.linalg.norm(move, axis=1), 1e-12)[:, None] for move in moves]
+        turn = np.abs(moves[1] / lengths[1] - moves[0] / lengths[0]) / (lengths[0] + lengths[1])
+        bends = np.maximum(bends, np.where(inner[:, None], turn, 0.0))
+    return BENDS * bends * np.sum((postures.q[first + 1] - postures.q[first]) ** 2, axis=1)[:, None]
+
+
+def _direction(task: Task, q: Matrix, along: Matrix) -> Matrix:
+    """The unit directions (k, n) of the self-motions at postures (k, n), nearest to others."""
+    J = task.jacobian_batch(q)[0]
+    v = along - least_motion(J, J @ along[:, :, None])[:, :, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        v = v / np.linalg.norm(v, axis=1, keepdims=True)
+    return np.where(np.isfinite(v).all(axis=1, keepdims=True), v, along)
+
+
+def _polished(task: Task, p: Matrix, R: Array, q: Matrix, given: Matrix, along: Matrix) -> Matrix:
+    """Postures (k, n) at poses, with the least excess, from others nearby; the given ones (k, n) where they are better.
+
+    Where two joints are equally far beyond their limits, the place is found by their slopes, as by Newton's method.
+    """
+    robot, every = task.robot, np.arange(len(q))
+    best, least = given.copy(), _excess(robot, given).max(axis=1)
+    correct, (i, j) = to_poses(task, p, R), np.triu_indices(2 * task.n, 1)
+    for _ in range(4):
+        q, sound = newton(correct, q, steps=6, exact=EXACT)
+        q = at_best_turns(robot, q)
+        excess = np.where(sound, _excess(robot, q).max(axis=1), np.inf)
+        better = excess < least
+        if not better.any():
+            break
+        best[better], least[better] = q[better], excess[better]
+        # Both limits of each joint as lines over the way along the curve: where the highest of them is lowest.
+        v = _direction(task, best, along)
+        values, slopes = np.hstack([robot.lower - best, best - robot.upper]), np.hstack([-v, v])
+        with np.errstate(all="ignore"):
+            crossings = (values[:, i] - values[:, j]) / (slopes[:, j] - slopes[:, i])
+        ways = np.clip(np.where(np.isfinite(crossings), crossings, 0.0), -SHORT, SHORT)
+        highest = (values[:, None] + slopes[:, None] * ways[:, :, None]).max(axis=2)
+        q = best + ways[every, np.argmin(highest, axis=1)][:, None] * v
+    return best
