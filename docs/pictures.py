@@ -64,7 +64,7 @@ def self_motion() -> None:
     """One tool position, many postures."""
     robot = hk.load("planar-3r")
     q0 = np.array([0.9, -0.9, -0.7])
-    postures = hk.strategies.self_motion(hk.position(robot, rows=[0, 1]), q0, limits=False).q
+    postures = hk.strategies.self_motion_curve(hk.position(robot, rows=[0, 1]), q0, limits=False).q
     figure, axes = plt.subplots(figsize=(4.6, 4.0))
     colours = plt.get_cmap("viridis")(np.linspace(0, 0.95, 9))
     for q, colour in zip(postures[:: len(postures) // 9], colours, strict=False):

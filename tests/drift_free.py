@@ -12,7 +12,7 @@ from holokin.strategies import unit_null
 def drift_free(strategy: hk.Strategy, q0: np.ndarray) -> list[tuple[np.ndarray, float]]:
     """(posture, slope of kappa along the self-motion): zeros of kappa = n . F_01, where a counter-clockwise loop drifts
     towards those at which kappa falls (theory 2a)."""
-    curve = hk.strategies.self_motion(strategy.task, q0)
+    curve = hk.strategies.self_motion_curve(strategy.task, q0)
     normals = [unit_null(strategy.task, curve.q[0], None)]
     for q in curve.q[1:]:
         normals.append(unit_null(strategy.task, q, normals[-1]))

@@ -140,7 +140,7 @@ def things() -> dict[str, Any]:
         "certificate": lambda: hk.certify(held, loop, q, budget=60), "nearest pose": lambda: k["ik"].nearest(k["pose"]),
         "obstruction": lambda: curvature.obstruction(held, loop, q, samples=8),
         "program": lambda: hk.export.to_rapid(k["timed"], wiring=wiring), "excess": lambda: k["timed"].limits,
-        "self-motion": lambda: strategies.self_motion(task, q, step=0.2, length=1.0),
+        "self-motion": lambda: strategies.self_motion_curve(task, q, step=0.2, length=1.0),
         "filtration": lambda: curvature.filtration(held, q),
         "deviation": lambda: curvature.deviation(law, held, k["Q"]),
         "predicted": lambda: curvature.predicted_drift(law, loop, q),

@@ -166,7 +166,7 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         "robot": robot, "task": task, "pseudo-inverse": law, "held": held, "circle": loop,
         "polyline": hk.polyline([[0, 0], [1, 0], [1, 1]], turns=[[0, 0, 0.1]] * 2), "region": hk.around(Q, 0.1),
         "ball": curvature.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
-        "self-motion": hk.strategies.self_motion(task, Q, length=0.2), "verdict": hk.involutivity(law,
+        "self-motion": hk.strategies.self_motion_curve(task, Q, length=0.2), "verdict": hk.involutivity(law,
         hk.around(Q, 0.1)),
         "inverse": ik, "leaf function": leaf, "servo": hk.controller(held, dt=0.01, q0=Q),
         "walk": hk.follow(law, loop, Q, samples=8), "drift": hk.drift(held, loop, Q, samples=8),

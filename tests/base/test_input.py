@@ -547,7 +547,7 @@ def test_a_number_that_is_none_is_refused_where_a_method_takes_one() -> None:
     task, q = hk.position(robot), np.array([0.3, 0.7, -0.5])
     with pytest.raises(ShapeError):
         robot.ranges(np.zeros(2))
-    curve = hk.strategies.self_motion(task, q, step=0.2, length=1.0)
+    curve = hk.strategies.self_motion_curve(task, q, step=0.2, length=1.0)
     for bad in ("x", {"a": 1}, [0.0, 1.0]):
         with pytest.raises((ArgumentError, ShapeError)):
             curve.at(bad)  # type: ignore[arg-type]

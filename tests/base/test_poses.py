@@ -504,7 +504,7 @@ DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
     "unique_region": lambda law, q: hk.unique_region(law, q, SPACE),
     "cusps": hk.cusps,
     "serving_levels": lambda law, q: hk.analysis.design.level_range(law, SPACE, q),
-    "self_motion": lambda law, q: hk.strategies.self_motion(law.task, q),
+    "self_motion": lambda law, q: hk.strategies.self_motion_curve(law.task, q),
     "witness_between": lambda law, q: hk.analysis.curvature.witness_between(law, q, q),
     "nearest": lambda law, q: hk.ik(law, q, limits=False).nearest([1.0, 1.0], limits=True),
 }

@@ -89,7 +89,7 @@ RESULTS: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: all_postures(ARM, ARM.task.robot.pose(START), ARM.g(START)),
         r"\d postures? at this tool pose on this leaf",
     ),
-    "a self-motion": (lambda: hk.strategies.self_motion(ARM.task, START, limits=False), r"closed: \d"),
+    "a self-motion": (lambda: hk.strategies.self_motion_curve(ARM.task, START, limits=False), r"closed: \d"),
     "a jump": (jump, r"g jumps by 1 \(if_else\) at q = "),
     "a control step": (controller, "the last step: ok, at 100% of the wanted speed"),
     "a loop": (watch, "the joints make 0% of the motion"),

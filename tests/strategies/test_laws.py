@@ -588,7 +588,7 @@ def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> 
 
 
 def test_between_two_postures_of_a_self_motion_the_tool_is_still(panda: hk.Robot) -> None:
-    curve = hk.strategies.self_motion(hk.pose(panda), PANDA_START, step=0.05)
+    curve = hk.strategies.self_motion_curve(hk.pose(panda), PANDA_START, step=0.05)
     between = np.array([curve.at(s) for s in (curve.s[1:] + curve.s[:-1]) / 2])
     poses = np.array([panda.pose(q) for q in between])
     assert len(between) > 20 and np.abs(poses - panda.pose(PANDA_START)).max() < 1e-13

@@ -28,7 +28,7 @@ from .right_inverses import (
 )
 from .right_inverses import check_exact as check_exact
 from .self_motion_curves import CurveTracer as CurveTracer
-from .self_motion_curves import SelfMotionCurve, self_motion
+from .self_motion_curves import SelfMotionCurve, self_motion_curve
 from .self_motion_curves import correction as correction
 from .self_motion_curves import unit_null as unit_null
 from .strategy import Brackets as Brackets
@@ -64,6 +64,6 @@ __all__ = [
     "pfaffian",
     "radial",
     "right_inverse",
-    "self_motion",
+    "self_motion_curve",
     "weighted",
 ]

@@ -39,7 +39,7 @@ from ..symbolic import (
 from ..symbolic.linear import null_space, null_space_expression
 from .constraints import Constraint
 from .right_inverses import holonomic
-from .self_motion_curves import self_motion
+from .self_motion_curves import self_motion_curve
 from .strategy import HolonomicStrategy, Strategy
 from .tasks.task import Task
 
@@ -90,7 +90,7 @@ def _arc_length(task: Task, q0: Vector) -> Label | None:
     are fine enough.
     """
     # The curve, hinges on their circles: a Panda's closes after 13 joint units or less, the planar arm's after 24.
-    curve = self_motion(task, q0, step=0.05, length=40.0, limits=False)
+    curve = self_motion_curve(task, q0, step=0.05, length=40.0, limits=False)
     hinges = task.robot.hinges
     E = np.hstack([curve.q[:, ~hinges], np.cos(curve.q[:, hinges]), np.sin(curve.q[:, hinges])])
     turn, length = 2 * np.pi if curve.closed else np.pi, curve.s[-1] - curve.s[0]

@@ -93,7 +93,7 @@ class SelfMotionCurve(Result, Value):
 
 
 @typed
-def self_motion(
+def self_motion_curve(
     task: Task, q0: ArrayLike, *, step: float = 0.02, length: float = 4 * np.pi, limits: bool = True
 ) -> SelfMotionCurve:
     """Trace the postures that hold the tool where it is at q0, both ways: dq/ds = n(q), corrected to f(q) = f(q0).
@@ -136,7 +136,7 @@ class CurveTracer(Value):
         """The curves through postures (S, n), both ways, each round once.
 
         Args:
-            step, length: as of `self_motion`. limits: whether joint limits count, or those of which joints (n,).
+            step, length: as of `self_motion_curve`. limits: whether joint limits count, or those of which joints (n,).
             directions: in which they begin (S, n), where several joints are redundant.
         """
         v = null_vectors(self.task, Q) if directions is None else directions

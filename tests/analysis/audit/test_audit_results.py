@@ -88,7 +88,7 @@ RESULTS: dict[str, tuple[type, Callable[[Path], Any], str]] = {
 
 def still(redundant: bool) -> sheets.StillMotion:
     task = TASK if redundant else hk.pose(hk.with_limits(ARM, lower=-9.0, upper=9.0))
-    q = hk.strategies.self_motion(task, Q0, length=0.3).q[-1] if redundant else Q0 + [2 * np.pi, 0, 0]
+    q = hk.strategies.self_motion_curve(task, Q0, length=0.3).q[-1] if redundant else Q0 + [2 * np.pi, 0, 0]
     return sheets.self_motion_between(task, Q0, q)
 
 

@@ -433,7 +433,7 @@ def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.St
         assert np.abs(planar_3r.pose(q)[:3, 3] - center).max() < 1e-12
         assert np.abs(hk.curvature(r3, q)).max() < 1e-10
         v = np.array([0.25, 0.0])
-        curve = hk.strategies.self_motion(r3.task, q, step=0.05, length=0.2)
+        curve = hk.strategies.self_motion_curve(r3.task, q, step=0.05, length=0.2)
         for beside in (curve.q[0], curve.q[-1]):
             rim = transport(r3, beside, v)
             loop = hk.circle(planar_3r.pose(rim)[:3, 3], center, clockwise=slope > 0)
@@ -444,15 +444,15 @@ def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.St
 
 
 def test_a_self_motion_holds_the_tool_and_is_closed_or_says_why_not(r3: hk.Strategy, panda: hk.Robot) -> None:
-    curve = hk.strategies.self_motion(r3.task, R3_START)
+    curve = hk.strategies.self_motion_curve(r3.task, R3_START)
     assert curve.closed
     assert max(np.abs(r3.task(q) - r3.task(R3_START)).max() for q in curve.q) < 1e-12
     assert np.diff(curve.s) == pytest.approx(0.02, rel=0.1)
-    arm = hk.strategies.self_motion(hk.pose(panda), PANDA_START)
+    arm = hk.strategies.self_motion_curve(hk.pose(panda), PANDA_START)
     assert arm.endings == ("limit", "limit")
     assert max(np.abs(panda.pose(q) - panda.pose(PANDA_START)).max() for q in arm.q) < 1e-12
-    assert hk.strategies.self_motion(hk.pose(panda), PANDA_START, length=0.3).endings == ("length", "length")
-    fails(ArgumentError, "redundant", lambda: hk.strategies.self_motion(hk.position(panda), PANDA_START))
+    assert hk.strategies.self_motion_curve(hk.pose(panda), PANDA_START, length=0.3).endings == ("length", "length")
+    fails(ArgumentError, "redundant", lambda: hk.strategies.self_motion_curve(hk.position(panda), PANDA_START))
 
 
 def test_the_filtration_tells_holonomic_partly_and_completely_nonholonomic(

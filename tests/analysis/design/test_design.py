@@ -83,7 +83,7 @@ def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
     few = PoseCloud(oracle.given[:4])
     least = []
     for q in hk.ik(found.strategy, found.q0).batch(few.given).q:
-        postures = hk.strategies.self_motion(task, q, limits=False).q
+        postures = hk.strategies.self_motion_curve(task, q, limits=False).q
         inside = ((postures >= task.robot.lower) & (postures <= task.robot.upper)).all(axis=1)
         pseudo = np.linalg.pinv(task.jacobian_batch(postures[inside])[0])[:, :, :3]
         least.append(np.sum(pseudo**2, axis=(1, 2)).min())

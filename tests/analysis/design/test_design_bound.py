@@ -92,7 +92,7 @@ def test_limits_cut_the_least_off_where_a_dense_walk_does(
     """Own self-motions, round which joints turn fully, in steps of 0.01: within these limits and within wider ones."""
     Q, p, R = spread_out
     cut, step = 0, 0.01
-    lines = [hk.strategies.self_motion(task, q, step=step, length=20.0, limits=False).q for q in Q]
+    lines = [hk.strategies.self_motion_curve(task, q, step=step, length=20.0, limits=False).q for q in Q]
     energies = [squared_speed(task, R, line) for line in lines]
     for allowed in (1.0, 0.6):
         here = floor_of(task, Q, p, R, allowed).here

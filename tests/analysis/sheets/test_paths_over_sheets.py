@@ -178,7 +178,7 @@ def test_the_sheet_of_the_start_posture_is_kept_or_left_at_once(planar: Sheets) 
 
 def _off_sheets(s: Sheets, pose: np.ndarray) -> np.ndarray:
     """A posture of the pose on no sheet."""
-    curve = hk.strategies.self_motion(s.task, s.sheets[0].posture(pose))
+    curve = hk.strategies.self_motion_curve(s.task, s.sheets[0].posture(pose))
     return curve.at(curve.s[0] / 2)
 
 

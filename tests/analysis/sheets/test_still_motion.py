@@ -52,7 +52,7 @@ def test_the_tool_of_a_panda_is_still_at_each_millisecond_and_the_joints_keep_th
     model = pin.buildModelFromXML(hk.robot.to_urdf(task.robot))
     data, rng = model.createData(), np.random.default_rng(seed)
     q0 = PANDA_START + 0.2 * rng.standard_normal(7)
-    curve = hk.strategies.self_motion(task, q0)
+    curve = hk.strategies.self_motion_curve(task, q0)
     one, other = (curve.at(s) for s in rng.uniform(curve.s[0], curve.s[-1], 2))
     motion = self_motion_between(task, one, other)
     assert motion.hindrance is None

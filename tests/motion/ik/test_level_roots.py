@@ -74,7 +74,7 @@ def test_each_posture_of_random_starts_is_a_root_along_a_self_motion(arm: str, n
 
 def test_two_roots_beside_an_extremum_of_g_are_two_and_where_they_meet_they_are_told() -> None:
     strategy = made("formula", "panda")
-    curve = hk.strategies.self_motion(strategy.task, PANDA, step=0.05, limits=False)
+    curve = hk.strategies.self_motion_curve(strategy.task, PANDA, step=0.05, limits=False)
     pose, g = strategy.task.robot.pose(PANDA), strategy.constraint_value.batch(curve.q)
     k = 1 + int(np.argmax(g[1:-1]))
     best: Any = minimize_scalar(

@@ -17,7 +17,7 @@ from holokin.motion.ik.pose_reach import Reach, all_known, at_best_turns, reach_
 from holokin.motion.ik.posture_search import postures_from, spread
 from holokin.motion.ik.self_motions import cut_class
 from holokin.robot import Robot
-from holokin.strategies import self_motion
+from holokin.strategies import self_motion_curve
 
 SEVEN = ["panda", "iiwa14", "xarm7", "openarm-left", "gen3", "sawyer"]
 
@@ -72,8 +72,8 @@ def test_no_posture_that_newtons_method_finds_or_a_walk_along_a_self_motion_meet
         assert arrived.sum() > 10
         assert beyond(robot, every[arrived]).min() > found.beyond[i] - 1e-9
         # Along the curve of one of them, whole, and finely at the best posture.
-        walk = self_motion(task, every[arrived][0], step=0.2, length=20.0, limits=False).q
-        near = self_motion(task, found.q[i], step=5e-4, length=5e-3, limits=False).q
+        walk = self_motion_curve(task, every[arrived][0], step=0.2, length=20.0, limits=False).q
+        near = self_motion_curve(task, found.q[i], step=5e-4, length=5e-3, limits=False).q
         assert min(beyond(robot, walk).min(), beyond(robot, near).min()) > found.beyond[i] - 1e-9
 
 

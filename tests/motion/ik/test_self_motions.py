@@ -117,7 +117,7 @@ def test_the_tracer_goes_round_the_same_curves(name: str) -> None:
     motion = random_motion(name, 4)
     task, pose = motion.task, motion.pose
     for curve in motion.curves[::3]:
-        traced = hk.strategies.self_motion(task, curve.q[len(curve.q) // 3], step=0.1, length=40.0, limits=False)
+        traced = hk.strategies.self_motion_curve(task, curve.q[len(curve.q) // 3], step=0.1, length=40.0, limits=False)
         assert traced.closed
         assert abs((traced.s[-1] - traced.s[0]) - curve.length) < 0.02 * curve.length
         whole = np.vstack([traced.q, traced.q[:1]])

@@ -257,7 +257,7 @@ def test_on_an_arm_whose_wrist_is_not_fixed_to_the_tool_the_angle_may_turn_back(
 def angles_round(robot: hk.Robot, q0: np.ndarray, kind: str, **named: object) -> np.ndarray:
     """The angle round a closed self-motion, counted on."""
     strategy = hk.holonomic(hk.pose(robot), hk.arm_angle(definition=kind, **named))  # type: ignore[arg-type]
-    motion = hk.strategies.self_motion(strategy.task, q0, step=0.04, length=20.0, limits=False)
+    motion = hk.strategies.self_motion_curve(strategy.task, q0, step=0.04, length=20.0, limits=False)
     assert motion.closed
     return np.unwrap([strategy.g(q)[0] for q in motion.q])
 

@@ -19,7 +19,7 @@ from ...motion.control import ControlLaw
 from ...motion.trajectory import Trajectory, whole_turns
 from ...path import Path, polyline
 from ...path.path import rotation_vector
-from ...strategies import self_motion
+from ...strategies import self_motion_curve
 from ...strategies.tasks.task import Task, check_representation
 from ..curvature.curvature_of_planes import pairs
 
@@ -440,7 +440,9 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
     Raises: ControllerError."""
     if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
-    curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1, limits=bool(setup.task.robot.within(setup.q0)))
+    curve = self_motion_curve(
+        setup.task, setup.q0, step=0.02, length=0.1, limits=bool(setup.task.robot.within(setup.q0))
+    )
     other = curve.q[int(np.argmax(np.abs(curve.s)))]
     before = largest(other - setup.q0)
     ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.q0, other)]

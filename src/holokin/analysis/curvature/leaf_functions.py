@@ -15,7 +15,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, NotHolonomicError
 from ...base.types import Array, ArrayLike, Matrix, Result, Value, Vector, frozen, positive, whole
 from ...robot import Robot
-from ...strategies import HolonomicStrategy, Strategy, check_solved, radial, self_motion
+from ...strategies import HolonomicStrategy, Strategy, check_solved, radial, self_motion_curve
 from ...symbolic import Function, jacobian, runge_kutta, symbol
 from ...symbolic.linear import null_space
 from .curvature_of_planes import TRANSPORT_STEPS, curvature, curvature_function, pairs, straight_postures, transport
@@ -387,7 +387,7 @@ def _starts(strategy: Strategy, region: Ball) -> Matrix:
     if not region.along > 0:
         return np.array([region.start])
     step = min(0.02, region.along / 2)
-    return self_motion(strategy.task, region.start, length=region.along, step=step, limits=False).q
+    return self_motion_curve(strategy.task, region.start, length=region.along, step=step, limits=False).q
 
 
 def _circle(strategy: Strategy, start: Vector, radius: float, d: int, points: int) -> tuple[Matrix, Matrix]:

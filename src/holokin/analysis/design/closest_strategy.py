@@ -30,7 +30,7 @@ from ...base.types import Array, Matrix, Result, Value, Vector, frozen, whole
 from ...motion.ik import ik
 from ...path.workspaces import Cylinder, Sphere, sobol
 from ...robot import Kinematics
-from ...strategies import CurveTracer, HolonomicStrategy, Strategy, holonomic, radial, self_motion
+from ...strategies import CurveTracer, HolonomicStrategy, Strategy, holonomic, radial, self_motion_curve
 from ...strategies.constraints import Constraint, formulas_of, linear, lock
 from ...strategies.right_inverses import monomials, monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
@@ -339,7 +339,7 @@ def _base(
     """(base constraint, period), with one redundant joint: a period where the region holds closed self-motions that phi
     grows round.
     """
-    circuit = self_motion(task, q0, step=0.05, limits=False)
+    circuit = self_motion_curve(task, q0, step=0.05, limits=False)
     if not circuit.closed:
         return base, None
     turned = circuit.q[-1] - circuit.q[0]
@@ -374,7 +374,7 @@ def _postures(base: HolonomicStrategy, region: Region | Ball, q0: Vector, count:
     Q, p, R = solutions.q[arrived], poses[arrived, :3, 3], poses[arrived, :3, :3]
     # Each moved along its self-motion, once round it at most; two Newton corrections bring a step of 0.2 to round-off
     if task.n - task.m == 1:
-        circuit = self_motion(task, q0, step=0.05, limits=False)
+        circuit = self_motion_curve(task, q0, step=0.05, limits=False)
         along = min(along, (circuit.s[-1] - circuit.s[0]) / 2) if circuit.closed else along
     v = np.random.default_rng(seed).normal(size=Q.shape)
     Q, sound = CurveTracer(task, p, R).walked(Q, v, (2 * u[arrived, 3] - 1) * along, 0.2)

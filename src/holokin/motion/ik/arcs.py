@@ -187,6 +187,7 @@ def _sampled(cut: Cut, poses: Array) -> _Points:
     # Closer and closer: the lowest points of parabolas through three sizes.
     step = values[1] - values[0]
     c, sign = values[0] + step * place, np.where(below, -1.0, 1.0)
+    last, middle = c, rows[:0]
     for _ in range(5):
         step = step / 8
         around = (c[:, None] + step * np.array([-1, 0, 1])).ravel()
@@ -196,7 +197,8 @@ def _sampled(cut: Cut, poses: Array) -> _Points:
         near = np.flatnonzero(three[:, 1] < 0.5 * bend)
         if not len(near):
             return points
-        which, line, c, sign, answers, three, bend = (x[near] for x in (which, line, c, sign, answers, three, bend))
+        chosen: list[Any] = [x[near] for x in (which, line, c, sign, answers, three, bend)]
+        which, line, c, sign, answers, three, bend = chosen
         last, middle = c, answers[:, 1]
         with np.errstate(all="ignore"):
             c = c + step * np.clip(np.nan_to_num(0.5 * (three[:, 0] - three[:, 2]) / bend), -1, 1)

@@ -104,6 +104,12 @@ Solve = Callable[[Vector, float], Vector | None]
 """(where to begin, share of the path) -> the posture there, None where Newton's method does not contract."""
 
 
+def _slack(rate: Vector) -> float:
+    """1 / |q'|^2, which falls evenly to 0 ahead of a fold; infinite where the joints stand still."""
+    square = float(rate @ rate)
+    return 1.0 / square if square > 0.0 else float("inf")
+
+
 class Fold:
     """The place of a fold ahead on a path, as far as the joints' rates tell it."""
 
@@ -113,8 +119,7 @@ class Fold:
     def agrees(self, share: float, rate: Vector, most: float) -> bool:
         """Take in the joints' rate at a share: whether the fold that it shows has moved by at most so much of what was
         gone."""
-        square = float(rate @ rate)
-        slack = 1.0 / square if square > 0.0 else float("inf")
+        slack = _slack(rate)
         gone, fall = share - self.share, self.slack - slack
         place = share + gone * (slack / fall) if fall != 0.0 else float("inf")
         agrees = fall > 0.0 and place > share and abs(place - self.at) <= most * gone
@@ -150,7 +155,7 @@ class Fold:
             rate = rate_at(q, share + ahead) / ahead
             if k and not near.agrees(share, rate, 0.1 if k > 1 else STANDS):
                 return None
-            near.share, near.slack = share, 1.0 / float(rate @ rate)
+            near.share, near.slack = share, _slack(rate)
         return q
 
 
