@@ -284,7 +284,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         """Those of the cells."""
         return self.proven.boxes
 
-    def near(self, cell: Indices, u: Matrix) -> tuple[Matrix, Vector]:
+    def _near(self, cell: Indices, u: Matrix) -> tuple[Matrix, Vector]:
         """(postures (k, n) near those at parameters u (k, d) in some cells (k,), how far about them there are none but
         these)."""
         q = some(self.boxes, cell).predicted(some(self.cells, cell), u)

@@ -353,7 +353,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         n, inside = self.strategy.task.n, cell >= 0
         q, alone = np.full((len(p), n), np.nan), np.zeros(len(p))
         if inside.any():
-            q[inside], alone[inside] = self.certificate.near(cell[inside], u[inside])
+            q[inside], alone[inside] = self.certificate._near(cell[inside], u[inside])
         return q, alone
 
     @cached_property
@@ -402,7 +402,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         if not (len(self.certificate) and np.isfinite(u).all()):
             return False
         cell = np.array([self._middles.query(u)[1]])
-        begin = self.certificate.near(cell, self._middles.data[cell])[0][0]
+        begin = self.certificate._near(cell, self._middles.data[cell])[0][0]
         return not leads_to(ik(self.strategy, self.q0, limits=False), pose, begin, q)
 
     @property

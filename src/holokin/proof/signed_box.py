@@ -520,7 +520,7 @@ class SignedBox(NoTruthValue, Value, ask="`.whole`"):
         unknown = np.full((k, self.strategy.task.n), np.nan)
         return Boxes(none.astype(int), self.low, self.high, none, none.astype(bool), unknown)
 
-    def near(self, cell: Indices, u: Matrix) -> tuple[Matrix, Vector]:
+    def _near(self, cell: Indices, u: Matrix) -> tuple[Matrix, Vector]:
         """(postures (k, n) at parameters u (k, d) in some cells (k,), how far about them there are none but these)."""
         q, turn = self._at(u), 2 * np.pi * self.strategy.task.robot.hinges
         if not (self.limits is not None and self.branch.single):  # else the limits tell the turns
