@@ -443,6 +443,12 @@ class Robot(ByValue):
         upper = np.where(np.isfinite(self.upper), self.upper, np.maximum(free, self.lower + 2 * free))
         return lower, upper
 
+    @cached_property
+    def middle(self) -> Vector:
+        """The middle of each joint's range (n,) [joint units]; 0 of a joint without both limits."""
+        with np.errstate(invalid="ignore"):
+            return frozen(np.where(np.isfinite(self.lower + self.upper), 0.5 * (self.lower + self.upper), 0.0))
+
     def within(self, q: ArrayLike) -> Flags:
         """Whether postures (..., n) have every joint within its limits (...,). Raises: ShapeError."""
         return np.asarray((self.beyond(q) <= 0).all(axis=-1))

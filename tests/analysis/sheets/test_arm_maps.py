@@ -4,6 +4,7 @@ import json
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -208,6 +209,18 @@ def test_without_a_compiler_the_answers_are_the_same(monkeypatch):
     assert np.abs(slow.q - native.q)[on].max() < 1e-12
     assert np.abs(other(poses[0]) - native.q[0]).max() < 1e-12
     assert other.near(poses[0], native.q[0]).sheet == native.sheet[0]
+    assert other.map.kernel(True) is None
+    monkeypatch.undo()
+    assert np.array_equal(hk.ik(robot).batch(poses).q, native.q)  # to the last bit, whatever was asked without it
+
+
+def test_what_was_first_asked_without_native_code_answers_by_it_later(monkeypatch):
+    robot = replace(hk.load("iiwa14"))
+    poses = poses_within(robot, 10, seed=6)
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    hk.ik(robot).batch(poses)
+    monkeypatch.undo()
+    assert hk.ik(robot).map.kernel(True) is not None
 
 
 # --- What has no answer, and why.

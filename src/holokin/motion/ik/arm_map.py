@@ -26,10 +26,10 @@ from ...robot.closed_form import ArmClass, ClosedInverse, NoClass, arm_class
 from ...robot.closed_form.arm_classes import links_of, miss_of_point, screws
 from ...robot.closed_form.six_hinges import answer
 from ...strategies.tasks import pose
-from ...strategies.tasks.frame_task import FrameTask
-from ...strategies.tasks.task import Task, TipFrame, poses_expression
+from ...strategies.tasks.frame_task import asks_whole_pose
+from ...strategies.tasks.task import Task, poses_expression
 from ...symbolic import SX, Function, atan2, densify, dot, floor, fmin, sqrt, symbol, vertcat
-from ...symbolic.native import SheetsKernel, sheets_kernel
+from ...symbolic.native import SheetsKernel, allowed, sheets_kernel
 from .closed_leaf import BOUNDLESS, DOUBT
 
 FORMAT = 1
@@ -121,8 +121,8 @@ class ArmMap(Value):
         return _postures(self, limits)
 
     def kernel(self, limits: bool) -> SheetsKernel | None:
-        """Native code; None where there can be none."""
-        return _kernel(self, limits)
+        """Native code; None where there can be none, and where HOLOKIN_NATIVE is 0 now."""
+        return _kernel(self, limits) if allowed() else None
 
 
 @kept
@@ -222,7 +222,7 @@ def classes(task: Task) -> list[ArmClass]:
     """
     robot = task.robot
     cure = "give a strategy and a start: hk.ik(strategy, q0), or a workspace: hk.sheets(task, workspace)"
-    if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))):
+    if not asks_whole_pose(task):
         raise ArgumentError("the task", task.name, f"a map is of whole poses of one tip, hk.pose(robot); or {cure}")
     if robot.n not in (6, 7):
         raise ArgumentError("the number of joints of a map", robot.n, f"give an arm of six or seven; or {cure}")

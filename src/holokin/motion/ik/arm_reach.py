@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...base.types import kept
 from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
 from ...strategies import HolonomicStrategy
-from ...strategies.tasks.frame_task import FrameTask
-from ...strategies.tasks.task import TipFrame
+from ...strategies.tasks.frame_task import asks_whole_pose
+from .self_motions import cut_class
 
 TURN = np.linspace(-np.pi, np.pi, 32, endpoint=False)[:, None]
 """Values (k, 1) of the held joint at which the first step is looked at."""
@@ -22,24 +21,20 @@ SURELY = 1e-6
 """How far below 0 the root's reality is at least where there is none: the exact model may be 1e-7 off the arm's."""
 
 
-@kept
-def _arm_inverse(strategy: HolonomicStrategy, limits: bool) -> ClosedInverse | None:
-    """The inverse of the arm that one held hinge leaves, the last that does, or none where nothing is redundant; with
-    steps of degree two. None without one, and where the task does not ask for the whole pose of a tip."""
+def _first_step(strategy: HolonomicStrategy) -> ClosedInverse | None:
+    """The closed inverse, with steps of degree two, of the arm that a held hinge leaves, or of six joints as they are;
+    None without one."""
     task = strategy.task
-    if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))):
+    arm = cut_class(task) if task.n == 7 else arm_class(task.robot, (), task.tip) if asks_whole_pose(task) else None
+    if not isinstance(arm, ArmClass) or not arm.proven or not task.robot.hinges[list(arm.held)].all():
         return None
-    robot = task.robot
-    choices = [(k,) for k in reversed(range(task.n)) if robot.hinges[k]] if task.n == 7 else [()] * (task.n == 6)
-    arms = (arm_class(robot, held, task.tip) for held in choices)
-    arm = next((arm for arm in arms if isinstance(arm, ArmClass) and arm.proven), None)
-    multipliers = [link.multiplier for link in arm.links if link.coordinate in arm.held] if arm is not None else []
-    return None if arm is None or any(abs(x) != 1 for x in multipliers) else ClosedInverse(arm, limits)
+    multipliers = [link.multiplier for link in arm.links if link.coordinate in arm.held]
+    return None if any(abs(x) != 1 for x in multipliers) else ClosedInverse(arm, limits=False)
 
 
 def reach_code(strategy: HolonomicStrategy) -> str:
     """C that reach.c needs; empty without a closed inverse."""
-    inverse = _arm_inverse(strategy, False)
+    inverse = _first_step(strategy)
     if inverse is None:
         return ""
     held = inverse.arm.held[0] if inverse.arm.held else -1

@@ -17,8 +17,7 @@ from ...robot.closed_form import ArmClass, ClosedInverse, Held, NoClass, arm_cla
 from ...robot.closed_form.six_hinges import COLUMNS, answer
 from ...strategies import HolonomicStrategy, may_jump
 from ...strategies.constraints.constraint import Tilt
-from ...strategies.tasks.frame_task import FrameTask
-from ...strategies.tasks.task import TipFrame
+from ...strategies.tasks.frame_task import asks_whole_pose
 from ...symbolic import SX, Function, fmin, substitute, symbol
 from .solutions import InverseStatus
 
@@ -52,7 +51,7 @@ def held_joints(strategy: HolonomicStrategy) -> HeldJoints | str:
     The task asks for the whole pose of one tip.
     """
     task, rows, tilt = strategy.task, strategy.constraint.rows, strategy.constraint.tilt
-    if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))):
+    if not asks_whole_pose(task):
         return "the task does not ask for the whole pose of a tip"
     base, q = strategy.constraint if tilt is None else tilt.base, symbol("q", task.n)
     kinematics = task.kinematics(q)

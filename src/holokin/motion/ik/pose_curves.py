@@ -418,9 +418,7 @@ def _longest_from(robot: Robot, q: Matrix, turn: Vector) -> tuple[Vector | None,
     count = int((least <= most).all(axis=1).sum())
     if not count:
         return None, 0
-    with np.errstate(invalid="ignore"):
-        middle = np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), 0.0)
-    return turn * np.clip(np.round((middle - q[0]) / some), least[count - 1], most[count - 1]), count - 1
+    return turn * np.clip(np.round((robot.middle - q[0]) / some), least[count - 1], most[count - 1]), count - 1
 
 
 def _at_limits(

@@ -18,8 +18,8 @@ from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, 
 from ...robot import Robot
 from ...robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
 from ...strategies.self_motion_curves import least_motion
-from ...strategies.tasks.frame_task import FrameTask
-from ...strategies.tasks.task import Task, TipFrame
+from ...strategies.tasks.frame_task import asks_whole_pose
+from ...strategies.tasks.task import Task
 from .closed_leaf import DOUBT
 from .curve_cuts import cuts_of
 from .least_squares import nearest_postures, surely_beyond
@@ -69,7 +69,7 @@ class Reach(Result, Value):
     @cached_property
     def beyond(self) -> Vector:
         """How far the best posture is beyond the joint limits (k,) [joint units], at most 0 within; inf without one."""
-        return frozen(np.where(self.anyhow, _excess(self.robot, self.q).max(axis=1), np.inf))
+        return frozen(np.where(self.anyhow, self.robot.beyond(self.q).max(axis=1), np.inf))
 
     @property
     def within(self) -> Flags:
@@ -79,7 +79,7 @@ class Reach(Result, Value):
     @cached_property
     def joint(self) -> Indices:
         """The joint that is in the way (k,): farthest beyond its limits at the best posture, or nearest to them."""
-        return frozen(np.argmax(np.where(self.anyhow[:, None], _excess(self.robot, self.q), 0.0), axis=1))
+        return frozen(np.argmax(np.where(self.anyhow[:, None], self.robot.beyond(self.q), 0.0), axis=1))
 
     def obstacle(self, i: int) -> str | None:
         """Why no posture within the limits has pose i, in words; None where one has."""
@@ -107,10 +107,6 @@ class Reach(Result, Value):
     def __str__(self) -> str:
         k, within, anyhow = len(self.within), int(self.within.sum()), int(self.anyhow.sum())
         return f"{within} of {k} poses are reached within the joint limits, {anyhow} at all"
-
-
-def _excess(robot: Robot, q: Array) -> Array:
-    return np.maximum(robot.lower - q, q - robot.upper)
 
 
 # --- Turns of hinges.
@@ -165,7 +161,7 @@ def reach_of(
         # Curves without a closed form take longer than to find a posture within the limits, where one is near.
         nearest = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits, restarts=0).q
         nearest, reached = newton(to_poses(task, p[rest], R[rest]), nearest, steps=6, exact=EXACT)
-        reached &= _excess(task.robot, nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
+        reached &= task.robot.beyond(nearest).max(axis=1) <= (TOLERANCES.limit if limits else np.inf)
         q[rest[reached]], rest = nearest[reached], rest[~reached]
     for first in range(0, len(rest), TOGETHER):
         some = rest[first : first + TOGETHER]
@@ -178,7 +174,7 @@ def reach_of(
 def _best_of(postures: SelfMotions, limits: bool) -> Matrix:
     """The best posture (S, n) at each pose, NaN where there is none; with limits also between those given."""
     robot, q = postures.task.robot, np.full((len(postures.p), postures.task.n), np.nan)
-    excess = _excess(robot, at_best_turns(robot, postures.q)).max(axis=1)
+    excess = robot.beyond(at_best_turns(robot, postures.q)).max(axis=1)
     order = np.lexsort((excess, postures.pose))
     pose, first = np.unique(postures.pose[order], return_index=True)
     q[pose] = at_best_turns(robot, postures.q[order[first]])
@@ -213,8 +209,7 @@ def every_posture(task: Task, p: Matrix, R: Array) -> SelfMotions | None:
 @kept
 def _inverse(task: Task) -> ClosedInverse | GeneralInverse | None:
     """The inverse of a task that leaves no joint free; None where there is none."""
-    whole_pose = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))
-    if not whole_pose or task.n != 6:
+    if not asks_whole_pose(task) or task.n != 6:
         return None
     arm = arm_class(task.robot, (), task.tip)
     if isinstance(arm, ArmClass):
@@ -233,7 +228,7 @@ def _found(task: Task, p: Matrix, R: Array, near: Matrix, limits: bool) -> Matri
         nearest = nearest_postures(task, p[rows], R[rows], near[rows], limits=within)
         rows = rows[nearest.reached]
         q[rows] = nearest.q[nearest.reached] if within else at_best_turns(task.robot, nearest.q[nearest.reached])
-        rows = rows[_excess(task.robot, q[rows]).max(axis=1, initial=-np.inf) > 0]
+        rows = rows[task.robot.beyond(q[rows]).max(axis=1, initial=-np.inf) > 0]
     return q
 
 
@@ -271,7 +266,7 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     near = 0.5 * (excess[:-1] + excess[1:]) - 1.5 * distance < least[:-1]
     first = np.flatnonzero(near & (distance > 0) & (np.diff(postures.curve) == 0))
     move = postures.q[first + 1] - postures.q[first]
-    ends = [_excess(robot, at_best_turns(robot, postures.q[i])) for i in (first, first + 1)]
+    ends = [robot.beyond(at_best_turns(robot, postures.q[i])) for i in (first, first + 1)]
     bound = (0.5 * (ends[0] + ends[1] - np.abs(move)) - _bends(postures, first)).max(axis=1, initial=-np.inf)
     first, move = first[bound < least[first]], move[bound < least[first]]
     if not len(first):
@@ -323,7 +318,7 @@ class _Cubics(NamedTuple):
         best, value = np.full(len(rows), 0.5), np.full(len(rows), np.inf)
         for _ in range(ROUNDS):
             u = np.clip(best[:, None] + width * np.linspace(-1.0, 1.0, LOOKS), 0.0, 1.0)
-            values = _excess(robot, at_best_turns(robot, self.at(u))).max(axis=2)
+            values = robot.beyond(at_best_turns(robot, self.at(u))).max(axis=2)
             i = np.argmin(values, axis=1)
             best, value, width = u[rows, i], values[rows, i], 2 * width / (LOOKS - 1)
         return best, value
@@ -357,12 +352,12 @@ def _polished(task: Task, p: Matrix, R: Array, q: Matrix, given: Matrix, along: 
     Where two joints are equally far beyond their limits, the place is found by their slopes, as by Newton's method.
     """
     robot, every = task.robot, np.arange(len(q))
-    best, least = given.copy(), _excess(robot, given).max(axis=1)
+    best, least = given.copy(), robot.beyond(given).max(axis=1)
     correct, (i, j) = to_poses(task, p, R), np.triu_indices(2 * task.n, 1)
     for _ in range(4):
         q, sound = newton(correct, q, steps=6, exact=EXACT)
         q = at_best_turns(robot, q)
-        excess = np.where(sound, _excess(robot, q).max(axis=1), np.inf)
+        excess = np.where(sound, robot.beyond(q).max(axis=1), np.inf)
         better = excess < least
         if not better.any():
             break

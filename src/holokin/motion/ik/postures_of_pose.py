@@ -179,7 +179,7 @@ def all_postures(
         raise ShapeError("the leaf", (r,), given.shape)
     c = np.broadcast_to(given, (r,))
     check_levels(strategy, c)
-    aim = _middle(task.robot, limits) if near is None else task.robot.checked(near, "near")
+    aim = task.robot.checked(near, "near") if near is not None else task.robot.middle * limits
     if (leaf := closed_leaf(strategy, c, limits)) is not None:
         return _of_closed_form(strategy, leaf, wanted, c, aim, limits)
     tool_pose("a tool pose", wanted)
@@ -188,12 +188,6 @@ def all_postures(
     if r == 1:
         return _of_curves(strategy, wanted, c, aim, limits)
     return _of_search(strategy, wanted, c, aim, limits, near is not None)
-
-
-def _middle(robot: Robot, limits: bool) -> Vector:
-    bounded = limits & np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    with np.errstate(invalid="ignore"):
-        return np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)
 
 
 def _of_closed_form(
@@ -482,7 +476,7 @@ def _copied(motions: SelfMotions, varying: Flags, aim: Vector, low: Vector, high
     which = np.flatnonzero(varying)
     options = _turn_options(motions.q[:, which], aim[which], low[which], high[which])
     linked = np.append(motions.curve[1:] == motions.curve[:-1], False)
-    middle = _middle(motions.task.robot, limits=True)
+    middle = motions.task.robot.middle
     nearest = np.where(
         motions.task.robot.hinges, middle + (motions.q - middle + np.pi) % (2 * np.pi) - np.pi, motions.q
     )

@@ -16,7 +16,7 @@ from ...base.poses import pose_from
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
 from ...robot.closed_form.six_hinges import posture
-from ...strategies.tasks.frame_task import FrameTask, free_directions
+from ...strategies.tasks.frame_task import FrameTask, asks_whole_pose, free_directions
 from ...strategies.tasks.task import Task, TipFrame
 from ...symbolic import SX, Function, fmin, symbol, vertcat
 from ...symbolic.rotations import rotation_about
@@ -56,8 +56,7 @@ class SelfMotions(Value):
 def cut_class(task: Task) -> ArmClass | None:
     """The class of the arm that is left of a task's robot when one joint is held, of those whose signs tell postures
     apart; None where no joint leaves one."""
-    whole_pose = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))
-    if not whole_pose or task.n != 7:
+    if not asks_whole_pose(task) or task.n != 7:
         return None
     ranged = np.isfinite(task.robot.upper - task.robot.lower)
     for k in reversed(range(task.n)):

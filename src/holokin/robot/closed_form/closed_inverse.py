@@ -115,12 +115,10 @@ class ClosedInverse(Value):
         robot, columns = self.arm.robot, self.others
         free = {link.coordinate: link for link in self._given}
         low, high = (robot.lower[columns], robot.upper[columns]) if self.limits else np.array([[-np.inf], [np.inf]])
-        with np.errstate(invalid="ignore"):
-            middle = np.where(np.isfinite(low + high), (low + high) / 2, 0.0)
         rows = [
             [free[c].multiplier for c in columns],
             [free[c].offset for c in columns],
-            middle,
+            robot.middle[columns] if self.limits else 0.0,
             np.broadcast_to(low - TOLERANCES.limit, (6,)),
             np.broadcast_to(high + TOLERANCES.limit, (6,)),
         ]

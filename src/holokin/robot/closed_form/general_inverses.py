@@ -191,10 +191,8 @@ class GeneralInverse(Value):
     @cached_property
     def _joints(self) -> tuple[Vector, Vector, Vector]:
         """(multipliers, offsets, middles of the ranges) of the six joints, (6,) each."""
-        low, high = self.robot.lower[self.others], self.robot.upper[self.others]
-        with np.errstate(invalid="ignore"):
-            middle = np.where(np.isfinite(low + high), (low + high) / 2, 0.0)
-        return np.array([x.multiplier for x in self._free]), np.array([x.offset for x in self._free]), middle
+        multipliers, offsets = (np.array([getattr(x, name) for x in self._free]) for name in ("multiplier", "offset"))
+        return multipliers, offsets, self.robot.middle[self.others]
 
     def _loop(self, poses: Array, held: Matrix) -> list[Array]:
         """The six links (k, 4, 4) between the hinges' z axes, the last over tool and base to the first."""

@@ -616,6 +616,11 @@ Place = tuple[Vector, Matrix]
 """Positions (3F,) and rotations (3F, 3) of F frames."""
 
 
+def asks_whole_pose(task: Task) -> bool:
+    """Whether a task asks for all six rows of the pose of one tip."""
+    return isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) == set(range(6))
+
+
 @kept
 def leaves_free(task: Task) -> bool:
     """Whether a task has not all six rows of all its frames."""
