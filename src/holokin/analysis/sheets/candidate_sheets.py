@@ -1,139 +1,145 @@
-"""The sheets that a cover is chosen from: leaves of strategies that fit the task, through postures all over the
-workspace."""
+"""The sheets that a cover is chosen from: rules fitted to the ranges of levels that poses allow, and leaves through
+postures all over the workspace."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from functools import cached_property, partial
 
 import numpy as np
 
-from ...base.poses import pose_from
-from ...base.types import Array, Flags, Indices, Matrix, Vector
+from ...base.errors import ArgumentError
+from ...base.types import Array, Flags, Indices, Matrix, Vector, kept
 from ...motion.checks import Clear
-from ...strategies import holonomic
-from ...strategies.constraints import linear
+from ...strategies import HolonomicStrategy, holonomic
+from ...strategies.constraints import tilted
+from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task
-from ..coverage.leaf_lines import along_leaf
-from ..coverage.starts import Candidate, postures_at
-from .set_cover import ROUND, not_within_another
-from .sheet import Sheet, known, spread_out
-from .sheet_growth import (
-    ROUGH,
-    STARTS,
-    LevelTable,
-    SearchedPoses,
-    cost_of,
-    fitting_candidates,
-    grown,
-    level_table,
-    lines_served,
-    one_function,
-    side_by_side,
-)
+from ...symbolic import Function, jacobian
+from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
+from ..coverage.starts import FREE, Candidate, postures_at
+from .level_fit import best_constant, fitted, polynomial
+from .level_ranges import Branch
+from .set_cover import ROUND
+from .sheet import Sheet, known, nearby, neighbours, turn_length
+from .sheet_growth import STARTS, grown, lines_served, one_function, side_by_side
 
-# Of the postures at one pose through which leaves of a strategy are tried on few poses, those that are tried on all.
 BEST = 2
+"""Leaves of a strategy through postures at one pose that become candidates, those that serve most."""
 
-# Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses.
-OTHERS = 0.05
+OTHERS = 0.02
+"""Weight of a pose that another sheet of the choice serves."""
 
-LEVELS = 4  # levels next to that of a sheet, and strategies next to its strategy, that are tried in a round
+USEFUL = 8
+"""Sheets that are compared for each place of a choice in the end."""
 
-# How far off the other levels are at first, as a share of the level's spread over postures of the start's pose; and
-# the coefficients of the other strategies, as a share of the largest one.
-SPREAD, BEND = 0.5, 0.4
+POSES_A_TERM = 2
+"""Poses for each coefficient of a polynomial at least: fewer would be served by chance."""
 
-CLOSER = 0.6  # both shrink so in each round
+CLOSEST = 4
+"""Neighbours from which a leaf tries to reach a pose; a sheet that is chosen tries all."""
 
-# Lines side by side from which on native code runs, and poses from which on building it pays; not for strategies that
-# are tried once.
-NATIVE, MANY = 16, 300
+COMPARED = 200
+"""Postures by which the joint speeds of a sheet are judged."""
 
-# Step between the levels of a table, as a share of the level's spread over postures of the start's pose.
-LEVEL_STEP = 0.17
-
-VARIED = 4  # sheets of a choice next to which others are looked for in a round, the widest one among them
-SAME = 1e-6  # spread of levels [units of g] up to which they are one
-
-# Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
-# else of other poses about every second choice serves less.
 SPARE = 1.0
+"""Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
+else of other poses about every second choice serves less."""
 
-# What the name of a strategy begins with whose coefficients are near those of another: the coefficients are in its
-# keys.
-NEAR = "linear, near "
+MARGIN = 0.1
+"""Share of a joint's range next to a limit that counts as near it."""
 
-CLOSEST = 4  # neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all
+DEGREES = (1, 2, 3)
+"""Of the polynomials that are tried."""
 
-
-class Wanted(NamedTuple):
-    """Numbers of poses: that are to be served at least, and that are preferred where no more sheets are needed."""
-
-    least: float
-    preferred: float
-
-    @staticmethod
-    def of(share: float, count: int) -> Wanted:
-        """For a share of `count` poses."""
-        return Wanted(share * count - ROUND, share * count + SPARE * np.sqrt(share * (1 - share) * count))
+DIGITS = 7
+"""Of the coefficients of a polynomial: numbers that a job can be read with."""
 
 
 @dataclass(eq=False)
 class CandidateSheet:
-    """A sheet that a cover may have, and what is known of it.
+    """A sheet that a cover may have.
 
-    served: which of the poses that are searched it serves (k,), found by many lines side by side, which may be wrong
-    at a few poses, until it was asked. cost: see `cost_of`. once: whether its strategy was made for it alone. parent:
-    the sheet from which a search came to it, on the same branch. other: whether it is another posture of a leaf, which
-    brings no more of them. table: the levels of its strategy, None where there are none; False where not looked at yet.
+    served: which of the searched poses (k,) it serves, by ranges or lines side by side, which may be wrong at a few
+    poses, until it was asked. cost: see `CandidateSheets.cost_of`. make: its leaf, which is built for a sheet that is
+    chosen alone. other: whether it is another posture of a leaf, which brings no more of them.
     """
 
-    sheet: Sheet
     served: Flags
     cost: float
-    once: bool = False
-    parent: CandidateSheet | None = None
+    make: Callable[[], Sheet]
     asked: bool = False
     other: bool = False
-    table: LevelTable | Literal[False] | None = False
 
-    @property
-    def candidate(self) -> Candidate:
-        """The strategy of the sheet."""
-        return Candidate(self.sheet.name, self.sheet.keys, self.sheet.strategy.task, self.sheet.strategy)
+    @cached_property
+    def sheet(self) -> Sheet:
+        """The leaf; with stations once it was asked."""
+        return self.make()
 
 
 @dataclass(eq=False)
 class CandidateSheets:
     """Sheets, with the poses that each serves; they grow while a cover is looked for.
 
-    poses: that are searched. candidates: whose leaves are tried. own: whether strategies may be made besides. share: of
-    the poses, that is wanted. fits: to which tables and weights polynomials were fitted.
+    T: the poses (k, 4, 4) that are searched. q: a posture at each (k, n). weights: how many poses each stands for (k,).
+    candidates: strategies whose leaves are
+    tried. branches: to whose ranges of levels rules are fitted. tried: leaves so far.
     """
 
     task: Task
-    poses: SearchedPoses
-    candidates: Sequence[Candidate]
+    T: Array
+    q: Matrix
+    weights: Vector
+    candidates: list[Candidate]
+    branches: list[Branch]
     clear: Clear | None
     rcond: float
-    own: bool
-    share: float = 1.0
+    share: float
     found: list[CandidateSheet] = field(default_factory=list)
     tried: int = 0
-    fits: set[tuple[int, bytes]] = field(default_factory=set)
 
     @property
-    def T(self) -> Array:
-        """The poses (k, 4, 4) that are searched."""
-        return self.poses.T
+    def wanted(self) -> float:
+        """Weight that is to be served."""
+        return self.share * float(self.weights.sum()) - ROUND
 
     @property
-    def wanted(self) -> Wanted:
-        """How many of the poses in question are wanted."""
-        return Wanted.of(self.share, len(self.poses.reach))
+    def preferred(self) -> float:
+        """Weight that is preferred where no more sheets are needed for it."""
+        count = float(self.weights.sum())
+        return float(self.wanted + SPARE * np.sqrt(self.share * (1 - self.share) * count))
+
+    def covered(self, chosen: list[int]) -> float:
+        """Weight that some sheets serve."""
+        return float(self.weights @ self.sets[chosen].any(axis=0))
+
+    def improved(self, chosen: list[int]) -> list[int]:
+        """A choice that serves more than some sheets, or with fewer what is wanted, by exchanges one at a time.
+
+        While they serve too little there is one more of them.
+        """
+        sets = self.sets
+
+        def exchanged(some: list[int]) -> list[int]:
+            while True:
+                before = self.covered(some)
+                for place in range(len(some)):
+                    others = [*some[:place], *some[place + 1 :]]
+                    gains = (sets & ~sets[others].any(axis=0)) @ self.weights
+                    some = [*others[:place], int(np.argmax(gains)), *others[place:]]
+                if self.covered(some) <= before:
+                    return some
+
+        if self.covered(chosen) < self.wanted:
+            left = ~sets[chosen].any(axis=0)
+            chosen = [*chosen, int(np.argmax((sets & left) @ self.weights))]
+        chosen = exchanged(chosen)
+        for place in range(len(chosen) if len(chosen) > 1 else 0):
+            fewer = exchanged([*chosen[:place], *chosen[place + 1 :]])
+            if self.covered(fewer) >= self.wanted:
+                return fewer
+        return chosen
 
     @property
     def costs(self) -> Vector:
@@ -146,200 +152,149 @@ class CandidateSheets:
         """Which sheet serves which pose (c, k)."""
         return np.array([sheet.served for sheet in self.found], dtype=bool).reshape(-1, len(self.T))
 
-    @property
-    def _native(self) -> int | None:
-        """Lines from which on native code runs; None for as many as is usual."""
-        return NATIVE if len(self.T) >= MANY else None
+    @cached_property
+    def near(self) -> Indices:
+        """Of each pose its neighbours (k, m)."""
+        return nearby(self.T, turn_length(self.task))
 
-    def grow(self, pose: Matrix, wanted: Indices, end: float, progress: Callable[[str], None]) -> None:
-        """Adds leaves of all strategies through postures at a tool pose (4, 4): of each strategy those that serve most.
+    @cached_property
+    def pairs(self) -> Indices:
+        """Pairs (e, 2) of neighbours."""
+        return neighbours(self.T, turn_length(self.task))
 
-        Args:
-            wanted: poses that are to be served first. end: time of the clock [s] after which no more are looked at.
-        """
+    @cached_property
+    def coordinates(self) -> Coordinates | None:
+        """Those of polynomials; None where the poses are all alike, or full orientations turn too far."""
+        R = self.T[:, :3, :3]
+        middle = int(np.argmax(np.einsum("aij,bij->ab", R, R).min(axis=1).round(9)))  # least turn to the farthest
+        try:
+            return coordinates_of(chart_of(self.task, R[middle]), self.q)
+        except ArgumentError:
+            return None
+
+    @cached_property
+    def degrees(self) -> list[int]:
+        """Of the polynomials that the poses can tell; that of degree 0 is a constant level."""
+        c = self.coordinates
+        count = [] if c is None else [len(monomials_up_to(c.d, degree)) for degree in DEGREES]
+        return [0, *(d for d, terms in zip(DEGREES, count, strict=False) if POSES_A_TERM * terms <= len(self.T))]
+
+    def keep_useful(self, chosen: list[int]) -> None:
+        """Leaves away all sheets but some of a choice, and those that could best take the place of one of them."""
+        stay = set(chosen)
+        for place in range(len(chosen)):
+            others = [*chosen[:place], *chosen[place + 1 :]]
+            gains = (self.sets & ~self.sets[others].any(axis=0)) @ self.weights
+            stay.update(np.argsort(-gains, kind="stable")[:USEFUL].tolist())
+        self.found = [self.found[i] for i in sorted(stay)]
+
+    def monomials(self, degree: int) -> tuple[Matrix, Array]:
+        """Of the poses: their values (k, t) and slopes (k, t, d) by the coordinates."""
+        if (c := self.coordinates) is None or degree == 0:
+            return np.ones((len(self.T), 1)), np.zeros((len(self.T), 1, 0))
+        if degree not in self._monomials:
+            self._monomials[degree] = values_and_slopes(c.at(self.q), monomials_up_to(c.d, degree))
+        return self._monomials[degree]
+
+    @cached_property
+    def _monomials(self) -> dict[int, tuple[Matrix, Array]]:
+        return {}
+
+    # --- Rules fitted to ranges of levels.
+
+    def fit(self, weights: Vector, degree: int, most: int) -> None:
+        """Adds sheets whose level is a polynomial of the pose, fitted to poses by their weights (k,): of so many
+        branches, those with most weight to gain."""
+        (f, slopes), gains = self.monomials(degree), np.array([weights[b.poses].sum() for b in self.branches])
+        for i in np.argsort(-gains, kind="stable")[:most].tolist():
+            if gains[i] > 0:
+                self._fit(self.branches[i], weights, f, slopes, degree)
+
+    def _fit(self, branch: Branch, weights: Vector, f: Matrix, slopes: Array, degree: int) -> None:
+        x = np.zeros(f.shape[1])
+        x[0] = best_constant(branch.ranges, weights, branch.constants, branch.wrap)
+        if degree:
+            x = fitted(polynomial, x, f, branch.ranges, weights, branch.wrap)
+        self.tried += 1
+        x = np.array([float(f"{value:.{DIGITS}g}") for value in x])
+        levels = f @ x
+        served = branch.serves(levels)
+        if self.rcond and served.any():
+            q = branch.postures(np.flatnonzero(served), levels[served])
+            served[served] = known(q) & (self._jacobians(branch, q, slopes[served], x)[1] >= self.rcond)
+        if served.any():
+            some = np.flatnonzero(served)[:: max(1, int(served.sum()) // COMPARED)]
+            q = branch.postures(some, levels[some])
+            there = known(q)
+            G, _ = self._jacobians(branch, q[there], slopes[some[there]], x)
+            make = partial(self._make, branch, degree, x, levels)
+            self.found.append(CandidateSheet(served, self.cost_of(q[there], G), make))
+
+    def _jacobians(self, branch: Branch, Q: Matrix, slopes: Array, x: Vector) -> tuple[Array, Vector]:
+        """(G (k, n, m), rcond (k,) of [J; J_g]) of a branch's strategy whose level has coefficients x, at Q (k, n)."""
+        J, Jg = self.task.jacobian_batch(Q)[0], _slopes(branch.candidate.strategy).batch(Q).reshape(len(Q), 1, -1)
+        if (c := self.coordinates) is not None and slopes.shape[2]:
+            Jx = np.einsum("dm,kmn->kdn", c.P.T / c.scale[:, None], c.chart.jacobian_batch(Q)[0])
+            Jg = Jg - np.einsum("ktd,t,kdn->kn", slopes, x, Jx)[:, None]
+        M = np.concatenate([J, Jg], axis=1)
+        values = np.linalg.svd(M, compute_uv=False)
+        return np.linalg.pinv(M)[:, :, : self.task.m], values[:, -1] / values[:, 0]
+
+    def cost_of(self, Q: Matrix, G: Array) -> float:
+        """Of postures (k, n): the root mean square of |G|, over what it is at the least, of the share of joints near a
+        limit."""
+        robot = self.task.robot
+        span = robot.upper - robot.lower
+        room = np.minimum(Q - robot.lower, robot.upper - Q)
+        near = float(np.mean(room < MARGIN * np.where(np.isfinite(span), span, 0.0))) if len(Q) else 0.0
+        return float(np.sqrt(np.mean(np.sum(G**2, axis=(1, 2))))) * (1 + near) if len(Q) else np.inf
+
+    def _make(self, branch: Branch, degree: int, x: Vector, levels: Vector) -> Sheet:
+        """The leaf of a rule, with a station at each pose that it serves."""
+        candidate = branch.candidate
+        q = branch.postures(np.arange(len(self.T)), levels)
+        there = known(q)
+        strategy, keys = candidate.strategy, {key: v for key, v in candidate.keys.items() if key != "level"}
+        if degree:
+            zeta = Polynomial(self.coordinates, x[None])
+            name = f"{candidate.name}, level of degree {degree}"
+            strategy = holonomic(self.task, tilted(strategy.constraint, zeta, chart=zeta.chart, name=name), name=name)
+            keys = zeta.keys_over(candidate.keys)
+        q0 = _roomiest(self.task, q[there])
+        return Sheet(strategy, q0, self.rcond, keys, q[there], self.T[there])
+
+    # --- Leaves through postures, where no ranges of levels are known.
+
+    def grow(self, pose: Matrix, weights: Vector) -> None:
+        """Adds leaves of all strategies through postures at a tool pose (4, 4): of each those that serve most."""
         starts = postures_at(self.task, pose, STARTS)
         if self.clear is not None and len(starts):
             starts = starts[self.clear(starts)]
-        if not len(starts):
-            return
-        every = np.arange(0, len(self.T), max(1, len(self.T) // ROUGH))
-        first = wanted[:: max(1, len(wanted) // ROUGH)]
-        some = np.concatenate([first, every])
-        weights = np.repeat([1.0, OTHERS], [len(first), len(every)]) * self.poses.weights[some]
-        for candidate in self.candidates:
-            if time.monotonic() > end and self.found:
-                return
-            progress(f"{candidate.name}, {self.tried} leaves so far")
-            some_served, _ = lines_served(candidate, starts, self.T[some], self.clear, self.rcond, self._native)
-            known_already = np.array([(flags <= self.sets[:, some]).all(axis=1).any() for flags in some_served])
-            gains: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
+        for candidate in self.candidates if len(starts) else ():
+            flags, _ = lines_served(candidate, starts, self.T, self.clear, self.rcond)
+            fresh = np.array([not (row <= self.sets).all(axis=1).any() for row in flags])
+            gains = np.where(fresh, flags @ weights, 0.0)
             self.tried += len(starts)
-            best = [i for i in np.argsort(-gains, kind="stable")[:BEST] if gains[i] > 0]
-            self.add(candidate, starts[best])
+            self.add(candidate, starts[[i for i in np.argsort(-gains, kind="stable")[:BEST] if gains[i] > 0]])
 
-    def add(
-        self,
-        candidate: Candidate,
-        starts: Matrix,
-        once: bool = False,
-        parent: CandidateSheet | None = None,
-        levels: Vector | None = None,
-    ) -> None:
-        """The sheets of a strategy through postures (s, n).
-
-        once: the strategy is new, and may not be looked at again. levels: of the parent's strategy at the poses (k,),
-        where the strategy is that strategy with a level that depends on the pose.
-        """
+    def add(self, candidate: Candidate, starts: Matrix, other: bool = False) -> None:
+        """The sheets of a strategy through postures (s, n)."""
         if candidate.strategy is None or not len(starts):
             return
         keys = {key: value for key, value in candidate.keys.items() if key != "level"}
-        for q0, served, cost in self._grown(candidate, starts, once, parent, levels):
-            if served.any():
-                self.found.append(
-                    CandidateSheet(Sheet(candidate.strategy, q0, self.rcond, keys), served, cost, once, parent)
-                )
-
-    def _grown(
-        self,
-        candidate: Candidate,
-        starts: Matrix,
-        once: bool,
-        parent: CandidateSheet | None = None,
-        levels: Vector | None = None,
-    ) -> Iterator[tuple[Vector, Flags, float]]:
-        """(posture, which poses its leaf serves (k,), cost) for each of some postures (s, n) of a strategy."""
-        if (strategy := candidate.strategy) is None:
-            return
-        by, native, c = candidate, None if once else self._native, None
-        if parent is not None and levels is not None:  # the parent's strategy is shorter, and has its native code
-            by, native, c = parent.candidate, None if parent.once else self._native, levels[:, None]
-        go = side_by_side(by.strategy or strategy, self.T, self.clear, self.rcond, native, c)
-        served, straight = lines_served(by, starts, self.T, self.clear, self.rcond, native, c)
+        served, straight = lines_served(candidate, starts, self.T, self.clear, self.rcond)
+        go = side_by_side(candidate.strategy, self.T, self.clear, self.rcond)
         for q0, flags, postures in zip(starts, served, straight, strict=True):
-            q, cost = np.full(postures.shape, np.nan), np.inf
             if flags.any():
-                q, _ = grown(np.where(flags[:, None], postures, np.nan), self.poses.near[:, :CLOSEST], go)
-                cost = cost_of(strategy, q, self.poses)
-            yield q0, known(q), cost
+                q, _ = grown(np.where(flags[:, None], postures, np.nan), self.near[:, :CLOSEST], go)
+                there = known(q)
+                G = candidate.strategy.gain.batch(q[there])[0]
+                make = partial(Sheet, candidate.strategy, q0, self.rcond, keys)
+                self.found.append(CandidateSheet(there, self.cost_of(q[there], G), make, other=other))
 
-    def worth(self, chosen: Indices) -> Indices:
-        """Sheets chosen, and those that are not within another one."""
-        return np.union1d(not_within_another(self.sets, self.costs), chosen)
+    # --- What sheets serve, asked of themselves.
 
-    def look_at(self, poses: SearchedPoses, which: Indices) -> None:
-        """Searches other poses from now on: what some of the sheets serve of them is found again; the others are left.
-
-        The sheets on whose branches they are stay, too.
-        """
-        stay = [self.found[i] for i in which]
-        parents = [entry.parent for entry in stay if entry.parent is not None]
-        before, self.poses, updates = self.poses, poses, []
-        try:
-            for entry in dict.fromkeys([*stay, *parents]):
-                ((_, served, cost),) = self._grown(entry.candidate, entry.sheet.q0[None], entry.once)
-                updates.append((entry, served, cost))
-        except KeyboardInterrupt:
-            self.poses = before
-            raise
-        for entry, served, cost in updates:
-            entry.served, entry.cost, entry.asked, entry.table = served, cost, False, False
-        self.found, self.fits = [entry for entry, _, _ in updates], set()
-
-    def add_candidates(self, left: Indices) -> None:
-        """The strategies that fit some of the poses best are tried, too."""
-        if self.own and len(left):
-            T, known_already = self.T[left], {candidate.name for candidate in self.candidates}
-            center = T[spread_out(T, np.arange(len(T)), 1, self.poses.length)[0]]
-            more = fitting_candidates(self.task, T, center, None, self.clear)
-            self.candidates = [
-                *self.candidates,
-                *(candidate for candidate in more if candidate.name not in known_already),
-            ]
-
-    def vary(self, which: Indices, rng: np.random.Generator, round_: int, end: float) -> None:
-        """Adds sheets next to some of them: on other levels of their strategies, and of strategies with other
-        coefficients, or with a level that is a polynomial of the pose."""
-        some = which[1:][rng.permutation(len(which) - 1)[: VARIED - 1]] if len(which) > VARIED else which[1:]
-        for i in [*which[:1].tolist(), *some.tolist()]:
-            entry = self.found[i]
-            if time.monotonic() > end or not len(entry.sheet.level):
-                return
-            parent = entry.parent or entry
-            fitted = self._fitted(parent, self._weights(i, which, rng)) if self.own else []
-            for candidate, q0, levels in fitted:
-                self.add(candidate, q0[None], True, parent, levels)
-            if not fitted:
-                self.add(entry.candidate, self._on_other_levels(entry.sheet, rng, round_), parent=parent)
-                for candidate in self._bent(entry.sheet, rng, round_) if self.own else []:
-                    self.add(candidate, entry.sheet.q0[None], once=True, parent=parent)
-            self.tried += LEVELS
-
-    def _fitted(self, parent: CandidateSheet, weights: Vector) -> list[tuple[Candidate, Vector, Vector]]:
-        """Strategies whose level is a polynomial of the pose, on the branch of a sheet, each as of `LevelTable.fitted`;
-        none where there is no number for a level, or where the same fit was made before."""
-        fit = id(parent), weights.tobytes()
-        if fit in self.fits or (table := self._table(parent)) is None:
-            return []
-        self.fits.add(fit)
-        return table.fitted(weights)
-
-    def _weights(self, i: int, which: Indices, rng: np.random.Generator) -> Vector:
-        """Of the poses (k,) for a sheet that is to serve what the other chosen ones do not, or one of them alone."""
-        others = [j for j in which.tolist() if j != i]
-        if others:
-            del others[rng.integers(len(others))]
-        return self.poses.weights * np.where(self.sets[others].any(axis=0), OTHERS, 1.0)
-
-    def _table(self, entry: CandidateSheet) -> LevelTable | None:
-        """The levels of a sheet's strategy at the poses, on its branch; None where there is no number for a level."""
-        if entry.table is False:
-            sheet, table = entry.sheet, None
-            designed = sheet.keys.get("kind") == "designed"  # a job has no design over another one
-            one_level = self.task.n - self.task.m == 1 and not designed
-            if one_level and (spread := self._spread(sheet)) is not None and spread[0] > SAME:
-                go = side_by_side(sheet.strategy, self.T, self.clear, self.rcond, self._native)
-                step = float(spread[0]) * LEVEL_STEP
-                near = self.poses.near[:, :CLOSEST]
-                table = level_table(entry.candidate, sheet.strategy, sheet.q0, step, self.T, near, go, self._native)
-            entry.table = table
-        return entry.table
-
-    def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
-        """Postures at the pose of a sheet's start, on levels about its own."""
-        pose, spread, postures = pose_from(*self.task._poses(sheet.q0[None]))[0], self._spread(sheet), []
-        if spread is None:
-            return np.zeros((0, self.task.n))
-        for _ in range(LEVELS):
-            level = sheet.level + SPREAD * CLOSER**round_ * spread * rng.standard_normal(len(sheet.level))
-            ends = along_leaf(sheet.strategy, sheet.q0[None], pose[None], level)
-            if ends.reached.all() and self.task.robot.within(ends.q[0, 0]):
-                postures.append(ends.q[0, 0])
-        return np.array(postures).reshape(-1, self.task.n)
-
-    def _spread(self, sheet: Sheet) -> Vector | None:
-        """How far the levels (r,) of postures at the pose of a sheet's start are off its own; None where none is."""
-        others = postures_at(self.task, pose_from(*self.task._poses(sheet.q0[None]))[0], STARTS)
-        if not len(others):
-            return None
-        levels = sheet.strategy.constraint_value.batch(others).reshape(len(others), -1)
-        gap = sheet.strategy.constraint.nearest(levels - sheet.level)
-        return np.asarray(np.sqrt(np.mean(gap**2, axis=0)))
-
-    def _bent(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> list[Candidate]:
-        """Linear strategies whose coefficients are near those of a sheet's strategy, if that is linear."""
-        A = _coefficients(self.task, sheet)
-        if A is None:
-            return []
-        candidates = []
-        for _ in range(LEVELS):
-            B = A + BEND * CLOSER**round_ * np.abs(A).max() * rng.standard_normal(A.shape)
-            B = np.round(B / np.linalg.norm(B, axis=1, keepdims=True), 4)
-            name = sheet.name if sheet.name.startswith(NEAR) else NEAR + sheet.name
-            keys = {"kind": "linear", "matrix": B.tolist()}
-            candidates.append(Candidate(name, keys, self.task, holonomic(self.task, linear(B, name=name), name=name)))
-        return candidates
-
-    def exact(self, which: Indices) -> bool:
+    def exact(self, which: Iterable[int]) -> bool:
         """Asks some sheets themselves which poses they serve, as one function; returns whether that changed anything.
 
         Where a leaf comes to one pose with two postures, the sheet of the other one becomes a candidate.
@@ -348,31 +303,34 @@ class CandidateSheets:
         for entry in [self.found[i] for i in which]:
             if entry.asked:
                 continue
-            sheet, clear = entry.sheet, self.clear
+            sheet, others = entry.sheet, np.zeros((0, self.task.n))
+            q = sheet.postures(self.T, self.clear)[0]
+            if not sheet.single:
 
-            def go(begin: Matrix, which_poses: Indices, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
-                return sheet.reached(begin, self.T[which_poses], clear)
+                def go(begin: Matrix, poses: Indices, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
+                    return sheet.reached(begin, self.T[poses], self.clear)
 
-            straight = sheet.reached(np.tile(sheet.q0, (len(self.T), 1)), self.T, clear)[0]
-            q, wave = grown(straight, self.poses.near, go)
-            q, others = one_function(q, wave, self.poses.pairs, go)
+                q, wave = grown(q, self.near, go)
+                q, others = one_function(q, wave, self.pairs, go)
             there = known(q)
             changed |= not np.array_equal(there, entry.served)
             entry.sheet, entry.served = replace(sheet, stations=q[there], places=self.T[there]), there
             entry.asked = True  # not before: Ctrl-C leaves it to be asked again
             if len(others) and not entry.other:
-                before = len(self.found)
-                self.add(entry.candidate, others[[len(others) // 2]])
-                for other in self.found[before:]:
-                    other.other = True
+                self.add(Candidate(sheet.name, sheet.keys, self.task, sheet.strategy), others[[len(others) // 2]], True)
                 changed = True
         return changed
 
 
-def _coefficients(task: Task, sheet: Sheet) -> Matrix | None:
-    """The matrix (r, n) of a sheet's strategy, if it is linear in the joints; else None."""
-    if sheet.keys.get("kind") == "linear":
-        return np.atleast_2d(np.asarray(sheet.keys["matrix"], dtype=float))
-    if sheet.keys.get("kind") == "lock":
-        return np.eye(task.n)[[task.robot.joint_index(joint) for joint in sheet.keys["joints"]]]
-    return None
+@kept
+def _slopes(strategy: HolonomicStrategy) -> Function:
+    """q (n,) -> dg/dq (r, n)."""
+    q = strategy.expressions.q
+    return Function("slopes", {"q": q}, {"slopes": jacobian(strategy.constraint_expression, q)})
+
+
+def _roomiest(task: Task, Q: Matrix) -> Vector:
+    """Of postures (k, n) the one that is farthest from the joint limits, as a share of their ranges."""
+    robot = task.robot
+    lower, upper = robot.ranges(FREE)
+    return Q[np.argmax((np.minimum(Q - lower, upper - Q) / (upper - lower)).min(axis=1))]

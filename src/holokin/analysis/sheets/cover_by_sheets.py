@@ -4,41 +4,53 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
-from ...base.types import ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
-from ...motion.checks import Clearances, Scene
+from ...base.threads import one_blas_thread
+from ...base.types import Array, ArrayLike, Indices, Matrix, Value, finite, not_negative, positive, whole
+from ...motion.checks import Clear, Clearances, Scene
 from ...motion.ik.pose_reach import Reach
 from ...path.workspaces import Workspace
 from ...robot import check_metres
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import check_that_joints_move
-from .candidate_sheets import CandidateSheets, fitting_candidates
+from .candidate_sheets import OTHERS, CandidateSheets
+from .held_arm import branches_by_signs
 from .set_cover import Cover, continued, fewest, labelled, same_postures
-from .sheet import known, neighbours, postures_of_sheets, spread_out, turn_length
-from .sheet_growth import SearchedPoses
+from .sheet import Sheet, known, neighbours, postures_of_sheets, spread_out, turn_length
+from .sheet_growth import fitting_candidates
 from .sheet_map import PoseRest, Sheets, rests_of
 
-# Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach.
 SHARE = 0.995
+"""Of the poses that the arm reaches, to be served: the rest lies next to limits and the edge of reach."""
 
-SAMPLES = 4096  # poses of the workspace
-FIRST = 2000  # poses in reach for which a choice is looked for first; then it is looked at what it leaves out of all
-TARGETS = 4  # poses in a round of the search through which new leaves are tried
+SAMPLES = 4096
+"""Poses of the workspace."""
+
+SEARCHED = 1600
+"""Poses in reach by which a choice is looked for first; then it is looked at what it leaves out of all."""
+
+LINES = 600
+"""The same where leaves are followed by paths, or curves of general arms are looked for."""
+
+LEFT_OUT = 400
+"""Poses that join the search at most where a choice leaves them out."""
+
+ROUNDS, PATIENCE = 30, 2
+"""Rounds of the search at most, and rounds without gain that end it."""
+
+TRIED = 8
+"""Branches to which a rule is fitted in place of a sheet: those with most poses to gain."""
+
+SECONDS, PROGRAM = 250.0, 20.0
+"""For the search, and for an integer program, at most: rounds and nodes end them before, on most machines."""
 
 NOTHING = Cover(np.zeros(0, dtype=int), 0, 0.0)
-
-# Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
-# are, the more there is to gain.
-ROUNDS, PATIENCE = 30, 2
-
-# Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines.
-SECONDS, PROGRAM = 250.0, 60.0
 
 
 @typed
@@ -103,17 +115,11 @@ def sheets(
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest, reach)}", "move or turn it")
     # The fewest of many leaves that serve the share.
-    given, end = _given(task, q0), time.monotonic() + limit
-    poses = SearchedPoses.of(T[within], turn_length(task), FIRST)
-    center = T[within][spread_out(T[within], np.arange(len(within)), 1, turn_length(task))[0]]
-    progress("which strategies fit")
-    candidates = fitting_candidates(task, poses.T, center, strategies, clear)
-    pool = CandidateSheets(
-        task, poses if search else poses.all, candidates, clear, rcond, own=strategies is None, share=share
-    )
-    cover, stopped = _search(pool, given, center if search else None, end, progress)
+    end = time.monotonic() + limit
+    leaves = _Leaves(task, T[within], reach.q[within], strategies, clear, rcond, share, search)
+    with one_blas_thread():
+        chosen, count, fewest_needed, stopped = leaves.cover(_given(task, q0), end, progress)
     # Their postures at all the poses, and which sheet is taken at each, that of most poses first.
-    chosen = [pool.found[i].sheet for i in cover.chosen]
     q = np.full((len(chosen), len(T), task.n), np.nan)
     q[:, within] = postures_of_sheets(chosen, T[within], clear, task.n)
     there = known(q)
@@ -125,7 +131,7 @@ def sheets(
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
         task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
-        labels.least, cover.least, len(pool.found), turn_length(task), scene, stopped,
+        labels.least, fewest_needed, count, turn_length(task), scene, stopped,
     )  # fmt: skip
 
 
@@ -160,85 +166,108 @@ def _why(rest: Indices, reach: Reach) -> str:
     return "; ".join(f"{count}: {text}" for text, count in counts)
 
 
-def _search(
-    pool: CandidateSheets, q0: Matrix, center: Matrix | None, end: float, progress: Callable[[str], None]
-) -> tuple[Cover, bool]:
-    """(the fewest leaves that serve the share, whether the search was stopped early).
+@dataclass(frozen=True, eq=False)
+class _Leaves(Value):
+    """What a cover is looked for: a share of poses T (K, 4, 4) in reach, with a posture (K, n) of each."""
 
-    Leaves through postures at poses all over are tried, until their number gets no fewer. A part of the poses is
-    searched. When the choice gets no better, it is asked about more of them, at last about all: those that it leaves
-    out are searched, too.
+    task: Task
+    T: Array
+    q: Matrix
+    strategies: Sequence[HolonomicStrategy] | None
+    clear: Clear | None
+    rcond: float
+    share: float
+    search: bool
 
-    Args:
-        q0: postures (s, n) whose leaves are candidates, too. center: the pose that is tried first; None for no search.
-        end: time of the clock [s] after which no more leaves are looked for.
-    """
-    try:
-        for candidate in pool.candidates:
-            pool.add(candidate, q0)
-        if center is not None:
-            pool.grow(center, np.arange(0), end, progress)
-            _try_rounds(pool, end, progress)
-        stopped = time.monotonic() > end
-    except KeyboardInterrupt:
+    def cover(self, q0: Matrix, end: float, progress: Callable[[str], None]) -> tuple[list[Sheet], int, int, bool]:
+        """(the fewest sheets, of how many; how many are needed at least; whether the search was stopped early).
+
+        A part of the poses is searched. The choice is then asked about all of them: those that it leaves out are
+        searched, too.
+
+        Args:
+            q0: postures (s, n) whose leaves are candidates, too. end: time of the clock [s] after which no more leaves
+                are looked for.
+        """
+        order, pool, cover, stopped = np.random.default_rng(0).permutation(len(self.T)), None, NOTHING, False
+        left_out = order[:0]
+        try:
+            while True:
+                pool = self._pool(order, left_out, progress)
+                for candidate in pool.candidates if len(q0) else ():
+                    pool.add(candidate, q0)
+                if self.search:
+                    self._try_rounds(pool, end, progress)
+                progress("asking the sheets")
+                cover = _asked(pool)
+                left = self._left_out(pool, cover)
+                new = np.setdiff1d(left, left_out)[:LEFT_OUT]
+                stopped = time.monotonic() > end
+                if len(left) <= (1 - self.share) * len(self.T) or not len(new) or stopped or not self.search:
+                    break
+                left_out = np.concatenate([left_out, new])
+        except KeyboardInterrupt:
+            if pool is None or not pool.found:
+                raise
+            cover, stopped = _cover(pool), True
         if not pool.found:
-            raise
-        stopped = True
-    if not pool.found:
-        names = [candidate.name for candidate in pool.candidates]
-        cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
-        raise ArgumentError("the strategies", names, f"no leaf of them serves a pose: {cure}")
-    try:
-        progress("asking the sheets")
-        return _asked(pool), stopped
-    except KeyboardInterrupt:  # sheets that were not asked serve what is straight from their q0
-        return _cover(pool), True
+            names = [candidate.name for candidate in pool.candidates]
+            cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
+            raise ArgumentError("the strategies", names, f"no leaf of them serves a pose: {cure}")
+        return [pool.found[i].sheet for i in cover.chosen], len(pool.found), cover.least, stopped
 
+    def _pool(self, order: Indices, left_out: Indices, progress: Callable[[str], None]) -> CandidateSheets:
+        """The candidates over some poses: a random part, and those that were left out; none of them yet."""
+        others, redundant = order[~np.isin(order, left_out)], self.task.n - self.task.m
+        by_signs = self.search and redundant == 1 and self.strategies is None
+        others = others[:SEARCHED]
+        progress("where levels may lie")
+        T = self.T[np.concatenate([others, left_out])]
+        branches, candidates = branches_by_signs(self.task, T, self.clear) if by_signs else [], []
+        if not branches:
+            others = others[: LINES if self.search else len(others)]
+            T = self.T[np.concatenate([others, left_out])]
+            progress("which strategies fit")
+            center = T[spread_out(T, np.arange(len(T)), 1, turn_length(self.task))[0]]
+            candidates = fitting_candidates(self.task, T, center, self.strategies, self.clear)
+        which = np.concatenate([others, left_out])
+        weights = np.repeat([(len(self.T) - len(left_out)) / max(1, len(others)), 1.0], [len(others), len(left_out)])
+        return CandidateSheets(
+            self.task, self.T[which], self.q[which], weights, candidates, branches, self.clear, self.rcond, self.share
+        )
 
-def _try_rounds(pool: CandidateSheets, end: float, progress: Callable[[str], None]) -> None:
-    """Adds leaves, round after round, as long as the choice gets better."""
-    rng, still, cover = np.random.default_rng(0), 0, _asked(pool)
-    if not pool.poses.complete:
-        cover = _looked_closer(pool, pool.poses, cover, _served(pool, pool.poses, cover.chosen[:1]))
-        pool.add_candidates(_left(pool, cover))
-    for round_ in range(ROUNDS):
-        enough = len(cover.chosen) == 1 and cover.covered >= pool.wanted.least
-        if enough or still >= max(len(cover.chosen), PATIENCE):
-            more = pool.poses.more()
-            if more is pool.poses and more.complete:
+    def _left_out(self, pool: CandidateSheets, cover: Cover) -> Indices:
+        """The poses that the sheets of a choice do not serve."""
+        left = np.arange(len(self.T))
+        for i in cover.chosen:
+            left = left[~pool.found[i].sheet.postures(self.T[left], self.clear)[1]]
+        return left
+
+    def _try_rounds(self, pool: CandidateSheets, end: float, progress: Callable[[str], None]) -> None:
+        """Adds sheets as long as a choice of them gets better."""
+        # One level for all poses first, then polynomials of the pose, the simplest that will do.
+        for degree in pool.degrees if pool.branches else ():
+            pool.fit(pool.weights, degree, TRIED)
+            if (pool.sets @ pool.weights).max(initial=0.0) >= pool.preferred:
                 return
-            served = _served(pool, more, cover.chosen)
-            if more is pool.poses and served.sum() >= pool.wanted.least:
-                return
-            cover, still = _looked_closer(pool, more, cover, served), 0
-        if time.monotonic() > end:
-            return
-        count = len(pool.poses.reach)
-        progress(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered / count:.1%} of {count} poses")
-        left = _left(pool, cover)
-        pool.vary(cover.chosen, rng, round_, end)
-        for i in _targets(left, len(pool.T), rng):
-            pool.grow(pool.T[i], left, end, progress)
-        before, cover = cover, _asked(pool)
-        fewer = before.covered >= pool.wanted.least and len(cover.chosen) < len(before.chosen)
-        wider = before.covered < min(pool.wanted.preferred, cover.covered - 0.5)
-        still = 0 if fewer or wider else still + 1
-
-
-def _looked_closer(pool: CandidateSheets, poses: SearchedPoses, cover: Cover, served: Flags) -> Cover:
-    """The choice after those poses that are not served have joined those that are searched."""
-    pool.look_at(poses.without(served), pool.worth(cover.chosen))
-    return _asked(pool)
-
-
-def _served(pool: CandidateSheets, poses: SearchedPoses, which: Indices) -> Flags:
-    """Which of all the poses in reach (K,) some sheets serve."""
-    T = poses.reach
-    served = np.zeros(len(T), dtype=bool)
-    for i in which:
-        left = np.flatnonzero(~served)
-        served[left] = pool.found[i].sheet.postures(T[left], pool.clear)[1]
-    return served
+        # Sheets for what is not served yet, one after another; then in place of each that is chosen.
+        rng, chosen, still = np.random.default_rng(0), list[int](), 0
+        for _ in range(ROUNDS):
+            covered = pool.covered(chosen)
+            progress(f"{len(chosen)} of {pool.tried} leaves serve {covered / len(self.T):.1%} of {len(pool.T)} poses")
+            if time.monotonic() > end or still >= PATIENCE or (len(chosen) == 1 and covered >= pool.wanted):
+                break
+            for i in [None, *chosen] if covered >= pool.wanted else [None]:
+                served = pool.sets[[j for j in chosen if j != i]].any(axis=0)
+                if pool.branches:
+                    pool.fit(pool.weights * np.where(served, OTHERS, 1.0), pool.degrees[-1], TRIED)
+                elif not served.all():
+                    pool.grow(pool.T[rng.choice(np.flatnonzero(~served))], pool.weights * ~served)
+            better = pool.improved(chosen)
+            fewer, wider = len(better) < len(chosen), covered < min(pool.preferred, pool.covered(better) - 0.5)
+            still = 0 if fewer or wider else still + 1
+            chosen = better
+        pool.keep_useful(chosen)
 
 
 def _asked(pool: CandidateSheets) -> Cover:
@@ -249,24 +278,10 @@ def _asked(pool: CandidateSheets) -> Cover:
     return cover
 
 
-def _left(pool: CandidateSheets, cover: Cover) -> Indices:
-    """The poses that the widest sheet of a cover does not serve: those that the others are for."""
-    if not len(cover.chosen):
-        return np.arange(len(pool.T))
-    return np.flatnonzero(~pool.found[cover.chosen[0]].served)
-
-
-def _targets(left: Indices, count: int, rng: np.random.Generator) -> list[int]:
-    """Poses through which leaves are tried next: most of them where the widest sheet fails."""
-    some = rng.choice(left, min(TARGETS - 1, len(left)), replace=False) if len(left) else left
-    return [*some.tolist(), *rng.choice(count, TARGETS - len(some)).tolist()]
-
-
 def _cover(pool: CandidateSheets) -> Cover:
     """The fewest sheets, the widest first."""
     if not pool.found:
         return NOTHING
-    weights = pool.poses.weights
-    cover = fewest(pool.sets, pool.wanted.least, pool.costs, PROGRAM, weights, pool.wanted.preferred)
-    widest = np.argsort(-(pool.sets[cover.chosen] @ weights), kind="stable")
+    cover = fewest(pool.sets, pool.wanted, pool.costs, PROGRAM, pool.weights, pool.preferred)
+    widest = np.argsort(-(pool.sets[cover.chosen] @ pool.weights), kind="stable")
     return replace(cover, chosen=cover.chosen[widest])

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...base.poses import pose_from
 from ...base.types import Array, Flags, Indices, Value, Vector
 from ...motion.ik.inverse_function import AGREE, answers
+from ...path.path import straight
 from .sheet import Sheet, known
 
 # --- Linear programs, some of whose unknowns are whole numbers, between 0 and 1: by HiGHS, which SciPy brings.
@@ -151,6 +153,9 @@ SECONDS = 60.0  # for the linear program
 # What a later sheet costs at a pose against a change between neighbours: of equal choices the first sheet.
 LATER_SHEET = 1e-6
 
+# Shares of the straight way between two neighbours at which a sheet is to have a posture.
+BETWEEN = (0.25, 0.5, 0.75)
+
 
 @dataclass(frozen=True, eq=False)
 class Labels(Value):
@@ -166,11 +171,19 @@ class Labels(Value):
 
 
 def continued(sheets: Sequence[Sheet], T: Array, q: Array, pairs: Indices) -> Flags:
-    """Whether each sheet's joints q (S, k, n) continue (S, e) straight from one pose of a pair to the other."""
+    """Whether each sheet's joints q (S, k, n) continue (S, e) straight from one pose of a pair to the other.
+
+    Where signs tell the posture of a pose they do if poses on the way have one, too.
+    """
     goes_on = np.zeros((len(sheets), len(pairs)), dtype=bool)
     for s, sheet in enumerate(sheets):
         both = np.flatnonzero(known(q[s][pairs]).all(axis=1))
         i, j = pairs[both].T
+        if sheet.single:
+            way, count = straight(T[i, :3, 3], T[i, :3, :3], T[j, :3, 3], T[j, :3, :3]), len(both)
+            on_it = (pose_from(*way.at(np.full(count, share), np.arange(count))) for share in BETWEEN)
+            goes_on[s, both] = np.all([sheet.postures(poses)[1] for poses in on_it], axis=0)
+            continue
         there, reached = answers(sheet.ik, T[j], q[s, i])
         goes_on[s, both] = reached & (np.abs(there - q[s, j]).max(axis=1) < AGREE)
     return goes_on

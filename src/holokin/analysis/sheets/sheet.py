@@ -12,8 +12,8 @@ import numpy as np
 from ...base.poses import pose_from
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...motion.checks import Clear
-from ...motion.ik import InverseKinematics, leaf_value
-from ...motion.ik.inverse_function import answer, answers
+from ...motion.ik import InverseKinematics, InverseStatus, leaf_value
+from ...motion.ik.inverse_function import answer, answers, has_one_posture
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.frame_task import free_directions
 from ...strategies.tasks.task import Task
@@ -165,8 +165,15 @@ class Sheet(Value):
         """Inverse kinematics on the leaf, within the joint limits."""
         return InverseKinematics(self.strategy, self.q0, limits=True)
 
+    @cached_property
+    def single(self) -> bool:
+        """Whether signs of a closed form tell its posture of a pose, on the whole arm: then no path is followed."""
+        return has_one_posture(self.ik)
+
     def posture(self, pose: Matrix, clear: Clear | None = None) -> Vector | None:
         """The joints (n,) at a tool pose (4, 4); None where it is not served."""
+        if self.single:
+            return self._straight(pose, None, clear)
         q = self._straight(pose, self.nearest_station(pose), clear)
         if q is None:
             for i in self._places.few(pose[None], STATIONS)[0, 1:]:
@@ -174,7 +181,7 @@ class Sheet(Value):
                     break
         return q
 
-    def _straight(self, pose: Matrix, begin: Vector, clear: Clear | None) -> Vector | None:
+    def _straight(self, pose: Matrix, begin: Vector | None, clear: Clear | None) -> Vector | None:
         q = answer(self.ik, pose, begin)
         if q is None or (self.rcond and not self.strategy.gain(q)[1] >= self.rcond):
             return None
@@ -184,6 +191,12 @@ class Sheet(Value):
         """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served."""
         if not len(poses):
             return np.zeros((0, len(self.q0))), np.zeros(0, dtype=bool)
+        if self.single:
+            found = self.ik.batch(poses, threads=threads)
+            q, reached = found.last.copy(), found.status == InverseStatus.REACHED
+            served = allowed_postures(self.strategy, q, reached, self.rcond, clear)
+            q[~served] = np.nan
+            return q, served
         q, served = self.reached(self.begin[self._places.nearest(poses)], poses, clear, threads)
         left = np.flatnonzero(~served)
         few = self._places.few(poses[left], STATIONS) if len(left) else np.zeros((0, 1), dtype=int)

@@ -724,6 +724,12 @@ def answers(ik: InverseKinematics, poses: Array, begin: Matrix, threads: int | N
     return q, reached
 
 
+def has_one_posture(ik: InverseKinematics) -> bool:
+    """Whether the signs of a closed form tell the posture of a pose, so that no path from q0 is asked."""
+    branch = ik._paths.closed
+    return branch is not None and branch.single
+
+
 def is_native(ik: InverseKinematics) -> bool:
     """Whether native code answers, which is built if it is not yet there."""
     return ik._paths.kernel is not None

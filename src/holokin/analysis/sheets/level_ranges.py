@@ -1,0 +1,55 @@
+"""Where the level of a strategy may lie at sampled poses: ranges, on each branch of its leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...base.types import Flags, Indices, Matrix, Value, Vector
+from ..coverage.starts import Candidate
+from .level_fit import Ranges
+
+CONSTANTS = 96
+"""Constant levels of which the best begins a fit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Branch(Value):
+    """The levels of a strategy at which poses have a posture that is allowed, on one branch of its leaves.
+
+    A pose and a level have at most one posture of a branch, those levels that are in a range of the pose.
+
+    candidate: the strategy. ranges: of levels. postures: (poses (k,), levels (k,)) -> postures (k, n) there, NaN where
+    none is allowed. alone: whether signs of a closed form tell the postures of a branch apart, on the whole arm.
+    """
+
+    candidate: Candidate
+    ranges: Ranges
+    postures: Callable[[Indices, Vector], Matrix]
+    alone: bool = False
+
+    def wrap(self, gap: Vector) -> Vector:
+        """Differences (N,) of levels, the shorter way."""
+        strategy = self.candidate.strategy
+        return gap if strategy is None else np.asarray(strategy.constraint.nearest(gap[:, None])[:, 0])
+
+    @cached_property
+    def poses(self) -> Indices:
+        """Those that have a range."""
+        return np.unique(self.ranges.pose)
+
+    @cached_property
+    def constants(self) -> Vector:
+        """Levels (c,) all over the ranges, evenly."""
+        _, middle, half = self.ranges
+        return np.linspace((middle - half).min(), (middle + half).max(), CONSTANTS)
+
+    def serves(self, levels: Vector) -> Flags:
+        """Which poses have a posture at their levels (k,), by the ranges."""
+        pose, middle, half = self.ranges
+        flags = np.zeros(len(levels), dtype=bool)
+        flags[pose[np.abs(self.wrap(levels[pose] - middle)) <= half]] = True
+        return flags
