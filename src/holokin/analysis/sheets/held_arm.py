@@ -18,7 +18,7 @@ from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
 from ..coverage.starts import Candidate
 from .level_fit import Ranges
-from .level_ranges import Branch
+from .branch import Branch
 
 VALUES = 96
 """Values of the held joint at which the postures of a pose are looked at."""
