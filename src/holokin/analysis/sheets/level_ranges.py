@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.checks import Clear
@@ -35,6 +36,12 @@ PLACES = (0.5, 0.25, 0.75)
 
 SAME = 0.3
 """Distance [joint units] of a posture from the chord of a stretch up to which it is on it: chords are 0.2 long."""
+
+SMALL = 1e-6
+"""Share of the way to the posture beside for which a stretch is not led on."""
+
+NATIVE, MANY = 16, 300
+"""Postures side by side from which on native code runs, and poses from which on building it pays."""
 
 LEAST = 0.02
 """Share of the poses below which a branch is left out."""
@@ -109,9 +116,9 @@ class Branch(Value):
         place, T, level = place[there], self.T[poses[there]], levels[there]
         begin, rows = self.stretches.near(self.of[place], level - self.turns[place])
         # The turns of a hinge without limits that the level counts.
-        counted = np.flatnonzero(counted_turns(self.strategy, self.stretches.q))
+        counted = np.flatnonzero(_counted_turns(self.strategy, self.stretches.q))
         if len(counted) and not self.strategy.constraint.angular[0]:
-            begin[:, counted[0]] += self.turns[place] * counted_turns(self.strategy, self.stretches.q)[counted[0]]
+            begin[:, counted[0]] += self.turns[place] * _counted_turns(self.strategy, self.stretches.q)[counted[0]]
         step = leaf_step(self.strategy)
         p, R, c = T[:, :3, 3], T[:, :3, :3], level[:, None]
         side = step.batch(self.stretches.q[rows], p, R, c)[3]
@@ -125,7 +132,7 @@ class Branch(Value):
         return q
 
 
-def counted_turns(strategy: HolonomicStrategy, q: Matrix) -> Vector:
+def _counted_turns(strategy: HolonomicStrategy, q: Matrix) -> Vector:
     """How many turns of 2 pi a level gains by a whole turn of each hinge without limits (n,), if that is whole at all
     postures (k, n); NaN where it is not, 0 for other joints."""
     robot, turns = strategy.task.robot, np.zeros(q.shape[1])
@@ -143,7 +150,7 @@ def counted_turns(strategy: HolonomicStrategy, q: Matrix) -> Vector:
 def branches_by_curves(
     candidate: Candidate, T: Array, near: Indices, clear: Clear | None, curves: SelfMotions, least: float = LEAST
 ) -> list[Branch]:
-    """The branches of a strategy with one redundant joint, from the widest on.
+    """The branches of a strategy with one redundant joint, those of most poses first.
 
     A branch grows from the widest stretch over links to neighbours, at most one stretch a pose. Stretches that are left
     grow into others.
@@ -170,164 +177,169 @@ def branches_by_curves(
 
 def _stretches(strategy: HolonomicStrategy, curves: SelfMotions, clear: Clear | None) -> _Stretches:
     robot = strategy.task.robot
-    sound = np.isfinite(curves.q).all(axis=1)
-    bounded = robot.hinges & np.isfinite(robot.upper - robot.lower)
-    bounded |= ~np.isfinite(counted_turns(strategy, curves.q[sound]))
-    look = _Look(strategy, curves, clear, bounded)
-    rows = _begun_at_gaps(curves, look)
-    q, pose, curve = look.turned(curves.q[rows]), curves.pose[rows], curves.curve[rows]
-    seen = look(q, pose)
-    # Rows that follow each other on a stretch.
-    link = _linked(seen, q, curve, strategy, bounded)
-    rise = strategy.constraint.nearest(np.diff(seen.c)[:, None])[:, 0]
-    # Where the direction of the level turns without a singular posture that is seen there is a gap, too.
+    counted = _counted_turns(strategy, curves.q)
+    unbounded = robot.hinges & ~np.isfinite(robot.upper - robot.lower) & np.isfinite(counted)
+    look = _Look(strategy, curves, clear, robot.hinges & ~unbounded)
+    seen = look(curves.q, curves.pose)
+    # The rows of each curve in order, its hinges without limits continuous, its levels too where these count them.
+    rows, own = _begun_at_gaps(curves, look.linked(seen, curves.curve))
+    curve, seen = curves.curve[rows], seen.at(rows)
+    q, c = seen.q, seen.c
+    for j in np.flatnonzero(unbounded):
+        on = q[0, j] + np.append(0.0, np.cumsum(wrapped(np.diff(q[:, j]))))
+        on -= on[np.searchsorted(curve, curve)]  # from the first row of the curve on
+        turns = 2 * np.pi * np.round((on + wrapped(q[np.searchsorted(curve, curve), j]) - q[:, j]) / (2 * np.pi))
+        q[:, j], c = q[:, j] + turns, c + counted[j] * turns
+    seen = seen._replace(q=q, c=c, allowed=seen.allowed & own)
+    # Rows that follow each other on a stretch: the level goes on in one direction.
+    rise = _nearest(strategy, np.diff(seen.c))
     same = np.append(True, np.sign(rise[1:]) == np.sign(rise[:-1]))
-    link &= (rise != 0) & (same | ~np.append(False, link[:-1]))
-    joined = np.append(False, link)
-    good = seen.allowed
-    if not good.any():
+    link = look.linked(seen, curve) & (rise != 0)
+    link &= same | ~np.append(False, link[:-1])
+    if not link.any():
         none = np.zeros(0, dtype=int)
-        return _Stretches(q[none], seen.c[none], none, none, none)
-    number = np.cumsum(good & ~joined) - 1
-    some = np.flatnonzero(good)
-    first, last = np.flatnonzero(good & ~joined), np.flatnonzero(good & ~np.append(link, False))
-    # Levels along each, counted on from its first one; what leads it on to a limit or a singular posture.
-    c = np.concatenate([[0.0], np.cumsum(np.where(link, rise, 0.0))])
-    c = seen.c[first][number] + c - c[first][number]
-    ends = [_led_on(look, q, pose, curve, seen, at, side) for at, side in ((first, -1), (last, 1))]
-    begin, end = (
-        (at[has], postures[has], c[at[has]] + strategy.constraint.nearest(levels[has, None] - seen.c[at[has], None])[:, 0])
-        for at, (postures, levels, has) in zip((first, last), ends, strict=True)
-    )
-    where = np.concatenate([begin[0] - 0.5, some, end[0] + 0.5])
-    of = np.concatenate([number[begin[0]], number[some], number[end[0]]])
-    every, levels = np.vstack([begin[1], q[some], end[1]]), np.concatenate([begin[2], c[some], end[2]])
-    # From the least level on; a row that does not rise is left out, as where round-off decides.
+        return _Stretches(q[none], c[none], none, none, none)
+    first, last = (np.flatnonzero(seen.allowed & ~x) for x in (np.append(False, link), np.append(link, False)))
+    number, some = np.cumsum(seen.allowed & ~np.append(False, link)) - 1, np.flatnonzero(seen.allowed)
+    c = np.append(0.0, np.cumsum(np.where(link, rise, 0.0)))
+    c[some] += (seen.c[first] - c[first])[number[some]]
+    # What leads a stretch on to a limit or a singular posture.
+    ends = [look.led_on(seen, curves.pose[rows], curve, at, way) for at, way in ((first, -1), (last, 1))]
+    parts = [(some, seen.q[some], c[some], 0.0)]
+    for at, (has, postures, levels), way in zip((first, last), ends, (-0.5, 0.5), strict=True):
+        at = at[has]
+        parts.append((at, postures, c[at] + _nearest(strategy, levels - seen.c[at]), way))
+    where = np.concatenate([at + way for at, _, _, way in parts])
+    of = np.concatenate([number[at] for at, *_ in parts])
+    every, levels = np.concatenate([part[1] for part in parts]), np.concatenate([part[2] for part in parts])
+    # From the least level on. A stretch that does not rise throughout, as where round-off decides, is left out.
     order = np.lexsort((where, of))
-    every, levels, of = every[order], levels[order], of[order]
+    every, levels, of, index = every[order], levels[order], of[order], np.arange(len(of))
     edge = np.flatnonzero(np.diff(of, prepend=-1))
     stop = np.append(edge[1:], len(of)) - 1
-    falls = levels[stop] < levels[edge]
-    index = np.arange(len(of))
-    turned = np.where(falls[of], edge[of] + stop[of] - index, index)
+    turned = np.where((levels[stop] < levels[edge])[of], edge[of] + stop[of] - index, index)
     every, levels = every[turned], levels[turned]
-    lasting = stop > edge
-    lasting &= np.minimum.reduceat(np.append(np.where(np.diff(of) == 0, np.diff(levels), np.inf), np.inf), edge) > 0
-    left, count = lasting[of], (stop - edge + 1)[lasting]
-    last = np.cumsum(count) - 1
-    return _Stretches(every[left], levels[left], last - count + 1, last, pose[first][lasting])
+    falls = np.append((np.diff(of) == 0) & ~(np.diff(levels) > 0), False)
+    lasting = (stop > edge) & (np.bincount(of, falls, len(edge)) == 0)
+    left, last = lasting[of], np.cumsum((stop - edge + 1)[lasting]) - 1
+    return _Stretches(every[left], levels[left], last - (stop - edge)[lasting], last, curves.pose[rows][first][lasting])
+
+
+def _nearest(strategy: HolonomicStrategy, gap: Vector) -> Vector:
+    return strategy.constraint.nearest(gap[:, None])[:, 0]
 
 
 class _Seen(NamedTuple):
-    """Of postures: levels, signs of det [J; J_g], rcond, and which are allowed, all (k,)."""
+    """Postures (k, n), their levels, signs of det [J; J_g], rcond, and which are allowed, all (k,).
 
+    Beyond the limits signs are 0, levels and rcond NaN.
+    """
+
+    q: Matrix
     c: Vector
     side: Vector
     rcond: Vector
     allowed: Flags
 
+    def at(self, rows: Indices) -> _Seen:
+        """Some of them (k,)."""
+        return _Seen(self.q[rows], self.c[rows], self.side[rows], self.rcond[rows], self.allowed[rows])
+
 
 class _Look:
-    """What is asked of postures (k, n) of self-motions, with bounded hinges (n,) at the turn next to their middle."""
+    """What is asked of postures of self-motions; bounded hinges (n,) are at the turn next to the middle of theirs."""
 
     def __init__(self, strategy: HolonomicStrategy, curves: SelfMotions, clear: Clear | None, bounded: Flags) -> None:
         self.strategy, self.curves, self.clear, self.bounded = strategy, curves, clear, bounded
-        robot = strategy.task.robot
-        open_ = bounded & ~np.isfinite(robot.upper - robot.lower)
-        self.low, self.high = np.where(open_, -np.pi, robot.lower), np.where(open_, np.pi, robot.upper)
-
-    def turned(self, q: Matrix) -> Matrix:
-        return np.where(self.bounded, at_best_turns(self.strategy.task.robot, q), q)
+        robot, self.native = strategy.task.robot, NATIVE if len(curves.p) >= MANY else None
+        turning = bounded & ~np.isfinite(robot.upper - robot.lower)
+        self.low, self.high = np.where(turning, -np.pi, robot.lower), np.where(turning, np.pi, robot.upper)
 
     def __call__(self, q: Matrix, pose: Indices) -> _Seen:
-        p, R = self.curves.p[pose], self.curves.R[pose]
-        c = self.strategy.constraint_value.batch(q).reshape(-1)
-        _, rcond, margin, side = leaf_step(self.strategy).batch(q, p, R, np.zeros((len(q), 1)))
-        allowed = ((q >= self.low) & (q <= self.high)).all(axis=1) & np.isfinite(c)
-        allowed &= (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation)
-        if self.clear is not None and allowed.any():
-            allowed[allowed] = self.clear(q[allowed])
-        return _Seen(c, side, rcond, allowed)
+        q = np.where(self.bounded, at_best_turns(self.strategy.task.robot, q), q)
+        allowed = np.asarray(((q >= self.low) & (q <= self.high)).all(axis=1))
+        c, side, rcond = np.full(len(q), np.nan), np.zeros(len(q)), np.full(len(q), np.nan)
+        some = np.flatnonzero(allowed)
+        inside = q[some], self.curves.p[pose[some]], self.curves.R[pose[some]], np.zeros((len(some), 1))
+        c[some] = self.strategy.constraint_value.batch(inside[0], native_from=self.native).reshape(-1)
+        _, rcond[some], margin, side[some] = leaf_step(self.strategy).batch(*inside, native_from=self.native)
+        sound = np.isfinite(c[some]) & (rcond[some] > TOLERANCES.singular) & (margin > TOLERANCES.representation)
+        if self.clear is not None and sound.any():
+            sound[sound] = self.clear(inside[0][sound])
+        allowed[some] = sound
+        return _Seen(q, c, side, rcond, allowed)
+
+    def linked(self, seen: _Seen, curve: Indices) -> Flags:
+        """Which rows (N - 1,) are followed by one of the same stretch."""
+        both = seen.allowed[1:] & seen.allowed[:-1] & (curve[1:] == curve[:-1]) & (seen.side[1:] == seen.side[:-1])
+        return both & ~(np.abs(np.diff(seen.q[:, self.bounded], axis=0)) > np.pi).any(axis=1)
+
+    def led_on(self, seen: _Seen, pose: Indices, curve: Indices, at: Indices, way: int) -> tuple[Flags, Matrix, Vector]:
+        """(which of some rows (k,) are led on, to an allowed posture on the way to the row beside; the postures (m, n)
+        of these, and their levels (m,))."""
+        robot, beside = self.strategy.task.robot, np.clip(at + way, 0, len(seen.q) - 1)
+        step = seen.q[beside] - seen.q[at]
+        step = np.where(robot.hinges, wrapped(step), step)
+        # By the line between them: to the first joint's limit, or to where [J; J_g] is singular.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rest = np.where(step > 0, self.high - seen.q[at], self.low - seen.q[at]) / step
+            share = np.where(step != 0, rest, np.inf).min(axis=1)
+            fold = seen.rcond[at] / (seen.rcond[at] + seen.rcond[beside])
+            other = seen.side[beside] * seen.side[at] < 0
+        share = ENDS * np.clip(np.where(other, np.fmin(share, fold), share), 0, 1)
+        has, found, levels = np.zeros(len(at), dtype=bool), seen.q[at], np.zeros(len(at))
+        poses = pose_from(self.curves.p, self.curves.R)
+        left = np.flatnonzero((curve[beside] == curve[at]) & (beside != at) & (share > SMALL))
+        for _ in range(TRIES):
+            if not len(left):
+                break
+            row = at[left]
+            now = self(
+                onto(self.strategy.task, poses[pose[row]], seen.q[row] + share[left, None] * step[left]), pose[row]
+            )
+            good = now.allowed & (now.side == seen.side[row]) & (np.abs(now.q - seen.q[row]).max(axis=1) < SAME)
+            has[left[good]], found[left[good]], levels[left[good]] = True, now.q[good], now.c[good]
+            left = left[~good]
+            share[left] *= 0.5
+        return has, found[has], levels[has]
 
 
-def _begun_at_gaps(curves: SelfMotions, look: _Look) -> Indices:
-    """The rows of the curves, those of closed ones from the row on at which a stretch begins."""
-    q = look.turned(curves.q)
-    seen = look(q, curves.pose)
-    link = _linked(seen, q, curves.curve, look.strategy, look.bounded)
+def _begun_at_gaps(curves: SelfMotions, link: Flags) -> tuple[Indices, Flags]:
+    """The rows of the curves in order, those of a closed one from a gap between stretches on; which are its own.
+
+    Before and after a curve that begins so there is the row beside.
+    """
     edge = np.flatnonzero(np.diff(curves.curve, prepend=-1))
-    count = np.diff(np.append(edge, len(q)))
-    begin = np.zeros(len(edge), dtype=int)
-    gaps = np.flatnonzero(~link)
-    gaps = gaps[curves.curve[gaps] == curves.curve[gaps + 1]] if len(gaps) else gaps
-    of = curves.curve[gaps]
-    begin[of[::-1]] = gaps[::-1] + 1 - edge[of[::-1]]
-    begin[~curves.closed] = 0
-    # Row i of a closed curve, of which the last row is the first one.
-    i = np.arange(len(q)) - np.repeat(edge, count)
-    ring = np.repeat(np.maximum(count - 1, 1), count)
-    moved = np.repeat(begin, count)
-    return np.repeat(edge, count) + np.where(moved > 0, (i + moved) % ring, i)
-
-
-def _linked(seen: _Seen, q: Matrix, curve: Indices, strategy: HolonomicStrategy, bounded: Flags) -> Flags:
-    """Which rows (N - 1,) are followed by one of the same stretch."""
-    both = seen.allowed[1:] & seen.allowed[:-1] & (curve[1:] == curve[:-1]) & (seen.side[1:] == seen.side[:-1])
-    return both & ~(np.abs(np.diff(q[:, bounded], axis=0)) > np.pi).any(axis=1)
-
-
-def _led_on(
-    look: _Look, q: Matrix, pose: Indices, curve: Indices, seen: _Seen, at: Indices, way: int
-) -> tuple[Matrix, Vector, Flags]:
-    """(postures (k, n) between rows (k,) and those beside them that are allowed as they are, their levels, whether
-    there are such)."""
-    beside = np.clip(at + way, 0, len(q) - 1)
-    there = (beside != at) & (curve[beside] == curve[at])
-    step = q[beside] - q[at]
-    hinges = look.strategy.task.robot.hinges
-    step = np.where(hinges, wrapped(step), step)
-    # By the line between them: to the first joint's limit, or to where [J; J_g] is singular.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rest = np.where(step > 0, look.high - q[at], look.low - q[at]) / step
-        share = np.where(step != 0, rest, np.inf).min(axis=1)
-        fold = seen.rcond[at] / (seen.rcond[at] + seen.rcond[beside])
-    share = ENDS * np.clip(np.minimum(share, np.where(seen.side[at] == seen.side[beside], 1.0, fold)), 0, 1)
-    postures, levels, has = q[at].copy(), np.full(len(at), np.nan), np.zeros(len(at), dtype=bool)
-    poses = np.tile(np.eye(4), (len(look.curves.p), 1, 1))
-    poses[:, :3, 3], poses[:, :3, :3] = look.curves.p, look.curves.R
-    left = np.flatnonzero(there & (share > 1e-6))
-    for _ in range(TRIES):
-        if not len(left):
-            break
-        tried = onto(look.strategy.task, poses[pose[at[left]]], q[at[left]] + share[left, None] * step[left])
-        now = look(tried, pose[at[left]])
-        good = now.allowed & (now.side == seen.side[at[left]]) & (np.abs(tried - q[at[left]]).max(axis=1) < 1.0)
-        postures[left[good]], levels[left[good]], has[left[good]] = tried[good], now.c[good], True
-        left = left[~good]
-        share[left] *= 0.5
-    return postures, levels, has
+    count = np.diff(np.append(edge, len(curves.q)))
+    gaps = np.flatnonzero(~link & (curves.curve[1:] == curves.curve[:-1]))
+    begin = np.full(len(edge), -1)
+    begin[curves.curve[gaps[::-1]]] = gaps[::-1] - edge[curves.curve[gaps[::-1]]]
+    moved = curves.closed & (begin >= 0) & (count > 2)
+    # The last row of a closed curve is its first one.
+    total = count + moved
+    curve = np.repeat(np.arange(len(edge)), total)
+    i = np.arange(len(curve)) - np.repeat(np.cumsum(total) - total, total)
+    rows = edge[curve] + np.where(moved[curve], (begin[curve] + i) % np.maximum(count - 1, 1)[curve], i)
+    return rows, ~moved[curve] | ((i > 0) & (i < total[curve] - 1))
 
 
 # --- Links to neighbouring poses, and what grows over them.
 
 
-def _links(
-    strategy: HolonomicStrategy, T: Array, near: Indices, stretches: _Stretches
-) -> tuple[Indices, Vector]:
+def _links(strategy: HolonomicStrategy, T: Array, near: Indices, stretches: _Stretches) -> tuple[Indices, Vector]:
     """Pairs (e, 2) of stretches that a leaf links, and the level of the first less that of the second (e,)."""
     count, m = len(stretches.pose), near.shape[1]
     begin, goal = np.repeat(np.arange(count), m), near[stretches.pose].ravel()
-    pairs, turns = [], []
+    pairs, turns, native = [], [], NATIVE if len(T) >= MANY else None
     for place in PLACES:
         level = stretches.low[begin] + place * (stretches.high - stretches.low)[begin]
         each, index = np.unique(begin, return_inverse=True)
         middle = stretches.low[each] + place * (stretches.high - stretches.low)[each]
-        start = _exact(strategy, T[stretches.pose[each]], stretches.near(each, middle)[0], middle)
-        able = np.isfinite(start).all(axis=1)[index]
+        start = _exact(strategy, T[stretches.pose[each]], stretches.near(each, middle)[0], middle, native)
+        able = np.isfinite(start[index]).all(axis=1)
         q = np.full((len(begin), strategy.task.n), np.nan)
-        q[able], reached = one_by_one(strategy, start[index[able]], T[goal[able]])
-        able[able] = reached
-        of, by = _stretch_of(strategy, stretches, q, level, goal, np.flatnonzero(able))
+        q[able], reached = one_by_one(strategy, start[index[able]], T[goal[able]], native)
+        of, by = _stretch_of(strategy, stretches, q, level, goal, np.flatnonzero(able)[reached])
         found = of >= 0
         pairs.append(np.column_stack([begin[found], of[found]]))
         turns.append(by[found])
@@ -335,12 +347,12 @@ def _links(
     return np.concatenate(pairs), np.concatenate(turns)
 
 
-def _exact(strategy: HolonomicStrategy, T: Array, q: Matrix, level: Vector) -> Matrix:
+def _exact(strategy: HolonomicStrategy, T: Array, q: Matrix, level: Vector, native: int | None) -> Matrix:
     """Postures (k, n) near others at poses and levels; NaN where there are none."""
     step, p, R = leaf_step(strategy), T[:, :3, 3], T[:, :3, :3]
 
     def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        dq, rcond, margin, _ = step.batch(q, p[i], R[i], level[i, None])
+        dq, rcond, margin, _ = step.batch(q, p[i], R[i], level[i, None], native_from=native)
         return dq, (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation)
 
     found, good = newton(correct, q, steps=8, exact=EXACT, contraction=0.5)
@@ -354,7 +366,7 @@ def _stretch_of(
     robot, of, by = strategy.task.robot, np.full(len(q), -1), np.zeros(len(q))
     order = np.argsort(stretches.pose, kind="stable")
     first, last = (np.searchsorted(stretches.pose[order], goal[rows], side=s) for s in ("left", "right"))
-    counted = counted_turns(strategy, stretches.q)
+    counted = _counted_turns(strategy, stretches.q)
     turn = 2 * np.pi if strategy.constraint.angular[0] or np.nan_to_num(counted).any() else 0.0
     best = np.full(len(rows), SAME)
     for k in range(int((last - first).max(initial=0))):
@@ -378,18 +390,25 @@ def _grown(
     stretches: _Stretches, links: Indices, turns: Vector, count: int, least: float
 ) -> list[tuple[Indices, Vector]]:
     """The branches: their stretches (N,), and what their levels differ from these by (N,)."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     width, pose = stretches.high - stretches.low, stretches.pose
     left, branches = np.ones(len(pose), dtype=bool), []
     a, b = np.concatenate([links[:, 0], links[:, 1]]), np.concatenate([links[:, 1], links[:, 0]])
     by = np.concatenate([turns, -turns])
     order = np.argsort(a, kind="stable")
     a, b, by = a[order], b[order], by[order]
-    at = np.searchsorted(a, np.arange(len(pose) + 1))
-    for seed in np.argsort(-width, kind="stable").tolist():
-        if not left[seed]:
-            continue
-        if len(np.unique(pose[left])) < least * count:
+    at = np.searchsorted(a, np.arange(len(pose) + 1)).tolist()
+    while True:
+        # Only what is linked with enough others can be a branch.
+        whole = left[a] & left[b]
+        graph = csr_array((whole[whole], (a[whole], b[whole])), shape=(len(pose), len(pose)))
+        part = connected_components(graph, directed=False)[1]
+        left &= np.bincount(part)[part] >= least * count
+        if not left.any():
             break
+        seed = np.flatnonzero(left)[width[left].argmax()]
         shift, taken = np.full(len(pose), np.nan), np.zeros(count, dtype=bool)
         wave, members = np.array([seed]), [np.array([seed])]
         shift[seed], taken[pose[seed]] = 0.0, True
@@ -407,4 +426,4 @@ def _grown(
         left[every] = False
         if len(every) >= least * count:
             branches.append((every, shift[every]))
-    return branches
+    return sorted(branches, key=lambda branch: -len(branch[0]))
