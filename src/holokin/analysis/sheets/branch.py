@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ...base.types import Flags, Indices, Matrix, Value, Vector
+from ...symbolic import wrapped
 from ..coverage.starts import Candidate
 from .level_fit import Ranges
 
@@ -23,18 +24,17 @@ class Branch(Value):
     A pose and a level have at most one posture of a branch, those levels that are in a range of the pose.
 
     candidate: the strategy. ranges: of levels. postures: (poses (k,), levels (k,)) -> postures (k, n) there, NaN where
-    none is allowed. alone: whether signs of a closed form tell the postures of a branch apart, on the whole arm.
+    none is allowed. turning: whether levels that differ by a whole turn are the same postures.
     """
 
     candidate: Candidate
     ranges: Ranges
     postures: Callable[[Indices, Vector], Matrix]
-    alone: bool = False
+    turning: bool = False
 
     def wrap(self, gap: Vector) -> Vector:
-        """Differences (N,) of levels, the shorter way."""
-        strategy = self.candidate.strategy
-        return gap if strategy is None else np.asarray(strategy.constraint.nearest(gap[:, None])[:, 0])
+        """Differences (N,) of levels, the shorter way where a whole turn more is the same posture."""
+        return wrapped(gap) if self.turning else gap
 
     @cached_property
     def poses(self) -> Indices:

@@ -19,8 +19,8 @@ from ...strategies.tasks.task import Task
 from ...symbolic import Function, jacobian
 from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
 from ..coverage.starts import FREE, Candidate, postures_at
-from .level_fit import best_constant, fitted, polynomial
 from .branch import Branch
+from .level_fit import best_constant, fitted, polynomial
 from .set_cover import ROUND
 from .sheet import Sheet, known, nearby, neighbours, turn_length
 from .sheet_growth import STARTS, grown, lines_served, one_function, side_by_side

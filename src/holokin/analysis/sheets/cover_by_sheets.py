@@ -14,15 +14,18 @@ from ...base.threads import one_blas_thread
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, finite, not_negative, positive, whole
 from ...motion.checks import Clear, Clearances, Scene
 from ...motion.ik.pose_reach import Reach
+from ...motion.ik.self_motions import self_motions_at
 from ...path.workspaces import Workspace
 from ...robot import check_metres
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
-from ..coverage.starts import check_that_joints_move
+from ..coverage.starts import Candidate, check_that_joints_move
+from .branch import Branch
 from .candidate_sheets import OTHERS, CandidateSheets
 from .held_arm import branches_by_signs
+from .level_ranges import branches_by_curves
 from .set_cover import Cover, continued, fewest, labelled, same_postures
-from .sheet import Sheet, known, neighbours, postures_of_sheets, spread_out, turn_length
+from .sheet import Sheet, known, nearby, neighbours, postures_of_sheets, spread_out, turn_length
 from .sheet_growth import fitting_candidates
 from .sheet_map import PoseRest, Sheets, rests_of
 
@@ -217,23 +220,31 @@ class _Leaves(Value):
         return [pool.found[i].sheet for i in cover.chosen], len(pool.found), cover.least, stopped
 
     def _pool(self, order: Indices, left_out: Indices, progress: Callable[[str], None]) -> CandidateSheets:
-        """The candidates over some poses: a random part, and those that were left out; none of them yet."""
-        others, redundant = order[~np.isin(order, left_out)], self.task.n - self.task.m
-        by_signs = self.search and redundant == 1 and self.strategies is None
-        others = others[:SEARCHED]
-        progress("where levels may lie")
+        """The candidates over some poses, a random part and those that were left out; none of them yet."""
+        task, one_redundant = self.task, self.task.n - self.task.m == 1
+        others, branches, candidates = order[~np.isin(order, left_out)][:SEARCHED], list[Branch](), list[Candidate]()
         T = self.T[np.concatenate([others, left_out])]
-        branches, candidates = branches_by_signs(self.task, T, self.clear) if by_signs else [], []
+        progress("which levels serve")
+        if self.search and one_redundant and self.strategies is None:
+            branches = branches_by_signs(task, T, self.clear)
         if not branches:
-            others = others[: LINES if self.search else len(others)]
+            # Leaves by paths: of fewer poses, but where no leaves are looked for.
+            others = others[: LINES if self.search else len(order)]
             T = self.T[np.concatenate([others, left_out])]
             progress("which strategies fit")
-            center = T[spread_out(T, np.arange(len(T)), 1, turn_length(self.task))[0]]
-            candidates = fitting_candidates(self.task, T, center, self.strategies, self.clear)
+            center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
+            candidates = fitting_candidates(task, T, center, self.strategies, self.clear)
+        if self.search and one_redundant and not branches:
+            curves, near = self_motions_at(task, T[:, :3, 3], T[:, :3, :3]), nearby(T, turn_length(task))
+            for candidate in candidates:
+                progress(f"which levels of {candidate.name} serve")
+                linked = branches_by_curves(candidate, T, near, self.clear, curves)
+                branches += [Branch(candidate, branch.ranges, branch.postures) for branch in linked]
         which = np.concatenate([others, left_out])
-        weights = np.repeat([(len(self.T) - len(left_out)) / max(1, len(others)), 1.0], [len(others), len(left_out)])
+        each = (len(self.T) - len(left_out)) / max(1, len(others))
+        weights = np.repeat([each, 1.0], [len(others), len(left_out)])
         return CandidateSheets(
-            self.task, self.T[which], self.q[which], weights, candidates, branches, self.clear, self.rcond, self.share
+            task, T, self.q[which], weights, candidates, branches, self.clear, self.rcond, self.share
         )
 
     def _left_out(self, pool: CandidateSheets, cover: Cover) -> Indices:

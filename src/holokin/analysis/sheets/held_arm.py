@@ -17,8 +17,8 @@ from ...strategies.constraints import lock
 from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
 from ..coverage.starts import Candidate
-from .level_fit import Ranges
 from .branch import Branch
+from .level_fit import Ranges
 
 VALUES = 96
 """Values of the held joint at which the postures of a pose are looked at."""
@@ -130,7 +130,7 @@ def branches_by_signs(task: Task, poses: Array, clear: Clear | None) -> list[Bra
                     Candidate(strategy.name, keys, task, strategy),
                     held_arm.ranges(flags[:, :, sign]),
                     partial(_postures, held_arm, poses, sign, clear),
-                    alone=True,
+                    held_arm.turning,
                 )
             )
     return branches

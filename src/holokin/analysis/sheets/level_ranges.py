@@ -26,6 +26,7 @@ from ...strategies import HolonomicStrategy
 from ...symbolic import wrapped
 from ..coverage.leaf_lines import one_by_one
 from ..coverage.starts import Candidate
+from .level_fit import Ranges
 
 ENDS, TRIES = 0.95, 3
 """Share of the way to a limit or a singular posture, by the line through two postures, to which a stretch is led on;
@@ -86,7 +87,7 @@ class _Stretches(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(Value):
+class LinkedBranch(Value):
     """The levels of a strategy from low to high (N,) that serve poses, by their numbers (N,) among T (k, 4, 4), on one
     branch: a pose has one interval, and each level of it one posture.
 
@@ -102,6 +103,11 @@ class Branch(Value):
     stretches: _Stretches
     of: Indices
     turns: Vector
+
+    @property
+    def ranges(self) -> Ranges:
+        """The intervals."""
+        return Ranges(self.pose, (self.low + self.high) / 2, (self.high - self.low) / 2)
 
     @cached_property
     def _place(self) -> Indices:
@@ -149,7 +155,7 @@ def _counted_turns(strategy: HolonomicStrategy, q: Matrix) -> Vector:
 
 def branches_by_curves(
     candidate: Candidate, T: Array, near: Indices, clear: Clear | None, curves: SelfMotions, least: float = LEAST
-) -> list[Branch]:
+) -> list[LinkedBranch]:
     """The branches of a strategy with one redundant joint, those of most poses first.
 
     A branch grows from the widest stretch over links to neighbours, at most one stretch a pose. Stretches that are left
@@ -167,7 +173,9 @@ def branches_by_curves(
         return []
     links, turns = _links(strategy, T, near, stretches)
     return [
-        Branch(strategy, T, stretches.pose[of], stretches.low[of] + by, stretches.high[of] + by, stretches, of, by)
+        LinkedBranch(
+            strategy, T, stretches.pose[of], stretches.low[of] + by, stretches.high[of] + by, stretches, of, by
+        )
         for of, by in _grown(stretches, links, turns, len(T), least)
     ]
 
