@@ -10,13 +10,16 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import LIMIT, map_of, panda_map, planar_map, planar_task
-from holokin.analysis.coverage.starts import Candidate
+from holokin.analysis.coverage.starts import Candidate, reached
 from holokin.analysis.sheets import Sheet, Sheets, self_motion_between
+from holokin.analysis.sheets.branch import Branch
 from holokin.analysis.sheets.candidate_sheets import CandidateSheets
+from holokin.analysis.sheets.held_arm import branches_by_signs
+from holokin.analysis.sheets.level_ranges import branches_by_curves
 from holokin.analysis.sheets.sheet import known, nearby
-from holokin.analysis.sheets.sheet_growth import LevelTable, SearchedPoses, level_table, side_by_side
 from holokin.app.job.runner import _strategy
 from holokin.base.errors import ArgumentError, HolokinError, PathError, StartError
+from holokin.motion.ik.self_motions import self_motions_at
 
 
 @pytest.fixture(scope="module")
@@ -247,18 +250,37 @@ def positions(count: int = 80, radius: float = 2.6) -> np.ndarray:
     return T
 
 
-def pool_of(T: np.ndarray) -> CandidateSheets:
-    return CandidateSheets(planar_task(), SearchedPoses.of(T, 0.0), [], None, 0.0, True)
+def pool_of(task: hk.Task, T: np.ndarray, q: np.ndarray, branches: list[Branch]) -> CandidateSheets:
+    return CandidateSheets(task, T, q, np.ones(len(T)), [], branches, None, 0.0, 0.995, True)
 
 
 @pytest.fixture(scope="module")
-def table() -> LevelTable:
+def planar_pool() -> CandidateSheets:
     """Of joint 1 locked: a level is an angle of joint 1."""
     task, T = planar_task(), positions()
-    strategy = hk.holonomic(task, hk.lock(0), name="lock q1")
-    law = Candidate("lock q1", {"kind": "lock", "joints": ["q1"]}, task, strategy)
-    go = side_by_side(strategy, T, None, 0.0, None)
-    return level_table(law, strategy, START, STEP, T, nearby(T, 0.0), go, None)
+    candidate = Candidate(
+        "lock q1", {"kind": "lock", "joints": ["q1"]}, task, hk.holonomic(task, hk.lock(0), name="lock q1")
+    )
+    curves = self_motions_at(task, T[:, :3, 3], T[:, :3, :3])
+    linked = branches_by_curves(candidate, T, nearby(T, 0.0), None, curves)
+    q = reached(task, T, None).q
+    return pool_of(task, T, q, [Branch(candidate, branch.ranges, branch.postures) for branch in linked])
+
+
+@pytest.fixture(scope="module")
+def panda_pool() -> CandidateSheets:
+    task = hk.pose(hk.load("panda"))
+    T = hk.workspace(box=([0.5, 0.0, 0.4], [0.2, 0.2, 0.2]), tilt=0.3).poses(200)
+    reach = reached(task, T, None)
+    T, q = T[reach.within], reach.q[reach.within]
+    return pool_of(task, T, q, branches_by_signs(task, T, None))
+
+
+def best(pool: CandidateSheets, degree: int, weights: np.ndarray) -> np.ndarray:
+    """Which poses that sheet serves, fitted to poses by their weights, which serves the most weight."""
+    pool.found.clear()
+    pool.fit(weights, degree, 4)
+    return pool.sets[np.argmax(pool.sets @ weights)]
 
 
 def elbow_up(point: np.ndarray, q1: np.ndarray) -> np.ndarray:
@@ -270,111 +292,85 @@ def elbow_up(point: np.ndarray, q1: np.ndarray) -> np.ndarray:
     return (far <= 2) & (q3 <= LIMIT) & (np.abs(q2) <= LIMIT) & (np.abs(q1) <= LIMIT)
 
 
-def test_the_postures_of_a_table_are_at_their_poses_and_levels_within_the_limits(table: LevelTable) -> None:
-    there = known(table.q)
-    assert there.sum() > 200
-    for level, row, flags in zip(table.levels, table.q, there, strict=True):
-        reached = np.array([planar_task().robot.pose(q)[:2, 3] for q in row[flags]]).reshape(-1, 2)
-        np.testing.assert_allclose(reached, table.T[flags][:, :2, 3], atol=1e-6)
-        np.testing.assert_allclose(row[flags][:, 0], level, atol=1e-6)
-        assert (np.abs(row[flags]) <= LIMIT + 1e-9).all()
+def test_ranges_have_the_levels_that_a_triangle_allows(planar_pool: CandidateSheets) -> None:
+    """Joint 1 locked, the elbow up: the closed form says which angles of joint 1 are within the limits at a pose."""
+    q1 = np.linspace(-LIMIT, LIMIT, 181)
+    total = there = 0
+    for k, T in enumerate(planar_pool.T):
+        wanted, own = elbow_up(T[:2, 3], q1), np.zeros(181, dtype=bool)
+        for branch in planar_pool.branches:
+            q = branch.postures(np.full(181, k), q1)
+            own |= known(q) & (q[:, 2] >= 0)
+        assert not (own & ~wanted).any()
+        total, there = total + wanted.sum(), there + own.sum()
+    assert there > 0.9 * total
 
 
-def test_a_table_has_the_levels_that_a_triangle_allows(table: LevelTable) -> None:
-    """Joint 1 locked, the elbow up: the closed form says for each pose which angles of joint 1 are within the limits.
-    The table has no other level, and of those that hang together with it all but at the very end of a self-motion."""
-    found = known(table.q)
-    for k, T in enumerate(table.T):
-        allowed = elbow_up(T[:2, 3], table.levels)
-        assert not (found[:, k] & ~allowed).any()
-    share = sum(found[:, k].sum() for k in range(len(table.T)))
-    total = sum(elbow_up(T[:2, 3], table.levels).sum() for T in table.T)
-    assert share > 0.9 * total
+def test_ranges_of_a_held_joint_end_where_its_postures_do(panda_pool: CandidateSheets) -> None:
+    """In a range there is a posture within the limits, at its pose, of its level; a step beyond it there is none, but
+    for ranges that are narrower than a step."""
+    robot = panda_pool.task.robot
+    assert len(panda_pool.branches) > 6
+    for branch in panda_pool.branches:
+        pose, middle, half = branch.ranges
+        k = robot.joint_index(branch.candidate.keys["joints"][0])
+        q = branch.postures(pose, middle)
+        assert known(q).all() and robot.within(q).all()
+        np.testing.assert_allclose(robot.pose(q), panda_pool.T[pose], atol=1e-7)
+        np.testing.assert_allclose(q[:, k], middle, atol=1e-12)
+        single = np.bincount(pose, minlength=len(panda_pool.T))[pose] == 1
+        step = (robot.upper[k] - robot.lower[k]) / 90
+        for side in (-1, 1):
+            beyond = branch.postures(pose[single], (middle + side * (half + step))[single])
+            assert known(beyond).mean() < 0.05
 
 
-@pytest.mark.campaign
-def test_a_fitted_leaf_serves_more_than_each_leaf_of_one_level(table: LevelTable) -> None:
-    laws = table.fitted(np.ones(len(table.T)))
-    assert len(laws) == 3
-    best = known(table.q).sum(axis=1).max()
-    counts = []
-    for law, q0, _ in laws:
-        pool = pool_of(table.T)
-        pool.add(law, q0[None])
-        pool.exact(np.array([0]))
-        counts.append(int(pool.found[0].served.sum()))
-    assert max(counts) > best
-    assert max(counts) >= 0.95 * table.allowed.sum()
+@pytest.mark.parametrize("name", ["planar_pool", "panda_pool"])
+def test_a_fitted_leaf_serves_more_than_each_leaf_of_one_level(name: str, request: pytest.FixtureRequest) -> None:
+    pool = request.getfixturevalue(name)
+    constant, curved = (best(pool, degree, np.ones(len(pool.T))).mean() for degree in (0, 3))
+    assert curved > constant + 0.05
 
 
-def test_a_fit_goes_where_the_weights_are(table: LevelTable) -> None:
-    """With nearly all weight on the poses on one side, that side is served at least as well as without."""
-    left = table.T[:, 1, 3] > 0
-    counts = []
-    for weights in (np.where(left, 1.0, 1e-3), np.where(left, 1e-3, 1.0)):
-        law, q0, _ = table.fitted(weights)[0]
-        pool = pool_of(table.T)
-        pool.add(law, q0[None])
-        counts.append((int(pool.found[0].served[left].sum()), int(pool.found[0].served[~left].sum())))
-    assert counts[0][0] > counts[1][0]
-    assert counts[1][1] > counts[0][1]
+def test_a_fit_goes_where_the_weights_are(planar_pool: CandidateSheets) -> None:
+    """With nearly all weight on the poses on one side, that side is served better than with the weight on the other."""
+    left = planar_pool.T[:, 1, 3] > 0
+    first, second = (best(planar_pool, 1, np.where(side, 1.0, 1e-3)) for side in (left, ~left))
+    assert first[left].sum() > second[left].sum()
+    assert second[~left].sum() > first[~left].sum()
 
 
-def test_what_a_job_says_of_a_fitted_law_is_that_law(table: LevelTable) -> None:
-    """The keys of the law, read as a job reads them, give the same g, within the digits that are kept."""
-    for law, q0, _ in table.fitted(np.ones(len(table.T))):
-        assert law.strategy is not None
-        again = _strategy(law.keys, law.task, q0, law.name)
-        Q = q0 + np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
-        np.testing.assert_allclose(
-            again.constraint_value.batch(Q), law.strategy.constraint_value.batch(Q), rtol=0, atol=1e-12
-        )
-        assert np.abs(law.strategy.constraint_value.batch(q0[None])).max() < 1e-8
+def test_what_a_job_says_of_a_fitted_strategy_is_that_strategy(planar_pool: CandidateSheets) -> None:
+    """The keys of the strategy, read as a job reads them, give the same g, within the digits that are kept."""
+    planar_pool.found.clear()
+    planar_pool.fit(np.ones(len(planar_pool.T)), 2, 2)
+    for entry in planar_pool.found:
+        sheet = entry.sheet
+        again = _strategy(sheet.keys, planar_pool.task, sheet.q0, sheet.name)
+        Q = sheet.q0 + np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
+        values = sheet.strategy.constraint_value.batch(Q)
+        np.testing.assert_allclose(again.constraint_value.batch(Q), values, rtol=0, atol=1e-12)
+        assert np.abs(sheet.level).max() < 1e-4
 
 
-def test_poses_that_all_are_one_have_no_polynomial() -> None:
+def test_poses_that_all_are_one_have_no_polynomial(planar_pool: CandidateSheets) -> None:
     T = np.tile(planar_task().robot.pose(START), (5, 1, 1))
-    task = planar_task()
-    strategy = hk.holonomic(task, hk.lock(0), name="lock q1")
-    law = Candidate("lock q1", {"kind": "lock", "joints": ["q1"]}, task, strategy)
-    go = side_by_side(strategy, T, None, 0.0, None)
-    found = level_table(law, strategy, START, STEP, T, nearby(T, 0.0), go, None)
-    assert found.fitted(np.ones(5)) == []
+    assert pool_of(planar_task(), T, np.tile(START, (5, 1)), []).degrees == [0]
+    assert planar_pool.degrees == [0, 1, 2, 3]
 
 
-def test_over_a_fitted_law_no_other_one_is_fitted(table: LevelTable) -> None:
-    """A job has no polynomial over a polynomial: the file of such a sheet could not be read."""
-    law, q0, _ = table.fitted(np.ones(len(table.T)))[0]
-    pool = pool_of(table.T)
-    pool.add(law, q0[None])
-    assert pool._table(pool.found[0]) is None
-
-
-def test_the_levels_of_a_fitted_law_serve_the_poses_that_it_serves(table: LevelTable) -> None:
-    """A search follows the shorter law from level to level, in place of the polynomial: at most one pose in twenty is
-    served by one of them alone."""
-    task = planar_task()
-    strategy = hk.holonomic(task, hk.lock(0), name="lock q1")
-    parent = Candidate("lock q1", {"kind": "lock", "joints": ["q1"]}, task, strategy)
-    pool = pool_of(table.T)
-    pool.add(parent, START[None])
-    for law, q0, levels in table.fitted(np.ones(len(table.T))):
-        pool.add(law, q0[None])
-        pool.add(law, q0[None], True, pool.found[0], levels)
-        own, by_levels = pool.found[-2].served, pool.found[-1].served
-        assert by_levels.sum() > 0.75 * table.allowed.sum()
-        assert (own != by_levels).mean() <= 0.05
-
-
-def test_poses_that_are_left_out_are_searched_more_closely_and_counted_as_often_as_they_are() -> None:
-    """Whatever is searched, the weights of the poses sum up to the share that a leaf serves of all poses."""
-    T = positions(3000)
-    served = T[:, 0, 3] > -1.5
-    poses = SearchedPoses.of(T, 0.0)
-    assert len(poses.T) == 400 and not poses.complete
-    closer = poses.without(served)
-    left = (~served)[closer.which]
-    assert left.sum() == min(400, (~served).sum())
-    assert closer.weights[left].sum() == pytest.approx((~served).sum())
-    assert closer.weights[~left].sum() == pytest.approx(served.sum())
-    assert closer.all.complete and (closer.all.weights == 1).all()
+def test_a_sheet_of_a_held_joint_answers_by_its_closed_form_alone(panda_pool: CandidateSheets) -> None:
+    """Whatever pose was asked before, and from wherever: the posture of the branch, or none."""
+    panda_pool.found.clear()
+    panda_pool.fit(panda_pool.weights, 2, 3)
+    for entry in panda_pool.found:
+        sheet = entry.sheet
+        assert sheet.single
+        q, served = sheet.postures(panda_pool.T)
+        np.testing.assert_array_equal(served, entry.served)
+        for i in range(0, len(panda_pool.T), 20):
+            alone = sheet.posture(panda_pool.T[i])
+            assert (alone is not None) == served[i]
+            if alone is not None:
+                np.testing.assert_allclose(alone, q[i], atol=1e-12)
+                np.testing.assert_allclose(panda_pool.task.robot.pose(alone), panda_pool.T[i], atol=1e-9)

@@ -16,11 +16,9 @@ from hypothesis import strategies as st
 import holokin as hk
 from conftest import campaign
 from handmade_sheets import LIMIT, disc, planar_task
-from holokin.analysis.coverage.starts import Candidate
 from holokin.analysis.sheets import PoseRest, Sheet, Sheets, candidate_sheets, write_sheets
 from holokin.analysis.sheets.seams import fewest_changes
 from holokin.analysis.sheets.set_cover import fewest, labelled
-from holokin.analysis.sheets.sheet_growth import SearchedPoses
 from holokin.base.errors import (
     ArgumentError,
     BranchError,
@@ -365,7 +363,7 @@ def test_control_c_keeps_what_was_found() -> None:
     s = interrupted_at("asking the sheets", samples=40, share=0.3)
     assert s.stopped and s.served.any() and s.batch(s.poses[s.served]).served.all()
     with pytest.raises(KeyboardInterrupt):
-        interrupted_at("leaves so far", samples=20)
+        interrupted_at("which levels serve", samples=20)
 
 
 def interrupted_in(monkeypatch: pytest.MonkeyPatch, name: str, at: int) -> list[int]:
@@ -396,43 +394,8 @@ def test_of_many_poses_a_part_is_searched_and_the_map_says_what_all_of_them_get(
         assert (np.abs(q) <= np.radians(150) + 1e-9).all() and sheet == s.labels[i]
 
 
-def test_control_c_while_other_poses_are_looked_at_leaves_the_candidates_as_they_were(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    task = planar_task()
-    T = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], q0=[0.2, 0.9, 0.8], samples=60, share=0.1,
-                  search=False).poses  # fmt: skip
-    law = Candidate("lock q1", {}, task, hk.holonomic(task, hk.lock(0)))
-    pool = candidate_sheets.CandidateSheets(task, SearchedPoses.of(T, 0.0), [law], None, 0.0, False)
-    pool.add(law, np.array([[0.2, 0.9, 0.8]]))
-    before = pool.sets.copy()
-    interrupted_in(monkeypatch, "cost_of", 1)
-    with pytest.raises(KeyboardInterrupt):
-        pool.look_at(SearchedPoses.of(T[:30], 0.0), np.array([0]))
-    assert len(pool.T) == 60
-    np.testing.assert_array_equal(pool.sets, before)
-    pool.look_at(SearchedPoses.of(T[:30], 0.0), np.array([0]))
-    assert pool.sets.shape == (1, 30)
-    assert (pool.sets[0] <= before[0, :30]).all()  # fewer poses are fewer stepping stones
-
-
-def test_of_many_poses_a_first_part_is_in_question_and_then_all() -> None:
-    """What was left out of the first part stays so; of the rest nothing is known yet. Each pose counts once."""
-    T = np.tile(np.eye(4), (3000, 1, 1))
-    T[:, 0, 3] = np.linspace(0, 1, 3000)
-    first = SearchedPoses.of(T, 0.0, 1000).without(np.arange(1000) >= 10)
-    assert len(first.reach) == 1000 and set(range(10)) <= set(first.which.tolist())
-    assert first.weights.sum() == pytest.approx(1000)
-    wider = first.more()
-    assert wider.left_out.sum() == 10 and wider.left_out[:10].all() and wider.more() is wider
-    assert len(wider.reach) == len(wider.all.which) == len(first.all.which) == 3000
-    assert wider.without(np.arange(3000) < 2900).weights.sum() == pytest.approx(3000)
-    few = SearchedPoses.of(T[:30], 0.0, 1000)
-    assert few.complete and few.more() is few
-
-
 def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    interrupted_in(monkeypatch, "cost_of", 4)
+    interrupted_in(monkeypatch, "best_constant", 4)
     task = planar_task()
     s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40)
     assert s.stopped
@@ -477,7 +440,7 @@ def test_the_same_search_finds_the_same_map(share: float) -> None:
     first, second = (
         hk.sheets(task, disc(), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=30, share=share) for _ in range(2)
     )
-    np.testing.assert_array_equal(first.q, second.q)
+    np.testing.assert_allclose(first.q, second.q, atol=1e-12)  # native code may come in between
     np.testing.assert_array_equal(first.labels, second.labels)
 
 

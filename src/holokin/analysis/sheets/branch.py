@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...base.types import Flags, Indices, Matrix, Value, Vector
+from ...base.types import Indices, Matrix, Value, Vector
 from ...symbolic import wrapped
 from ..coverage.starts import Candidate
 from .level_fit import Ranges
@@ -46,10 +46,3 @@ class Branch(Value):
         """Levels (c,) all over the ranges, evenly."""
         _, middle, half = self.ranges
         return np.linspace((middle - half).min(), (middle + half).max(), CONSTANTS)
-
-    def serves(self, levels: Vector) -> Flags:
-        """Which poses have a posture at their levels (k,), by the ranges."""
-        pose, middle, half = self.ranges
-        flags = np.zeros(len(levels), dtype=bool)
-        flags[pose[np.abs(self.wrap(levels[pose] - middle)) <= half]] = True
-        return flags

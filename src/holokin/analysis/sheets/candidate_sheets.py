@@ -61,8 +61,8 @@ DIGITS = 7
 class CandidateSheet:
     """A sheet that a cover may have.
 
-    served: which of the searched poses (k,) it serves, by ranges or lines side by side, which may be wrong at a few
-    poses, until it was asked. cost: see `CandidateSheets.cost_of`. make: its leaf, which is built for a sheet that is
+    served: which of the searched poses (k,) it serves, by lines side by side, which may be wrong at a few poses, until
+    it was asked. cost: see `CandidateSheets.cost_of`. make: its leaf, which is built for a sheet that is
     chosen alone. other: whether it is another posture of a leaf, which brings no more of them.
     """
 
@@ -83,8 +83,8 @@ class CandidateSheets:
     """Sheets, with the poses that each serves; they grow while a cover is looked for.
 
     T: the poses (k, 4, 4) that are searched. q: a posture at each (k, n). weights: how many poses each stands for (k,).
-    candidates: strategies whose leaves are
-    tried. branches: to whose ranges of levels rules are fitted. tried: leaves so far.
+    candidates: strategies whose leaves are tried. branches: to whose ranges of levels rules are fitted. share: of the
+    poses, that is wanted. own: whether the level of a strategy may follow the pose. tried: leaves so far.
     """
 
     task: Task
@@ -96,6 +96,7 @@ class CandidateSheets:
     clear: Clear | None
     rcond: float
     share: float
+    own: bool
     found: list[CandidateSheet] = field(default_factory=list)
     tried: int = 0
 
@@ -174,10 +175,10 @@ class CandidateSheets:
 
     @cached_property
     def degrees(self) -> list[int]:
-        """Of the polynomials that the poses can tell; that of degree 0 is a constant level."""
-        c = self.coordinates
-        count = [] if c is None else [len(monomials_up_to(c.d, degree)) for degree in DEGREES]
-        return [0, *(d for d, terms in zip(DEGREES, count, strict=False) if POSES_A_TERM * terms <= len(self.T))]
+        """Of the polynomials that may be tried and that the poses can tell; that of degree 0 is a constant level."""
+        if (c := self.coordinates) is None or not self.own:
+            return [0]
+        return [0, *(d for d in DEGREES if POSES_A_TERM * len(monomials_up_to(c.d, d)) <= len(self.T))]
 
     def keep_useful(self, chosen: list[int]) -> None:
         """Leaves away all sheets but some of a choice, and those that could best take the place of one of them."""
@@ -218,17 +219,15 @@ class CandidateSheets:
         self.tried += 1
         x = np.array([float(f"{value:.{DIGITS}g}") for value in x])
         levels = f @ x
-        served = branch.serves(levels)
+        q = branch.postures(np.arange(len(self.T)), levels)
+        served = known(q)
         if self.rcond and served.any():
-            q = branch.postures(np.flatnonzero(served), levels[served])
-            served[served] = known(q) & (self._jacobians(branch, q, slopes[served], x)[1] >= self.rcond)
+            served[served] = self._jacobians(branch, q[served], slopes[served], x)[1] >= self.rcond
         if served.any():
             some = np.flatnonzero(served)[:: max(1, int(served.sum()) // COMPARED)]
-            q = branch.postures(some, levels[some])
-            there = known(q)
-            G, _ = self._jacobians(branch, q[there], slopes[some[there]], x)
-            make = partial(self._make, branch, degree, x, levels)
-            self.found.append(CandidateSheet(served, self.cost_of(q[there], G), make))
+            G, _ = self._jacobians(branch, q[some], slopes[some], x)
+            make = partial(self._make, branch, degree, x, q[served], self.T[served])
+            self.found.append(CandidateSheet(served, self.cost_of(q[some], G), make))
 
     def _jacobians(self, branch: Branch, Q: Matrix, slopes: Array, x: Vector) -> tuple[Array, Vector]:
         """(G (k, n, m), rcond (k,) of [J; J_g]) of a branch's strategy whose level has coefficients x, at Q (k, n)."""
@@ -249,19 +248,16 @@ class CandidateSheets:
         near = float(np.mean(room < MARGIN * np.where(np.isfinite(span), span, 0.0))) if len(Q) else 0.0
         return float(np.sqrt(np.mean(np.sum(G**2, axis=(1, 2))))) * (1 + near) if len(Q) else np.inf
 
-    def _make(self, branch: Branch, degree: int, x: Vector, levels: Vector) -> Sheet:
-        """The leaf of a rule, with a station at each pose that it serves."""
+    def _make(self, branch: Branch, degree: int, x: Vector, q: Matrix, poses: Array) -> Sheet:
+        """The leaf of a rule, with stations q (h, n) at the poses (h, 4, 4) that it serves."""
         candidate = branch.candidate
-        q = branch.postures(np.arange(len(self.T)), levels)
-        there = known(q)
-        strategy, keys = candidate.strategy, {key: v for key, v in candidate.keys.items() if key != "level"}
+        strategy, keys = candidate.strategy, {key: value for key, value in candidate.keys.items() if key != "level"}
         if degree:
             zeta = Polynomial(self.coordinates, x[None])
             name = f"{candidate.name}, level of degree {degree}"
             strategy = holonomic(self.task, tilted(strategy.constraint, zeta, chart=zeta.chart, name=name), name=name)
             keys = zeta.keys_over(candidate.keys)
-        q0 = _roomiest(self.task, q[there])
-        return Sheet(strategy, q0, self.rcond, keys, q[there], self.T[there])
+        return Sheet(strategy, _roomiest(self.task, q), self.rcond, keys, q, poses)
 
     # --- Leaves through postures, where no ranges of levels are known.
 

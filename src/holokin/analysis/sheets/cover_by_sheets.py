@@ -243,8 +243,9 @@ class _Leaves(Value):
         which = np.concatenate([others, left_out])
         each = (len(self.T) - len(left_out)) / max(1, len(others))
         weights = np.repeat([each, 1.0], [len(others), len(left_out)])
+        own = self.strategies is None
         return CandidateSheets(
-            task, T, self.q[which], weights, candidates, branches, self.clear, self.rcond, self.share
+            task, T, self.q[which], weights, candidates, branches, self.clear, self.rcond, self.share, own
         )
 
     def _left_out(self, pool: CandidateSheets, cover: Cover) -> Indices:

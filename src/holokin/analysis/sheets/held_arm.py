@@ -63,7 +63,7 @@ class HeldArm(Value):
         return q
 
     def postures_at(self, poses: Array, values: Matrix, sign: int, clear: Clear | None = None) -> Matrix:
-        """The postures (k, n) of one choice of signs at poses (k, 4, 4) and values (k, r); NaN where none is allowed."""
+        """The postures (k, n) of a choice of signs at poses (k, 4, 4) and values (k, r); NaN where none is allowed."""
         robot, held = self.arm.robot, list(self.arm.held)
         if held and self.turning:
             middle = sum(self.limits) / 2
