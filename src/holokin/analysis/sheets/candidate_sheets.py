@@ -28,8 +28,8 @@ from .sheet_growth import STARTS, grown, lines_served, one_function, side_by_sid
 BEST = 2
 """Leaves of a strategy through postures at one pose that become candidates, those that serve most."""
 
-OTHERS = 0.02
-"""Weight of a pose that another sheet of the choice serves."""
+OTHERS = 0.2
+"""Weight of all poses that other sheets of a choice serve, beside that of those which they do not."""
 
 USEFUL = 8
 """Sheets that are compared for each place of a choice in the end."""

@@ -203,10 +203,12 @@ class _Leaves(Value):
                     self._try_rounds(pool, end, progress)
                 progress("asking the sheets")
                 cover = _asked(pool)
-                left = self._left_out(pool, cover)
-                new = np.setdiff1d(left, left_out)[:LEFT_OUT]
                 stopped = time.monotonic() > end
-                if len(left) <= (1 - self.share) * len(self.T) or not len(new) or stopped or not self.search:
+                if len(pool.T) == len(self.T) or stopped or not self.search:
+                    break
+                left = self._left_out(pool, cover)
+                new = left[~np.isin(left, left_out)][:LEFT_OUT]
+                if len(left) <= (1 - self.share) * len(self.T) or not len(new):
                     break
                 left_out = np.concatenate([left_out, new])
         except KeyboardInterrupt:
@@ -272,7 +274,9 @@ class _Leaves(Value):
             for i in [None, *chosen] if covered >= pool.wanted else [None]:
                 served = pool.sets[[j for j in chosen if j != i]].any(axis=0)
                 if pool.branches:
-                    pool.fit(pool.weights * np.where(served, OTHERS, 1.0), pool.degrees[-1], TRIED)
+                    left = pool.weights * ~served
+                    others = OTHERS * left.sum() / max(1.0, float(pool.weights @ served))
+                    pool.fit(left + min(others, 1.0) * pool.weights * served, pool.degrees[-1], TRIED)
                 elif not served.all():
                     pool.grow(pool.T[rng.choice(np.flatnonzero(~served))], pool.weights * ~served)
             better = pool.improved(chosen)
