@@ -20,6 +20,9 @@ CLOSER = (4, 9)
 """How often a stretch is cut down to a quarter before its ends are moved onto the self-motion again: from 0.3 joint
 units to 0.002, where a cubic is exact but for round-off, and to 1e-8."""
 
+ROUNDS = 20
+"""Cubics through a root and the nearest postures on both sides, each of which has about twice the digits."""
+
 HALVINGS = 48
 """Of a stretch: to round-off."""
 
@@ -100,13 +103,14 @@ class Stretches(Value):
         begin, end = self.a[every, joint] - value, (self.a + self.move)[every, joint] - value
         going = np.flatnonzero(begin * end < 0)
         part, begin, end = self.some(going), begin[going], end[going]
-        while len(going):
+        for _ in range(ROUNDS):
+            if not len(going):
+                break
             j = joint[going], np.arange(len(going))
             u = root_of_cubic(begin, end, part.first[j[::-1]], part.last[j[::-1]])
             q[going] = part.postures(u)
             miss = q[going, j[0]] - value[going]
-            near = np.abs(miss) <= 1e-14 * np.maximum(1.0, np.abs(value[going]))
-            near |= np.linalg.norm(part.move, axis=1) < 1e-14
+            near = ~(np.abs(miss) > 1e-14 * np.maximum(1.0, np.abs(value[going])))
             ahead = (miss * begin > 0)[:, None]
             a, b = np.where(ahead, q[going], part.a), np.where(ahead, part.a + part.move, q[going])
             part = self.between(self.task, part.p, part.R, a, b).some(~near)
