@@ -33,8 +33,8 @@ STARTS = 64
 STEP = 0.2
 """Arc length between the postures of a self-motion that is traced [joint units]."""
 
-CLOSER = (1, 12), (2, 4), (3, 1)
-"""How often the stretches of a pose are cut down to a quarter, and how many of them are left then: at the end they are
+CLOSER = (1, 12), (2, 4), (1, 1)
+"""How often the stretches of a pose are cut down to an eighth, and how many of them are left then: at the end they are
 less than a thousandth of the first distance long."""
 
 UNCOUNTED = 1e100

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -171,7 +172,7 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
             raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
         if strategy.task != self.task:
             raise ArgumentError("the strategy", strategy.name, "give one of the task of the self-motion")
-        parts = [part for arc in self._turned(strategy) for part in _intervals(strategy, arc)]
+        parts = _intervals(strategy, self.task, self.pose, self._turned(strategy))
         jumps = any(JUMPS in part.ends for part in parts)
         return ServedLevels(strategy, _union(parts, strategy.constraint.angular[0]), jumps)
 
@@ -317,10 +318,9 @@ def _stretches(task: Task, pose: Matrix, a: Matrix, b: Matrix) -> Stretches:
 
 def _beside(q: Matrix, rows: Indices) -> tuple[Indices, Indices]:
     """(the rows with which the stretches beside some rows (k,) of a curve begin, which of the rows they are beside)."""
-    every = np.arange(len(rows))
-    begin, of = np.concatenate([rows - 1, rows]), np.concatenate([every, every])
+    begin, at = np.concatenate([rows - 1, rows]), np.tile(rows, 2)
     inside = (begin >= 0) & (begin < len(q) - 1)
-    return begin[inside], of[inside]
+    return begin[inside], at[inside]
 
 
 # --- Arcs within the joint limits.
@@ -366,9 +366,9 @@ def _with_turning_points(task: Task, pose: Matrix, q: Matrix, turn: Vector) -> M
             turns_back = (sign * (here - before) >= 0) & (sign * (here - after) >= 0) & (np.abs(rest) < bend)
         i, j = np.nonzero(turns_back & np.isfinite(rest))
         found.append(np.column_stack([i + 1, j, np.full(len(i), sign)]))
-    row, joint, sign = np.concatenate(found).T
-    begin, of = _beside(q, row)
-    joint, sign = joint[of], sign[of]
+    # Each is on one of the two stretches beside its row.
+    row, joint, sign = np.tile(np.concatenate(found).T, 2)
+    begin = row - (np.arange(len(row)) < len(row) // 2)
     postures, _ = _stretches(task, pose, q[begin], q[begin + 1]).least(
         lambda Q, k: -sign[k] * Q[np.arange(len(Q)), joint[k]]
     )
@@ -454,33 +454,44 @@ def _cut_at_contacts(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, Ar
 # --- Levels of a strategy along arcs.
 
 
-def _intervals(strategy: HolonomicStrategy, arc: SelfMotionArc) -> list[LevelInterval]:
-    """The levels of an arc, from the least to the largest one; cut where g jumps, or has no value."""
-    angular = strategy.constraint.angular[0]
+class _Rows(NamedTuple):
+    """Postures of an arc along which g is continuous, its values (k,), what their ends are, whether they are closed."""
+
+    q: Matrix
+    level: Vector
+    ends: tuple[str, str]
+    closed: bool
+
+
+def _intervals(
+    strategy: HolonomicStrategy, task: Task, pose: Matrix, arcs: Sequence[SelfMotionArc]
+) -> list[LevelInterval]:
+    """The levels of arcs, each from the least to the largest one; cut where g jumps, or has no value."""
+    angular, parts = strategy.constraint.angular[0], list[_Rows]()
 
     def g(q: Matrix) -> Vector:
         return strategy.constraint_value.batch(q).reshape(-1)
 
-    q, level = arc.q, g(arc.q)
-    if angular:
-        level = np.unwrap(level)
-    cuts = [] if not len(q) else _jumps(arc, g, q, level, angular)
-    parts, found = np.split(np.arange(len(q)), np.array(cuts, dtype=int)), []
-    for part in parts:
-        part = part[np.isfinite(level[part])]
-        if not len(part):
-            continue
-        own = [str(arc.ends[0]) if part[0] == 0 else JUMPS, str(arc.ends[1]) if part[-1] == len(q) - 1 else JUMPS]
-        found.append(_range(arc, g, part, level, own, angular))
-    return found
+    for arc in arcs:
+        level = np.unwrap(g(arc.q)) if angular else g(arc.q)
+        for rows in np.split(np.arange(len(level)), _jumps(arc, g, level, angular)):
+            own = rows[np.isfinite(level[rows])]
+            if len(own):
+                first, last = own[0] == 0, own[-1] == len(level) - 1
+                ends = str(arc.ends[0]) if first else JUMPS, str(arc.ends[1]) if last else JUMPS
+                closed = arc.closed and len(own) == len(level)
+                parts.append(_Rows(arc.q[own], level[own], ends, closed))
+    return _ranges(task, pose, g, parts, angular)
 
 
-def _jumps(arc: SelfMotionArc, g: Callable[[Matrix], Vector], q: Matrix, level: Vector, angular: bool) -> list[int]:
+def _jumps(arc: SelfMotionArc, g: Callable[[Matrix], Vector], level: Vector, angular: bool) -> Indices:
     """The rows of an arc before which g jumps: its step is large, and stays so where that of the joints is small."""
     step = np.abs(np.diff(level))
     beside = np.maximum(np.append(step[1:], 0), np.append(0, step[:-1]))
     with np.errstate(invalid="ignore"):
         doubtful = np.flatnonzero(~(step <= JUMP * beside + 1e-9))
+    if not len(doubtful):
+        return doubtful
     begin, end = level[doubtful], level[doubtful + 1]
 
     def ahead(middle: Matrix) -> Flags:
@@ -492,41 +503,42 @@ def _jumps(arc: SelfMotionArc, g: Callable[[Matrix], Vector], q: Matrix, level: 
         return yes
 
     with np.errstate(invalid="ignore"):
-        _stretches(arc.task, arc.pose, q[doubtful], q[doubtful + 1]).halved(ahead, 24)
-        return (doubtful[~(np.abs(end - begin) < 0.1 * step[doubtful])] + 1).tolist()
+        _stretches(arc.task, arc.pose, arc.q[doubtful], arc.q[doubtful + 1]).halved(ahead, 24)
+        return doubtful[~(np.abs(end - begin) < 0.1 * step[doubtful])] + 1
 
 
-def _range(
-    arc: SelfMotionArc, g: Callable[[Matrix], Vector], part: Indices, level: Vector, own: list[str], angular: bool
-) -> LevelInterval:
-    """The levels of some rows of an arc, at the ends exact."""
-    rows, values, whole = arc.q[part], level[part], arc.closed and len(part) == len(arc.q)
-    ends, peaks, signs = list[tuple[float, Vector, str]](), [], []
-    for sign in (-1.0, 1.0):
-        height = sign * values
+def _ranges(
+    task: Task, pose: Matrix, g: Callable[[Matrix], Vector], parts: Sequence[_Rows], angular: bool
+) -> list[LevelInterval]:
+    """The levels of parts of arcs, at the ends exact."""
+    # The highest row of each, for g and -g; and the stretches beside rows that are no lower than their neighbours.
+    ends, found = list[tuple[float, Vector, str]](), list[tuple[Matrix, Matrix, Vector, Indices]]()
+    for part, sign in product(parts, (-1.0, 1.0)):
+        height = sign * part.level
         top = int(height.argmax())
-        inner = whole or 0 < top < len(rows) - 1
-        ends.append((float(values[top]), rows[top], EXTREMUM if inner else own[0] if top == 0 else own[1]))
-        # Beside rows that are no lower than their neighbours there may be a higher posture.
+        inner = part.closed or 0 < top < len(height) - 1
+        ends.append((float(part.level[top]), part.q[top], EXTREMUM if inner else part.ends[int(top > 0)]))
         padded = np.concatenate([[-np.inf], height, [-np.inf]])
-        peaks.append(np.flatnonzero((height >= padded[:-2]) & (height >= padded[2:])))
-        signs.append(np.full(len(peaks[-1]), sign))
-    begin, of = _beside(rows, np.concatenate(peaks))
-    center, sign = values[np.concatenate(peaks)[of]], np.concatenate(signs)[of]
+        begin, at = _beside(part.q, np.flatnonzero((height >= padded[:-2]) & (height >= padded[2:])))
+        found.append((part.q[begin], part.q[begin + 1], part.level[at], np.full(len(at), len(ends) - 1)))
+    if not found:
+        return []
+    a, b, center, end = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    sign = np.where(end % 2, 1.0, -1.0)
 
-    def depth(Q: Matrix, k: Indices) -> Vector:
+    def depth(q: Matrix, k: Indices) -> Vector:
         """g times -sign, at the turn where it is near to that of a peak."""
-        away = g(Q) - center[k]
+        away = g(q) - center[k]
         away -= 2 * np.pi * angular * np.round(away / (2 * np.pi))
         return np.where(np.isfinite(away), -sign[k] * (center[k] + away), np.inf)
 
-    postures, depths = _stretches(arc.task, arc.pose, rows[begin], rows[begin + 1]).least(depth)
-    for q, value, side in zip(postures, -sign * depths, sign, strict=True):
-        end = int(side > 0)
-        if side * value > side * ends[end][0]:
-            ends[end] = float(value), q, EXTREMUM
-    (low, q_low, why_low), (high, q_high, why_high) = ends
-    return LevelInterval(low, high, q_low, q_high, (why_low, why_high))
+    # The extremes between rows, where they are higher.
+    postures, depths = _stretches(task, pose, a, b).least(depth)
+    for i, side, value, q in zip(end.tolist(), sign, -sign * depths, postures, strict=True):
+        if side * value > side * ends[i][0]:
+            ends[i] = float(value), q, EXTREMUM
+    each = zip(ends[::2], ends[1::2], strict=True)
+    return [LevelInterval(low[0], high[0], low[1], high[1], (low[2], high[2])) for low, high in each]
 
 
 def _union(parts: list[LevelInterval], angular: bool) -> tuple[LevelInterval, ...]:

@@ -35,8 +35,8 @@ BENDS = 1.0
 SMALL = 1e-9
 """Gain [joint units] for which it is not looked closer."""
 
-LOOKS = 3
-"""Times that each stretch is cut down to a quarter before those that cannot be the best are left out."""
+LOOKS = 2
+"""Times that each stretch is cut down to an eighth before those that cannot be the best are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +272,7 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     )
     low, high, value = stretches.bracket(excess_of, LOOKS)
     np.minimum.at(known, pose, value)
-    left = value - (high - low) * np.linalg.norm(stretches.move, axis=1) < known[pose] - SMALL
+    left = value - 2 * (high - low) * np.linalg.norm(stretches.move, axis=1) < known[pose]
     found, value = stretches.some(left).part(low[left], high[left]).least(excess_of)
     order = np.lexsort((value, pose[left]))
     which, index = np.unique(pose[left][order], return_index=True)

@@ -13,12 +13,12 @@ from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from .posture_search import newton, to_poses
 
-LOOKS = np.linspace(0.0, 1.0, 9)
-"""Shares of a stretch at which a function is compared at once: what is left of it is a quarter."""
+LOOKS = np.linspace(0.0, 1.0, 17)
+"""Shares of a stretch at which a function is compared at once: what is left of it is an eighth."""
 
-CLOSER = (4, 9)
-"""How often a stretch is cut down to a quarter before its ends are moved onto the self-motion again: from 0.3 joint
-units to 0.002, where a cubic is exact but for round-off, and to 1e-8."""
+CLOSER = (3, 6)
+"""How often a stretch is cut down to an eighth before its ends are moved onto the self-motion again: from 0.3 joint
+units to 0.0006, where a cubic is exact but for round-off, and to 2e-9."""
 
 ROUNDS = 20
 """Cubics through a root and the nearest postures on both sides, each of which has about twice the digits."""
