@@ -24,7 +24,7 @@ from .curve_cuts import cuts_of
 from .least_squares import nearest_postures, surely_beyond
 from .posture_search import EXACT, newton, to_poses
 from .self_motions import SelfMotions, cut_class, self_motions_at
-from .stretches import Stretches
+from .stretches import CLOSER, Stretches
 
 TOGETHER = 256
 """Poses whose curves are looked at together: as many as stay in a processor's memory."""
@@ -34,10 +34,6 @@ BENDS = 1.0
 
 SMALL = 1e-9
 """Gain [joint units] for which it is not looked closer."""
-
-LOOKS = 2
-"""Times that each stretch is cut down to an eighth before those that cannot be the best are left out."""
-
 
 @dataclass(frozen=True, eq=False)
 class Reach(Result, Value):
@@ -270,10 +266,10 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     stretches = Stretches.between(
         postures.task, postures.p[pose], postures.R[pose], postures.q[first], postures.q[first + 1]
     )
-    low, high, value = stretches.bracket(excess_of, LOOKS)
+    low, high, value = stretches.bracket(excess_of)
     np.minimum.at(known, pose, value)
     left = value - 2 * (high - low) * np.linalg.norm(stretches.move, axis=1) < known[pose]
-    found, value = stretches.some(left).part(low[left], high[left]).least(excess_of)
+    found, value = stretches.some(left).part(low[left], high[left]).least(excess_of, CLOSER[1:])
     order = np.lexsort((value, pose[left]))
     which, index = np.unique(pose[left][order], return_index=True)
     best, value = at_best_turns(robot, found[order[index]]), value[order[index]]

@@ -16,9 +16,10 @@ from .posture_search import newton, to_poses
 LOOKS = np.linspace(0.0, 1.0, 17)
 """Shares of a stretch at which a function is compared at once: what is left of it is an eighth."""
 
-CLOSER = (3, 6)
+CLOSER = (1, 2, 6)
 """How often a stretch is cut down to an eighth before its ends are moved onto the self-motion again: from 0.3 joint
-units to 0.0006, where a cubic is exact but for round-off, and to 2e-9."""
+units to 0.04, to 0.0006, where a cubic is exact but for round-off, and to 2e-9. Once at first: near sharp bends cubics
+are off."""
 
 ROUNDS = 20
 """Cubics through a root and the nearest postures on both sides, each of which has about twice the digits."""
@@ -88,13 +89,14 @@ class Stretches(Value):
             least = values[every, i]
         return low, high, least
 
-    def least(self, value: ValueOf) -> tuple[Matrix, Vector]:
+    def least(self, value: ValueOf, closer: tuple[int, ...] = CLOSER) -> tuple[Matrix, Vector]:
         """The postures (k, n) at which a value is least, one on each, and the values (k,)."""
         part = self
-        for times in CLOSER:
+        for times in closer[:-1]:
             low, high, _ = part.bracket(value, times)
             part = part.part(low, high)
-        q = part.postures(np.full(len(self), 0.5))
+        low, high, _ = part.bracket(value, closer[-1])
+        q = part.postures((low + high) / 2)
         return q, value(q, np.arange(len(self)))
 
     def at_values(self, joint: Indices, value: Vector) -> Matrix:
