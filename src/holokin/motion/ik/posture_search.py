@@ -8,13 +8,7 @@ from itertools import product
 import numpy as np
 
 from ...base.tolerances import TOLERANCES
-from ...base.types import (
-    Array,
-    Flags,
-    Indices,
-    Matrix,
-    Vector,
-)
+from ...base.types import Array, Flags, Indices, Matrix, Vector, frozen, kept
 from ...path.workspaces import sobol
 from ...robot import Robot
 from ...strategies import HolonomicStrategy
@@ -171,11 +165,16 @@ def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:
 
     counted (n,): hinges whose whole turns count, which are spread over their range, or over two turns without one.
     """
-    several = np.zeros(robot.n, dtype=bool) if counted is None else counted
+    return _spread(robot, count, () if counted is None else tuple(np.flatnonzero(counted).tolist()))
+
+
+@kept
+def _spread(robot: Robot, count: int, counted: tuple[int, ...]) -> Matrix:
+    several = np.isin(np.arange(robot.n), counted)
     reach = np.where(robot.hinges, np.where(several, 2 * np.pi, np.pi), 1.0)
     ranged = (~robot.hinges | several) & np.isfinite(robot.lower) & np.isfinite(robot.upper)
     low, high = np.where(ranged, robot.lower, -reach), np.where(ranged, robot.upper, reach)
-    return low + (high - low) * sobol(robot.n, count, seed=0)
+    return frozen(low + (high - low) * sobol(robot.n, count, seed=0))
 
 
 def postures_from(task: Task, q: Matrix, p: Matrix, R: Array) -> tuple[Matrix, Flags]:
