@@ -39,12 +39,11 @@ from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.follow_path import follow
 from ...motion.ik import InverseKinematics
 from ...motion.ik.closed_leaf import leaf_class
-from ...motion.ik.leaf import leaf_step, leaf_value, with_leaves
-from ...motion.ik.posture_search import (
+from ...motion.ik.leaf import leaf_postures, leaf_step, leaf_value, with_leaves
+from ...motion.self_motions.posture_search import (
     MOST_STARTS,
     SAMPLED,
     free_hinges,
-    leaf_postures,
     nearest_equivalent,
     newton,
     spread,

@@ -18,9 +18,9 @@ import numpy as np
 
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ...motion.ik.posture_search import postures_from, spread
-from ...motion.ik.self_motions import SelfMotions, self_motions_at
-from ...motion.ik.stretches import Stretches
+from ...motion.self_motions.posture_search import postures_from, spread
+from ...motion.self_motions.self_motions import SelfMotions, self_motions_at
+from ...motion.self_motions.stretches import Stretches
 from ...strategies.self_motion_curves import CurveTracer, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import wrapped

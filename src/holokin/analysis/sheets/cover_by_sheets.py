@@ -12,7 +12,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
 from ...base.types import ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
 from ...motion.checks import Clearances, Scene
-from ...motion.ik.pose_reach import Reach
+from ...motion.self_motions.pose_reach import Reach
 from ...path.workspaces import Workspace
 from ...robot import check_metres
 from ...strategies import HolonomicStrategy

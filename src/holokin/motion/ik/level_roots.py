@@ -20,10 +20,10 @@ from ...strategies.self_motion_curves import joint_gap
 from ...symbolic import Function
 from ...symbolic.linear import least_norm, null_space_expression
 from ...symbolic.native import allowed
+from ..self_motions.posture_search import EXACT, newton
+from ..self_motions.self_motions import SelfMotions
+from ..self_motions.stretches import cubic, extremum_of_cubic, root_of_cubic
 from .leaf import leaf_step
-from .posture_search import EXACT, newton
-from .self_motions import SelfMotions
-from .stretches import cubic, extremum_of_cubic, root_of_cubic
 
 LONGEST = 0.6
 """Joint motion [joint units] of a stretch that gets a posture between: a cubic says nothing of so much."""

@@ -29,12 +29,12 @@ from ...robot.closed_form import ArmClass, GeneralInverse, Held, general_inverse
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import of_one_tool
+from ..self_motions.curve_cuts import curves_through
+from ..self_motions.posture_search import SAME, SAMPLED, free_hinges, nearest_equivalent, spread, turned
+from ..self_motions.self_motions import SelfMotions, cut_of, self_motions_at
 from .closed_leaf import DOUBT, Following, closed_leaf, held_joints, leaf_class
-from .curve_cuts import curves_through
-from .leaf import check_levels, with_leaves
+from .leaf import check_levels, leaf_postures, with_leaves
 from .level_roots import postures_near, roots_along
-from .posture_search import SAME, SAMPLED, free_hinges, leaf_postures, nearest_equivalent, spread, turned
-from .self_motions import SelfMotions, cut_of, self_motions_at
 
 STARTS = 1024
 """Of Newton's method where postures are searched for: with several redundant joints, or with none."""

@@ -14,7 +14,6 @@ from ...robot import Robot
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
-from .leaf import leaf_step
 
 Correct = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
 """(postures (k, n), which of the first ones they are (k,)) -> (corrections (k, n), which of these are sound (k,))."""
@@ -190,22 +189,3 @@ def to_poses(task: Task, p: Matrix, R: Array) -> Correct:
         return least_motion(task.jacobian_batch(q)[0], e)[:, :, 0], np.ones(len(q), dtype=bool)
 
     return correct
-
-
-def leaf_postures(
-    strategy: HolonomicStrategy, q: Matrix, p: Array, R: Array, c: Vector
-) -> tuple[Matrix, Vector, Flags]:
-    """(postures (k, n), rcond (k,), whether Newton's method got there (k,)) from starts (k, n), on one leaf c (r,).
-
-    Args:
-        p, R: tool positions (k, 3) and rotations (k, 3, 3), or one of each for all.
-    """
-    step, rcond, own = leaf_step(strategy), np.zeros(len(q)), p.ndim > 1
-
-    def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        dq, quality, margin, _ = step.batch(q, p[i] if own else p, R[i] if own else R, c)
-        rcond[i] = np.ravel(quality)
-        return dq.reshape(q.shape), np.ravel(margin) > TOLERANCES.representation
-
-    q, arrived = newton(correct, q, steps=STEPS, longest=LONGEST, exact=EXACT)
-    return q, rcond, arrived

@@ -17,9 +17,9 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, frozen, kept
 from ...robot import Robot
 from ...robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
+from ...robot.closed_form.closed_inverse import DOUBT
 from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
-from .closed_leaf import DOUBT
 from .curve_cuts import cuts_of
 from .least_squares import nearest_postures, surely_beyond
 from .posture_search import EXACT, newton, to_poses
@@ -34,6 +34,7 @@ BENDS = 1.0
 
 SMALL = 1e-9
 """Gain [joint units] for which it is not looked closer."""
+
 
 @dataclass(frozen=True, eq=False)
 class Reach(Result, Value):

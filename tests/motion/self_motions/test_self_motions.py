@@ -13,8 +13,8 @@ from conftest import sampled
 from holokin.base.errors import ArgumentError
 from holokin.base.poses import pose_from
 from holokin.motion.ik import EndKind, SelfMotion, self_motion
-from holokin.motion.ik.self_motions import cut_class, self_motions_at
-from holokin.motion.ik.stretches import onto
+from holokin.motion.self_motions.self_motions import cut_class, self_motions_at
+from holokin.motion.self_motions.stretches import onto
 from holokin.symbolic import if_else
 
 ARMS = ("panda", "fr3", "iiwa7", "iiwa14", "xarm7", "openarm-left", "openarm-right")
