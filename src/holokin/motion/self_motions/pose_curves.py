@@ -30,9 +30,9 @@ from ...robot import Robot
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
-from .posture_search import free_hinges
 from .self_motions import self_motions_at
 from .stretches import Stretches
+from .whole_turns import turns_of
 
 Clear = Callable[[Matrix], Flags]
 """Which postures (k, n) are clear of a scene, as `Clearances.clear`."""
@@ -182,7 +182,7 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
         bound = robot.hinges & (robot.upper - robot.lower >= 2 * np.pi) & np.isfinite(robot.upper - robot.lower)
         if not self.limits or not self.arcs or not bound.any():
             return list(self.arcs)
-        bound &= ~free_hinges(strategy, np.vstack([arc.q[:1] for arc in self.arcs]))
+        bound &= ~turns_of(strategy, np.vstack([arc.q[:1] for arc in self.arcs])).free
         if not bound.any():
             return list(self.arcs)
         arcs: list[SelfMotionArc] = []
