@@ -25,7 +25,7 @@ ROOT = Path(hk.__file__).parent
 FOLDERS = (
      "base", "symbolic/native", "symbolic", "robot/shapes", "robot", "robot/formats", "robot/closed_form",
     "path", "path/files", "strategies/tasks", "strategies/constraints", "strategies",
-    "motion/ik", "motion/control", "motion", "motion/checks", "proof",
+    "motion/self_motions", "motion/ik", "motion/control", "motion", "motion/checks", "proof",
     "analysis/curvature", "analysis/coverage", "analysis/design", "analysis/sheets", "analysis/audit/logs",
     "analysis/audit", "analysis", "export/c", "export/programs", "export/ros", "export", "learning",
     "app/report", "app/job", "app/survey", "app/studio", "app/cli", "app",

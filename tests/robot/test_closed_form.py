@@ -361,7 +361,7 @@ def test_where_a_closed_form_tells_that_a_posture_exists_a_refusal_searches_for_
     def search(*_: object, **__: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("holokin.motion.ik.pose_reach.nearest_postures", search)
+    monkeypatch.setattr("holokin.motion.self_motions.pose_reach.nearest_postures", search)
     robot, refused = hk.load("ur5e"), 0
     ik = hk.ik(hk.moore_penrose(hk.pose(robot)), [0.0, -1.2, 1.5, -1.8, -1.5, 0.3])
     for pose in poses_of(robot, 20, 9)[1]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import holokin as hk
 from conftest import sampled, urdf
 from holokin.analysis.coverage.starts import reached
-from holokin.motion.ik.least_squares import nearest_postures, surely_beyond
+from holokin.motion.self_motions.least_squares import nearest_postures, surely_beyond
 from holokin.robot.chains import longest_span
 
 ARMS = ("panda", "iiwa14", "ur5e", "sawyer", "xarm7", "yumi-arm", "irb140", "planar-3r", "ppr", "rail-ur10e")

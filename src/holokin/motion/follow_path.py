@@ -38,10 +38,10 @@ from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 from ..symbolic.native import VelocityRules
 from .ik.branch import branch_code
 from .ik.leaf import TRIES, jump_problem, leaf_step, leaf_stepper, leaf_value, move_to_leaf, native_leaf
-from .ik.least_squares import nearest_postures
 from .ik.plan import NativeFollower, Plan, check_start, make_plan
 from .ik.pose_paths import out_of_reach
 from .ik.postures_of_pose import all_postures
+from .self_motions.least_squares import nearest_postures
 from .trajectory import Status, Trajectory, record, trajectory_of
 
 # --- Following by velocity: dq = G(q) x', integrated by Runge-Kutta of order 4 with fixed steps, as the paper does.

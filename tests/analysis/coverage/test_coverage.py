@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import IIWA_START, PANDA_START, fails
 from holokin.analysis.coverage import Coverage, PoseStatus, coverage_slices, posture_reach
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, ShapeError
-from holokin.motion.ik.least_squares import nearest_postures
+from holokin.motion.self_motions.least_squares import nearest_postures
 from holokin.strategies import HolonomicStrategy
 
 LINKS = (0.5, 0.4, 0.3)

@@ -25,7 +25,7 @@ from holokin.analysis.curvature.cuspidal_leaf import candidates
 from holokin.app.job import open_job, run_job
 from holokin.base.errors import ArgumentError, SingularityError
 from holokin.motion.ik import leaf_value
-from holokin.motion.ik.posture_search import spread
+from holokin.motion.self_motions.posture_search import spread
 from holokin.strategies import HolonomicStrategy
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])

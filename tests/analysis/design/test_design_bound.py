@@ -10,7 +10,7 @@ from holokin.analysis.coverage.pose_coordinates import chart_of, coordinates_of
 from holokin.analysis.design.least_costs import Floor
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.base.types import Array, Flags, Matrix
-from holokin.motion.ik.least_squares import nearest_postures
+from holokin.motion.self_motions.least_squares import nearest_postures
 
 ELBOW_UP = np.array((-1.8445, -1.1136, 2.0248, -0.7794, -1.0769, 1.1356, 1.9234))
 ELBOW_DOWN = np.array((0.919, 1.392, -2.255, -0.083, 0.039, 1.029, 1.597))

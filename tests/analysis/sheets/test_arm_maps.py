@@ -15,8 +15,8 @@ from holokin.analysis.sheets.arm_maps import make_arm_map
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, ShapeError
 from holokin.motion.ik.arm_inverse import ArmInverse
 from holokin.motion.ik.arm_map import classes, digest, map_of_text, map_text, shipped
-from holokin.motion.ik.pose_reach import at_best_turns
-from holokin.motion.ik.self_motions import self_motions_at
+from holokin.motion.self_motions.pose_reach import at_best_turns
+from holokin.motion.self_motions.self_motions import self_motions_at
 
 SEVEN = ("panda", "fr3", "iiwa7", "iiwa14", "xarm7", "openarm-left", "openarm-right")
 SIX = ("ur5e", "irb140")

@@ -16,7 +16,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
 from ...base.types import ArrayLike, Matrix, NoTruthValue, Vector, own_number
 from ...motion.control import ControlLaw, Step, as_control_law
-from ...motion.ik.posture_search import spread
+from ...motion.self_motions.posture_search import spread
 from ...motion.trajectory import Trajectory
 from ...path import Path, circle, polyline
 from ...robot import Robot

@@ -36,7 +36,7 @@ from ...motion.checks import Clear
 from ...motion.ik import InverseStatus, ik, leaf_value
 from ...motion.ik.inverse_function import ends_of_paths, leads_to
 from ...motion.ik.leaf import leaf_step
-from ...motion.ik.pose_reach import Reach, reach_of
+from ...motion.self_motions.pose_reach import Reach, reach_of
 from ...path.path import turn_between
 from ...path.workspaces import PoseRange, Workspace, pose_cloud
 from ...robot import check_metres, start_posture

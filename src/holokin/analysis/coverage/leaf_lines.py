@@ -13,7 +13,7 @@ import numpy as np
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.ik.leaf import leaf_step
-from ...motion.ik.posture_search import newton
+from ...motion.self_motions.posture_search import newton
 from ...path.path import straight
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import least_motion

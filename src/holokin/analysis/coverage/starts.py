@@ -12,8 +12,8 @@ import numpy as np
 
 from ...base.errors import ArgumentError, NoArmError, NotFiniteError
 from ...base.types import Array, Indices, Matrix, Value, Vector
-from ...motion.ik.least_squares import nearest_postures
-from ...motion.ik.pose_reach import Reach, at_best_turns, every_posture, reach_of
+from ...motion.self_motions.least_squares import nearest_postures
+from ...motion.self_motions.pose_reach import Reach, at_best_turns, every_posture, reach_of
 from ...path.workspaces import PoseRange
 from ...path.workspaces import workspace as pose_range
 from ...robot import Robot

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.ik.branch import turning
-from ...motion.ik.posture_search import EXACT, newton
+from ...motion.self_motions.posture_search import EXACT, newton
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...symbolic import Function, directional, gradient, jacobian, symbol, vertcat

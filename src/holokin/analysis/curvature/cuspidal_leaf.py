@@ -39,16 +39,13 @@ from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.follow_path import follow
 from ...motion.ik import InverseKinematics
 from ...motion.ik.closed_leaf import leaf_class
-from ...motion.ik.leaf import leaf_step, leaf_value, with_leaves
-from ...motion.ik.posture_search import (
+from ...motion.ik.leaf import leaf_postures, leaf_step, leaf_value, with_leaves
+from ...motion.self_motions.posture_search import (
     MOST_STARTS,
-    SAMPLED,
-    free_hinges,
-    leaf_postures,
-    nearest_equivalent,
     newton,
     spread,
 )
+from ...motion.self_motions.whole_turns import SAMPLED, turns_of
 from ...motion.trajectory import Status, Trajectory, whole_turns
 from ...path import Path
 from ...path.curves import spline
@@ -521,10 +518,10 @@ def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limit
 def _at_turns(strategy: HolonomicStrategy, q: Matrix, near: Vector | None, limits: bool) -> tuple[Matrix, Flags]:
     """(postures (k, n) at those of their whole turns that are nearest to one, or to where they are; which of them are
     within the limits, if these count (k,))."""
-    free = free_hinges(strategy, spread(strategy.task.robot, SAMPLED))
-    nearest = [nearest_equivalent(strategy, own[None], free, own if near is None else near, limits) for own in q]
-    postures = [own if posture is None else posture for own, posture in zip(q, nearest, strict=True)]
-    return np.array(postures).reshape(q.shape), np.array([posture is not None for posture in nearest], dtype=bool)
+    robot, slack = strategy.task.robot, TOLERANCES.limit if limits else np.inf
+    turns, none = turns_of(strategy, spread(robot, SAMPLED)), np.zeros((len(q), strategy.constraint.rows))
+    postures, inside = turns.nearest(q, none, q if near is None else near, robot.lower - slack, robot.upper + slack)
+    return np.where(inside[:, None], postures, q), inside
 
 
 def tool_away(task: Task, T: Array, others: Array) -> Vector:

@@ -17,7 +17,7 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Result, Value, Vector, positive, whole
 from ...motion.follow_path import follow
 from ...motion.ik.leaf import DONE, NEWTONS, leaf_step, leaf_value
-from ...motion.ik.posture_search import newton, to_poses
+from ...motion.self_motions.posture_search import newton, to_poses
 from ...path import Path
 from ...path.path import straight
 from ...strategies import CurveTracer, HolonomicStrategy, Strategy, checked_rate, moore_penrose

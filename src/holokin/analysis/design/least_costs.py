@@ -18,8 +18,9 @@ import numpy as np
 
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ...motion.ik.posture_search import newton, postures_from, spread, to_poses
-from ...motion.ik.self_motions import SelfMotions, self_motions_at
+from ...motion.self_motions.posture_search import postures_from, spread
+from ...motion.self_motions.self_motions import SelfMotions, self_motions_at
+from ...motion.self_motions.stretches import Stretches
 from ...strategies.self_motion_curves import CurveTracer, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import wrapped
@@ -31,6 +32,13 @@ STARTS = 64
 
 STEP = 0.2
 """Arc length between the postures of a self-motion that is traced [joint units]."""
+
+CLOSER = (1, 12), (2, 4), (1, 1)
+"""How often the stretches of a pose are cut down to an eighth, and how many of them are left then: at the end they are
+less than a thousandth of the first distance long."""
+
+UNCOUNTED = 1e100
+"""What postures rank at whose cost is inf."""
 
 Cost = Callable[[Matrix], Vector]
 """Postures (k, n) -> values (k,), inf for those that do not count."""
@@ -62,46 +70,34 @@ def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector
     Args:
         excess_of: what is above 0 where the cost is inf, and falls towards where it is not (k,).
     """
-    q, pose, best = motions.q, motions.pose, np.full(len(motions.p), np.inf)
-    value, excess = cost(q), excess_of(q)
+    pose, best = motions.pose, np.full(len(motions.p), np.inf)
+    value, excess = cost(motions.q), excess_of(motions.q)
     np.minimum.at(best, pose, value)
-    # Places where the cost is no higher than beside them, or where the excess is, and may come down to 0 between them:
-    # it is less than it changes to a neighbour.
+    # Stretches beside rows where the cost is no higher than beside them, or where the excess is, and may come down to 0
+    # between them: it is less than it changes to a neighbour.
     lowest, _ = _dips(value, motions.curve)
     dips, change_to_neighbour = _dips(excess, motions.curve)
-    hidden = np.isinf(value) & dips & (excess < change_to_neighbour)
-    places = np.flatnonzero(lowest | hidden)
-    sides = [_gap_to(motions, places, step) for step in (-1, 1)]
-    q, pose, value, excess = q[places], pose[places], value[places], excess[places]
-    # Postures between the neighbours, which then are two or eight times as near: at all places, then at the best ones,
-    # twice at those that do not count. In the end they are less than a thousandth of the first distance apart.
-    for parts, count, hidden_too in ((2, len(q), True), (8, 8, True), (8, 3, False), (8, 1, False)):
-        chosen = np.union1d(_lowest(value, excess, pose, count), np.flatnonzero(np.isinf(value) & hidden_too))
-        shares = np.linspace(-1.0, 1.0, 2 * parts + 1)[:, None, None]
-        q, pose, every = q[chosen], pose[chosen], np.arange(len(chosen))
-        line = q + np.where(shares < 0, -shares * sides[0][chosen], shares * sides[1][chosen])
-        line = _held(motions, line, pose)
-        at, value, excess = _best_of(line, cost, excess_of)
-        q = line[at, every]
-        sides = [line[np.clip(at + step, 0, len(line) - 1), every] - q for step in (-1, 1)]
-        np.minimum.at(best, pose, value)
+    places = lowest | (np.isinf(value) & dips & (excess < change_to_neighbour))
+    begin = np.flatnonzero((places[1:] | places[:-1]) & (np.diff(motions.curve) == 0))
+    a, pose = motions.q[begin], pose[begin]
+    b = a + joint_gap(motions.task.robot, motions.q[begin + 1], a)
+    stretches = Stretches.between(motions.task, motions.p[pose], motions.R[pose], a, b)
+
+    def ranked(q: Matrix, _: Indices) -> Vector:
+        """The cost; of postures that do not count, which are worse than all others, their excess."""
+        value = cost(q)
+        return np.where(np.isfinite(value), value, UNCOUNTED * (1 + np.maximum(excess_of(q), 0.0)))
+
+    # Ever shorter parts of all of them, of the best ones and of those that may count, then of the best ones.
+    for times, count in CLOSER:
+        low, high, value = stretches.bracket(ranked, times)
+        order = np.lexsort((value, pose))
+        first = np.searchsorted(pose[order], pose[order])
+        chosen = order[np.arange(len(order)) - first < count]
+        pose, stretches = pose[chosen], stretches.some(chosen).part(low[chosen], high[chosen])
+    q = np.concatenate([stretches.a, stretches.a + stretches.move])
+    np.minimum.at(best, np.tile(pose, 2), cost(q))
     return best
-
-
-def _gap_to(motions: SelfMotions, places: Indices, step: int) -> Matrix:
-    """From rows (k,) of curves to the ones before or after (k, n); 0 where a curve ends."""
-    other = np.clip(places + step, 0, len(motions.q) - 1)
-    gap = joint_gap(motions.task.robot, motions.q[other], motions.q[places])
-    return np.where((motions.curve[other] == motions.curve[places])[:, None], gap, 0.0)
-
-
-def _held(motions: SelfMotions, line: Array, pose: Indices) -> Array:
-    """Postures (j, k, n) near curves, moved onto these, at the poses (k,); the middle ones where that fails."""
-    j, k, n = line.shape
-    every, middle = np.tile(pose, j), np.tile(line[j // 2], (j, 1))
-    to_curves = to_poses(motions.task._geometric_twin, motions.p[every], motions.R[every])
-    q, arrived = newton(to_curves, line.reshape(-1, n), steps=6, exact=1e-8, longest=0.5, contraction=0.5)
-    return np.where(arrived[:, None], q, middle).reshape(j, k, n)
 
 
 def postures_found(task: Task, Q: Matrix, p: Matrix, R: Array, starts: int) -> SelfMotions:

@@ -22,7 +22,7 @@ from ...base.errors import SingularityError, SingularityKind
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.checks.motion_checks import Clearances
 from ...motion.ik.leaf import leaf_step
-from ...motion.ik.posture_search import newton
+from ...motion.self_motions.posture_search import newton
 from ...strategies import HolonomicStrategy
 from ...strategies.right_inverses import Terms, monomials_up_to
 from ...symbolic import Function, dot, gradient, symbol, vec

@@ -13,8 +13,8 @@ from ...base.errors import ArgumentError, OutOfReachError
 from ...base.threads import one_blas_thread
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, finite, not_negative, positive, whole
 from ...motion.checks import Clear, Clearances, Scene
-from ...motion.ik.pose_reach import Reach
-from ...motion.ik.self_motions import self_motions_at
+from ...motion.self_motions.pose_reach import Reach
+from ...motion.self_motions.self_motions import self_motions_at
 from ...path.workspaces import Workspace
 from ...robot import check_metres
 from ...strategies import HolonomicStrategy

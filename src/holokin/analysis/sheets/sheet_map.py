@@ -22,7 +22,7 @@ from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_po
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
 from ...motion.checks import Clear, Clearances, Scene
 from ...motion.ik.inverse_function import leads_to
-from ...motion.ik.pose_reach import Reach
+from ...motion.self_motions.pose_reach import Reach
 from ...path import Path
 from ...path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud, workspace
 from ...proof import UniqueRegion, unique_region

@@ -97,7 +97,7 @@ def _jump_findings(task: Task, motion: Motion) -> Iterator[Finding]:
     The middle may be off by `TOLERANCES.tracking` [m, rad] and `SHARE` of how far the step leads the tool, where a turn
     counts as the arm's length times it. Of a joint without limits a step is what is left without whole turns.
     """
-    robot, Q, task = task.robot, motion.samples, task if task._geometric else task._geometric_twin
+    robot, Q, task = task.robot, motion.samples, task._geometric_twin
     step = _steps(robot, Q)
     candidates = np.flatnonzero(_off_at_most(robot, Q, step) > TOLERANCES.tracking)
     if not len(candidates):

@@ -1,13 +1,21 @@
 """Pose in, joints out: on a leaf, on a whole arm, at the edge of reach, and all postures at a pose.
 
-Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`, `arm_map.py`.
+Uses `motion/self_motions`. Read first: `inverse_function.py`, `leaf.py`, `arm_map.py`.
 """
 
+from ..self_motions.pose_curves import (
+    ArcEnd,
+    EndKind,
+    LevelInterval,
+    SelfMotion,
+    SelfMotionArc,
+    ServedLevels,
+    self_motion,
+)
 from .arm_inverse import ArmAnswers, ArmInverse, NearAnswer
 from .arm_map import ArmMap
 from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
-from .pose_curves import ArcEnd, EndKind, LevelInterval, SelfMotion, SelfMotionArc, ServedLevels, self_motion
 from .postures_of_pose import Postures, all_postures
 from .solutions import InverseStatus, Solutions
 

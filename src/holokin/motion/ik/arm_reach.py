@@ -12,7 +12,7 @@ import numpy as np
 from ...robot.closed_form import ArmClass, ClosedInverse, arm_class
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.frame_task import asks_whole_pose
-from .self_motions import cut_class
+from ..self_motions.self_motions import cut_class
 
 TURN = np.linspace(-np.pi, np.pi, 32, endpoint=False)[:, None]
 """Values (k, 1) of the held joint at which the first step is looked at."""

@@ -14,6 +14,7 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import ROTATION, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen, kept
 from ...robot import Kinematics
 from ...robot.closed_form import ArmClass, ClosedInverse, Held, NoClass, arm_class
+from ...robot.closed_form.closed_inverse import DOUBT
 from ...robot.closed_form.six_hinges import COLUMNS, answer
 from ...strategies import HolonomicStrategy, may_jump
 from ...strategies.constraints.constraint import Tilt
@@ -26,9 +27,6 @@ SAME = 1e-6
 
 BOUNDLESS = 1e9
 """Distance to a limit [joint units] where there is none."""
-
-DOUBT = 1e-10
-"""How real an answer is, see `solver`: nearer to 0 two postures meet, and the path to them decides."""
 
 
 class HeldJoints(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, BranchError, HolokinError, NotFiniteError, ShapeError, posture_text
 from ...base.tolerances import TOLERANCES
-from ...base.types import ArrayLike, Matrix, Vector, finite, kept
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Vector, finite, kept
 from ...path.path import straight
 from ...robot import start_posture
 from ...robot.joints import WOUND
@@ -26,6 +26,7 @@ from ...strategies.tasks.frame_task import completed
 from ...strategies.tasks.task import Task
 from ...symbolic import Function, symbol
 from ...symbolic.native import LeafRules
+from ..self_motions.posture_search import EXACT, LONGEST, STEPS, newton
 from .branch import SHORTEST, Branch, Fold, branch_code, keeps_turns
 from .plan import NativeFollower, Plan
 
@@ -310,6 +311,25 @@ def native_leaf(
             raise leaf_problem(strategy, q, NATIVE_ENDS[int(x[-1])])
 
     return NativeFollower(kernel, plan, x, rules, limits, halted)
+
+
+def leaf_postures(
+    strategy: HolonomicStrategy, q: Matrix, p: Array, R: Array, c: Vector
+) -> tuple[Matrix, Vector, Flags]:
+    """(postures (k, n), rcond (k,), whether Newton's method got there (k,)) from starts (k, n), on one leaf c (r,).
+
+    Args:
+        p, R: tool positions (k, 3) and rotations (k, 3, 3), or one of each for all.
+    """
+    step, rcond, own = leaf_step(strategy), np.zeros(len(q)), p.ndim > 1
+
+    def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
+        dq, quality, margin, _ = step.batch(q, p[i] if own else p, R[i] if own else R, c)
+        rcond[i] = np.ravel(quality)
+        return dq.reshape(q.shape), np.ravel(margin) > TOLERANCES.representation
+
+    q, arrived = newton(correct, q, steps=STEPS, longest=LONGEST, exact=EXACT)
+    return q, rcond, arrived
 
 
 @typed

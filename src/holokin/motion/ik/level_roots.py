@@ -20,9 +20,10 @@ from ...strategies.self_motion_curves import joint_gap
 from ...symbolic import Function
 from ...symbolic.linear import least_norm, null_space_expression
 from ...symbolic.native import allowed
+from ..self_motions.posture_search import EXACT, newton
+from ..self_motions.self_motions import SelfMotions
+from ..self_motions.stretches import cubic, extremum_of_cubic, root_of_cubic
 from .leaf import leaf_step
-from .posture_search import EXACT, newton
-from .self_motions import SelfMotions
 
 LONGEST = 0.6
 """Joint motion [joint units] of a stretch that gets a posture between: a cubic says nothing of so much."""
@@ -363,7 +364,7 @@ class _Search:
             h = h0 + h1
             seen = self._nearest(self.g[middle] - self.g[left])
             rise = seen + self._nearest(self.g[right] - self.g[middle])
-            miss = np.abs(_cubic(rise, self.slope[left] * h, self.slope[right] * h, h0 / h) - seen)
+            miss = np.abs(cubic(rise, self.slope[left] * h, self.slope[right] * h, h0 / h) - seen)
             own = np.concatenate([h1[:count], h0[count:]])
             miss = np.where(known, miss * own**4 / (16 * h0**2 * h1**2), 0.0)
         return np.nan_to_num(np.maximum(miss[:count], miss[count:]))
@@ -401,7 +402,7 @@ class _Search:
         if not len(pairs.i):
             return pairs
         d, h, first, last, _ = self._stretch(pairs.i, pairs.j)
-        begun = self._between(pairs, d, h, _root_of_cubic(pairs.a, pairs.b, first, last))
+        begun = self._between(pairs, d, h, root_of_cubic(pairs.a, pairs.b, first, last))
         p, R = np.broadcast_to(self.p, (len(h), *self.p.shape)), np.broadcast_to(self.R, (len(h), *self.R.shape))
         rcond, c = np.zeros(len(h)), (self.level + pairs.shift)[:, None]
 
@@ -418,14 +419,14 @@ class _Search:
     def _between(self, pairs: _Pairs, d: Matrix, h: Vector, x: Vector) -> Matrix:
         """Postures (k, n) near the curve, at shares x (k,) of the stretches."""
         h, x = h[:, None], x[:, None]
-        return self.q[pairs.i] + _cubic(d, h * self.v[pairs.i], h * self.v[pairs.j], x)
+        return self.q[pairs.i] + cubic(d, h * self.v[pairs.i], h * self.v[pairs.j], x)
 
     def _cut(self, pairs: _Pairs) -> _Pairs:
         """The pairs cut in two: where their cubic has an extremum, or in the middle."""
         if not len(pairs.i):
             return pairs
         d, h, first, last, _ = self._stretch(pairs.i, pairs.j)
-        x = _extremum(pairs.a, pairs.b, first, last)
+        x = extremum_of_cubic(pairs.a, pairs.b, first, last)
         new, there = self._added(self._between(pairs, d, h, x), 0.5 * h, pairs.i)
         self.doubt += int(np.sum(~there))
         pairs, d, h, first, last, x = pairs[there], d[there], h[there], first[there], last[there], x[there]
@@ -434,7 +435,7 @@ class _Search:
         begins, rise = self.sound[pairs.i], pairs.b - pairs.a
         with np.errstate(invalid="ignore"):
             seen = self._nearest(self.g[new] - self.g[np.where(begins, pairs.i, pairs.j)])
-            missed = np.abs(_cubic(rise, first, last, x) - np.where(begins, 0.0, rise) - seen)
+            missed = np.abs(cubic(rise, first, last, x) - np.where(begins, 0.0, rise) - seen)
             seen += np.where(begins, pairs.a, pairs.b)
             error = np.nan_to_num(missed / (16 * np.maximum(4 * x * (1 - x), 0.5) ** 2))
             # Where g only touches the level two postures meet.
@@ -443,36 +444,3 @@ class _Search:
         self.meetings.append(self.q[new[touch]])
         halves = (pairs.i, new, pairs.a, seen, pairs.shift, error), (new, pairs.j, seen, pairs.b, pairs.shift, error)
         return (_Pairs(*halves[0]) + _Pairs(*halves[1]))[np.tile(~touch, 2)]
-
-
-def _cubic(rise: Array, first: Array, last: Array, x: Array) -> Array:
-    """At shares x of a stretch the cubic that rises by `rise` over it from 0, with its slopes at both ends."""
-    return x * (first + x * (3 * rise - 2 * first - last + x * (first + last - 2 * rise)))
-
-
-def _root_of_cubic(a: Vector, b: Vector, first: Vector, last: Vector) -> Vector:
-    """The share (k,) where a cubic from a to b, of other sign, is 0: by Newton's method between bounds."""
-    rise, low, high = b - a, np.zeros(len(a)), np.ones(len(a))
-    c2, c3, up = 3 * rise - 2 * first - last, first + last - 2 * rise, a < 0
-    with np.errstate(all="ignore"):
-        x = np.nan_to_num(-a / rise, nan=0.5)
-        for _ in range(5):
-            f = a + x * (first + x * (c2 + x * c3))
-            before = (f < 0) == up
-            low, high = np.where(before, x, low), np.where(before, high, x)
-            x = x - f / (first + x * (2 * c2 + 3 * c3 * x))
-            x = np.where((x >= low) & (x <= high), x, 0.5 * (low + high))
-    return x
-
-
-def _extremum(a: Vector, b: Vector, first: Vector, last: Vector) -> Vector:
-    """The share (k,) of that extremum of a cubic from a to b that is nearest to 0; 1/2 where none is well inside."""
-    rise = b - a
-    c2, c3 = 3 * rise - 2 * first - last, first + last - 2 * rise
-    with np.errstate(all="ignore"):
-        sum_of_roots = -(c2 + np.copysign(np.sqrt(c2 * c2 - 3 * c3 * first), c2))
-        x = np.array([sum_of_roots / (3 * c3), first / sum_of_roots])
-        inside = (x > 1e-4) & (x < 1 - 1e-4)
-        value = np.where(inside, np.abs(a + _cubic(rise, first, last, x)), np.inf)
-    best, every = value.argmin(axis=0), np.arange(len(a))
-    return np.where(inside[best, every], x[best, every], 0.5)

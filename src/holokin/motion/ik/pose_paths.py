@@ -17,6 +17,7 @@ from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...strategies import HolonomicStrategy, Jump, first_jump, jump_near, may_jump
 from ...strategies.jumps import states
 from ...symbolic.native import InverseKernel
+from ..self_motions.pose_reach import obstacle_at
 from .arm_reach import reach_code
 from .branch import on_ray
 from .closed_leaf import ClosedBranch, closed_branch, closed_leaf, turn_before_jump
@@ -35,7 +36,6 @@ from .leaf import (
     straight_path,
 )
 from .plan import Plan, doubtful_target
-from .pose_reach import obstacle_at
 from .solutions import InverseStatus, beyond_limits, in_rows
 
 # --- Can the tool get there at all? Asked only after following has failed.

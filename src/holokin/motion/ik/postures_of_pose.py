@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -29,12 +28,13 @@ from ...robot.closed_form import ArmClass, GeneralInverse, Held, general_inverse
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import of_one_tool
+from ..self_motions.curve_cuts import curves_through
+from ..self_motions.posture_search import spread
+from ..self_motions.self_motions import SelfMotions, cut_of, self_motions_at
+from ..self_motions.whole_turns import SAME, SAMPLED, turn_options, turned, turns_of
 from .closed_leaf import DOUBT, Following, closed_leaf, held_joints, leaf_class
-from .curve_cuts import curves_through
-from .leaf import check_levels, with_leaves
+from .leaf import check_levels, leaf_postures, with_leaves
 from .level_roots import postures_near, roots_along
-from .posture_search import SAME, SAMPLED, free_hinges, leaf_postures, nearest_equivalent, spread, turned
-from .self_motions import SelfMotions, cut_of, self_motions_at
 
 STARTS = 1024
 """Of Newton's method where postures are searched for: with several redundant joints, or with none."""
@@ -253,12 +253,11 @@ def _of_curves(strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector
         edge = postures_near(strategy, starts, motions.p[0], motions.R[0], steps=40, exact=SAME)
         return Postures(np.zeros((0, task.n)), pose, c.copy(), none, none, none, 0, int(len(edge) > 0), 0, 0)
     low, high = _bounds(task.robot, limits)
-    turns = _turns_of(strategy, motions.q)
+    turns = turns_of(strategy, motions.q)
     if turns.varying.any():
         motions = _copied(motions, turns.varying, aim, low, high)
-    roots = roots_along(strategy, motions, float(c[0]), turns.levels(strategy))
-    q, inside = turns.nearest(roots.q, -roots.shift, aim, low, high, any(strategy.constraint.angular))
-    inside &= np.all((q >= low) & (q <= high), axis=1)
+    roots = roots_along(strategy, motions, float(c[0]), turns.levels())
+    q, inside = turns.nearest(roots.q, -roots.shift[:, None], aim, low, high)
     order = np.flatnonzero(inside)[_order(q[inside])]
     found, outside = np.ones(len(order)), int(np.sum(~inside))
     return Postures(
@@ -309,19 +308,21 @@ def _of_search(
     strategy: HolonomicStrategy, pose: Matrix, c: Vector, aim: Vector, limits: bool, from_aim: bool
 ) -> Postures:
     """Newton's method from starts over the joint ranges, a low-discrepancy sequence, the same at every call."""
-    task = strategy.task
-    free = free_hinges(strategy, spread(task.robot, SAMPLED))
-    begun = spread(task.robot, STARTS, ~free & task.robot.hinges)
+    task, (low, high) = strategy.task, _bounds(strategy.task.robot, limits)
+    turns = turns_of(strategy, spread(task.robot, SAMPLED))
+    begun = spread(task.robot, STARTS, ~turns.free & task.robot.hinges)
     begun = np.vstack([aim, begun[1:]]) if from_aim else begun
     q, rcond, arrived = leaf_postures(strategy, begun, pose[:3, 3], pose[:3, :3], c)
     regular = arrived & (rcond > TOLERANCES.singular)
     singular = int(np.sum(arrived & ~regular))
     classes = _distinct(task.robot, q[regular])
     # Of each class of postures that differ by whole turns the one nearest to what is wanted.
-    nearest = [nearest_equivalent(strategy, members, free, aim, limits) for members in classes]
-    inside = np.array([posture is not None for posture in nearest], dtype=bool)
-    postures = np.array([posture for posture in nearest if posture is not None]).reshape(-1, task.n)
-    counts = np.array([len(members) for members in classes], dtype=float)[inside]
+    nearest, inside = np.zeros((len(classes), task.n)), np.zeros(len(classes), dtype=bool)
+    for i, members in enumerate(classes):
+        at_turns, fits = turns.nearest(members, np.zeros((len(members), len(c))), aim, low, high)
+        best = np.where(fits, np.square(at_turns - aim).sum(axis=1), np.inf).argmin()
+        nearest[i], inside[i] = at_turns[best], fits[best]
+    postures, counts = nearest[inside], np.array([len(members) for members in classes], dtype=float)[inside]
     order = _order(postures)
     rcond = np.array([strategy.gain(posture)[1] for posture in postures[order]])
     found, outside = counts[order], int(np.sum(~inside))
@@ -353,119 +354,10 @@ def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
     return [np.array(members) for members in classes]
 
 
-# --- Whole turns of hinges along the self-motions: what they do to g.
-
-MOST_TURNS = 2_200
-"""Turns of hinges that are tried together: three of seven hinges."""
+# --- Curves at whole turns of hinges.
 
 BESIDE = 0.3
 """How far [joint units] beyond the limits a curve is still looked at."""
-
-MOST_LEVELS = 64
-"""Levels that whole turns make of one, in the range of g."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Turns:
-    """What a whole turn of a joint does to g: nothing where it is free (n,), a constant change (n,), or one that varies
-    with the posture (n,). It changes the tool pose where none of these is so."""
-
-    free: Flags
-    change: Vector
-    varying: Flags
-
-    def levels(self, strategy: HolonomicStrategy) -> Vector:
-        """The changes (k,) of g that whole turns can make, 0 among them."""
-        change = np.unique(np.round(np.abs(self.change[self.change != 0]), 12))
-        if any(strategy.constraint.angular):
-            change = np.unique(np.append(change, 2 * np.pi))
-        if not len(change):
-            return np.zeros(1)
-        count = np.round(change / change[0])
-        if np.abs(change / change[0] - count).max() < SAME and change[0] > 1e-3:
-            k = np.arange(-MOST_LEVELS, MOST_LEVELS + 1, dtype=float)
-            return change[0] * k
-        counts = product(range(-2, 3), repeat=len(change))
-        sums = [round(float(np.dot(k, change)), 12) for k in counts]
-        return np.unique(np.array(sums, dtype=float))
-
-    def nearest(
-        self, q: Matrix, wanted: Vector, aim: Vector, low: Vector, high: Vector, angular: bool
-    ) -> tuple[Matrix, Flags]:
-        """(postures (k, n) at the whole turns nearest to a posture that change g as wanted (k,), whether some do)."""
-        q = np.where(self.free, turned(q, aim, low, high), q)
-        counted = np.flatnonzero(self.change)
-        if not len(counted) or not len(q):
-            return q, np.ones(len(q), dtype=bool)
-        change, now = self.change[counted], q[:, counted]
-        options = _turn_options(now, aim[counted], low[counted], high[counted])
-        # One hinge alone, the one that changes g least, serves where the turns that were tried do not.
-        least = int(np.argmin(np.abs(change)))
-        alone = np.zeros((len(q), len(counted)))
-        alone[:, least] = np.round(wanted / change[least])
-        options = np.unique(np.vstack([options, alone]), axis=0)
-        gap = options @ change - wanted[:, None]
-        gap = (gap + np.pi) % (2 * np.pi) - np.pi if angular else gap
-        moved = now[:, None] + 2 * np.pi * options
-        fits = np.abs(gap) <= SAME * (1 + np.abs(wanted[:, None]))
-        fits &= np.all((moved >= low[counted]) & (moved <= high[counted]), axis=2)
-        far = np.where(fits, np.square(moved - aim[counted]).sum(axis=2), np.inf)
-        best = far.argmin(axis=1)
-        q[:, counted] = moved[np.arange(len(q)), best]
-        return q, fits[np.arange(len(q)), best]
-
-
-def _turn_options(q: Matrix, aim: Vector, low: Vector, high: Vector) -> Matrix:
-    """Numbers of whole turns (k, s) of hinges q (N, s): all within the limits, else the nearest to `aim`."""
-    wish = np.round((aim - q) / (2 * np.pi))
-    for around in (4, 3, 2, 1):
-        first = np.maximum(np.ceil((low - q.max(axis=0)) / (2 * np.pi)), wish.min(axis=0) - around)
-        last = np.minimum(np.floor((high - q.min(axis=0)) / (2 * np.pi)), wish.max(axis=0) + around)
-        if np.prod(np.maximum(last - first + 1, 0.0)) <= MOST_TURNS:
-            break
-    ranges = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
-    return np.array(list(product(*ranges))).reshape(-1, q.shape[1])
-
-
-@kept
-def _known_turns(strategy: HolonomicStrategy) -> list[_Turns]:
-    return []
-
-
-def _turns_of(strategy: HolonomicStrategy, Q: Matrix) -> _Turns:
-    """What whole turns do to g: by postures spread over the joint ranges, else by some of postures (N, n)."""
-    known = _known_turns(strategy)
-    if not known:
-        n = strategy.task.n
-        for sample in (np.random.default_rng(0).uniform(-3, 3, (SAMPLED, n)), Q[:: max(1, len(Q) // SAMPLED)]):
-            g, margin = strategy.constraint_value.batch(sample), strategy.gain.batch(sample)[2]
-            sound = np.isfinite(g.reshape(-1)) & (margin.reshape(-1) > TOLERANCES.representation)
-            if sound.any():
-                known.append(_turns_at(strategy, sample[sound]))
-                break
-        else:
-            none = np.zeros(n, dtype=bool)
-            return _Turns(none, np.zeros(n), none)
-    return known[0]
-
-
-def _turns_at(strategy: HolonomicStrategy, q: Matrix) -> _Turns:
-    task, n = strategy.task, q.shape[1]
-    hinges = np.flatnonzero(task.robot.hinges)
-    moved = (q[None] + 2 * np.pi * np.eye(n)[hinges][:, None]).reshape(-1, n)
-    before, after = strategy.constraint_value.batch(q).reshape(-1), strategy.constraint_value.batch(moved).reshape(-1)
-    change = after.reshape(len(hinges), len(q)) - before
-    change = strategy.constraint.nearest(change[..., None])[..., 0]
-    (p, R), (p2, R2) = task._poses(q), task._poses(moved)
-    stays = np.abs(p2.reshape(len(hinges), len(q), -1) - p.reshape(len(q), -1)).max(axis=(1, 2)) < SAME
-    stays &= np.abs(R2.reshape(len(hinges), len(q), -1) - R.reshape(len(q), -1)).max(axis=(1, 2)) < SAME
-    small = SAME * (1 + np.abs(before))
-    free = np.all(np.abs(change) <= small, axis=1) & stays
-    middle = np.median(change, axis=1)
-    constant = np.all(np.abs(change - middle[:, None]) <= small, axis=1) & stays & ~free
-    out = np.zeros(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=bool)
-    out[0][hinges], out[1][hinges], out[2][hinges] = free, np.where(constant, middle, 0.0), stays & ~free & ~constant
-    return _Turns(*out)
 
 
 def _copied(motions: SelfMotions, varying: Flags, aim: Vector, low: Vector, high: Vector) -> SelfMotions:
@@ -474,7 +366,7 @@ def _copied(motions: SelfMotions, varying: Flags, aim: Vector, low: Vector, high
     around = np.where(varying & ~(np.isfinite(low) & np.isfinite(high)), np.pi, np.inf)
     low, high = np.maximum(low, aim - around), np.minimum(high, aim + around)
     which = np.flatnonzero(varying)
-    options = _turn_options(motions.q[:, which], aim[which], low[which], high[which])
+    options = turn_options(motions.q[:, which], aim[which], low[which], high[which])
     linked = np.append(motions.curve[1:] == motions.curve[:-1], False)
     middle = motions.task.robot.middle
     nearest = np.where(

@@ -20,6 +20,9 @@ from .six_hinges import COLUMNS, GEOMETRY, Family, Form, solver, steps
 SIGNS = np.array(list(product((1.0, -1.0), repeat=3)))
 """The signs (8, 3) of the three slopes."""
 
+DOUBT = 1e-10
+"""How real an answer is, see `solver`: nearer to 0 two postures meet, and the path to them decides."""
+
 _PROBE = np.array([0.4, 0.7, -1.1, 1.3, 0.8, -0.5])
 """Angles [rad] of no special posture."""
 

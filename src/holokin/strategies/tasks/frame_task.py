@@ -370,9 +370,9 @@ class FrameTask(Task):
     def _rotations(self) -> tuple[int, ...]:
         return (self._angular.index(True),) if sum(self._angular) == 3 else ()
 
-    @property
+    @cached_property
     def _geometric_twin(self) -> FrameTask:
-        return replace(self, orientation="twist") if self._rotations else self
+        return replace(self, orientation="twist") if self._rotations and not self._geometric else self
 
     def _chart(self, rotations: Matrix) -> FrameTask:
         """With "twist", counted from the rotation (3, 3), for a full orientation.
@@ -498,9 +498,9 @@ class StackedTask(Task):
                 firsts.append(mine[0])
         return tuple(firsts)
 
-    @property
+    @cached_property
     def _geometric_twin(self) -> StackedTask:
-        return replace(self, parts=tuple(part._geometric_twin for part in self.parts))
+        return self if self._geometric else replace(self, parts=tuple(part._geometric_twin for part in self.parts))
 
     def _chart(self, rotations: Matrix) -> StackedTask:
         return self._by_part(rotations, FrameTask._chart)

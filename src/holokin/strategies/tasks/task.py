@@ -320,7 +320,7 @@ class Task(ByValue, ABC):
     def _rotations(self) -> tuple[int, ...]:
         """Where all three angular rows of a frame belong to the task: the first of them, among its rows."""
 
-    @property
+    @cached_property
     @abstractmethod
     def _geometric_twin(self) -> Self:
         """The same task with "twist" for each full orientation, which has no singular angles."""

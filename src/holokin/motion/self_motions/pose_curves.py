@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,15 +30,12 @@ from ...robot import Robot
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
-from .arcs import onto
-from .posture_search import free_hinges
 from .self_motions import self_motions_at
+from .stretches import Stretches
+from .whole_turns import turns_of
 
 Clear = Callable[[Matrix], Flags]
 """Which postures (k, n) are clear of a scene, as `Clearances.clear`."""
-
-HALVINGS = 48
-"""Of a step between a posture that is clear and one that is not: to round-off."""
 
 JUMP = 4.0
 """Step of g, as a multiple of those before and after it, from which on it is looked at whether g jumps there."""
@@ -108,7 +106,7 @@ class SelfMotionArc(Value):
         j = np.minimum(i + 1, len(every) - 1)
         width = every[j] - every[i]
         t = (wanted - every[i]) / np.where(width > 0, width, 1.0)
-        q = _points(self.task, self.pose, self.q[i], self.q[j], t)
+        q = _stretches(self.task, self.pose, self.q[i], self.q[j]).postures(t)
         return q if np.ndim(s) else q[0]
 
     def place_of(self, q: Vector) -> tuple[float, float]:
@@ -174,7 +172,7 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
             raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
         if strategy.task != self.task:
             raise ArgumentError("the strategy", strategy.name, "give one of the task of the self-motion")
-        parts = [part for arc in self._turned(strategy) for part in _intervals(strategy, arc)]
+        parts = _intervals(strategy, self.task, self.pose, self._turned(strategy))
         jumps = any(JUMPS in part.ends for part in parts)
         return ServedLevels(strategy, _union(parts, strategy.constraint.angular[0]), jumps)
 
@@ -184,7 +182,7 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
         bound = robot.hinges & (robot.upper - robot.lower >= 2 * np.pi) & np.isfinite(robot.upper - robot.lower)
         if not self.limits or not self.arcs or not bound.any():
             return list(self.arcs)
-        bound &= ~free_hinges(strategy, np.vstack([arc.q[:1] for arc in self.arcs]))
+        bound &= ~turns_of(strategy, np.vstack([arc.q[:1] for arc in self.arcs])).free
         if not bound.any():
             return list(self.arcs)
         arcs: list[SelfMotionArc] = []
@@ -312,40 +310,17 @@ def _own_ends(robot: Robot, q: Matrix, closed: bool) -> tuple[ArcEnd, ArcEnd]:
     return ends[0], ends[1]
 
 
-def _points(task: Task, pose: Matrix, a: Matrix, b: Matrix, t: Vector) -> Matrix:
-    """Postures (k, n) of self-motions at shares t (k,) of the way between neighbours a and b (k, n)."""
-    q = a + t[:, None] * (b - a)
-    return onto(task, np.broadcast_to(pose, (len(q), 4, 4)), q)
+def _stretches(task: Task, pose: Matrix, a: Matrix, b: Matrix) -> Stretches:
+    """The stretches of self-motions between postures a and b (k, n) at a pose."""
+    p, R = np.broadcast_to(pose[:3, 3], (len(a), 3)), np.broadcast_to(pose[:3, :3], (len(a), 3, 3))
+    return Stretches.between(task, p, R, a, b)
 
 
-def _extremes(
-    task: Task, pose: Matrix, q: Matrix, rows: Indices, value: Callable[[Matrix, Indices], Vector], sign: Vector
-) -> tuple[Matrix, Vector]:
-    """The postures (k, n) near rows (k,) of a curve where sign (k,) times a value is largest, and the values there.
-
-    value: (postures (m, n), of which of them each is (m,)) -> (m,). By parabolas through three postures, closer and
-    closer: the value is off by the square of how near they are, 1e-7 of a step.
-    """
-    k, place, step = np.arange(len(rows)), np.zeros(len(rows)), 1.0
-    best_q, best = q[rows], sign * value(q[rows], k)
-    for _ in range(9):
-        # Postures at places in [-1, 1] of the way to the neighbours.
-        u = np.clip(place[:, None] + step * np.array([-1.0, 0.0, 1.0]), -1, 1)
-        near = np.repeat(rows, 3) + np.where(u.ravel() < 0, -1, 1)
-        postures = _points(task, pose, q[np.repeat(rows, 3)], q[near], np.abs(u.ravel())).reshape(-1, 3, q.shape[1])
-        y = sign[:, None] * value(postures.reshape(-1, q.shape[1]), np.repeat(k, 3)).reshape(-1, 3)
-        top = y.argmax(axis=1)
-        better = y[k, top] > best
-        best = np.where(better, y[k, top], best)
-        best_q = np.where(better[:, None], postures[k, top], best_q)
-        # The vertex of their parabola.
-        left, right = u[:, 1] - u[:, 0], u[:, 2] - u[:, 1]
-        fall, rise = (y[:, 1] - y[:, 0]) * right, (y[:, 2] - y[:, 1]) * left
-        with np.errstate(all="ignore"):
-            vertex = u[:, 1] + 0.5 * (fall * right + rise * left) / (fall - rise)
-        inside = (vertex >= u[:, 0]) & (vertex <= u[:, 2])
-        place, step = np.where(inside, vertex, u[k, top]), step / 6
-    return best_q, sign * best
+def _beside(q: Matrix, rows: Indices) -> tuple[Indices, Indices]:
+    """(the rows with which the stretches beside some rows (k,) of a curve begin, which of the rows they are beside)."""
+    begin, at = np.concatenate([rows - 1, rows]), np.tile(rows, 2)
+    inside = (begin >= 0) & (begin < len(q) - 1)
+    return begin[inside], at[inside]
 
 
 # --- Arcs within the joint limits.
@@ -357,25 +332,19 @@ def _cut_at_limits(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, ArcE
     robot = task.robot
     turn = np.where(robot.hinges & ~bound, 2 * np.pi, 0.0)
     q = _with_turning_points(task, pose, q, turn)
+    runs = _runs(robot, q, turn)
     if ends[0].kind is EndKind.CLOSED:
+        if runs and runs[0][:2] == (0, len(q) - 1):
+            return [(q + runs[0][2], ends)]
         # It begins where an arc does.
-        turns, last = _longest_from(robot, q, turn)
-        if turns is not None and last == len(q) - 1:
-            return [(q + turns, ends)]
-        start = 0 if turns is None else last + 1
+        start = runs[0][1] + 1 if runs and runs[0][0] == 0 else 0
         q = np.vstack([q[start:], q[1 : start + 1] + (q[-1] - q[0])])
-    # Runs of postures that are within the limits, and the steps over a limit at their ends.
-    runs: list[tuple[int, int, Vector]] = []
-    steps: list[tuple[int, int, Vector, Vector]] = []  # run, which end, posture within and beyond
-    i = 0
-    while i < len(q):
-        turns, last = _longest_from(robot, q[i:], turn)
-        last += i
-        if turns is not None:
-            steps += [(len(runs), 0, q[i] + turns, q[i - 1] + turns)] if i > 0 else []
-            steps += [(len(runs), 1, q[last] + turns, q[last + 1] + turns)] if last < len(q) - 1 else []
-            runs.append((i, last, turns))
-        i = last + 1
+        runs = _runs(robot, q, turn)
+    # The steps over a limit at their ends: run, which end, posture within and beyond.
+    steps: list[tuple[int, int, Vector, Vector]] = []
+    for k, (first, last, turns) in enumerate(runs):
+        steps += [(k, 0, q[first] + turns, q[first - 1] + turns)] if first > 0 else []
+        steps += [(k, 1, q[last] + turns, q[last + 1] + turns)] if last < len(q) - 1 else []
     parts, why = [q[first : last + 1] + turns for first, last, turns in runs], [list(ends) for _ in runs]
     for (run, side, within, _), (posture, end) in zip(steps, _at_limits(task, pose, steps), strict=True):
         why[run][side] = end
@@ -387,38 +356,43 @@ def _cut_at_limits(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, ArcE
 def _with_turning_points(task: Task, pose: Matrix, q: Matrix, turn: Vector) -> Matrix:
     """A curve with the postures between its own where a joint turns back near to a limit, and may be beyond it."""
     robot, (before, here, after) = task.robot, (q[:-2], q[1:-1], q[2:])
-    found: list[tuple[int, int, float]] = []
-    for sign, limit in ((1.0, robot.upper), (-1.0, robot.lower)):
+    found = [np.zeros((0, 3), dtype=np.intp)]
+    for sign, limit in ((1, robot.upper), (-1, robot.lower)):
         with np.errstate(invalid="ignore"):
             rest = sign * (limit - here)
             # How far the limit is, at the turn where it is nearest.
             rest = np.where(turn > 0, rest - turn * np.round(rest / np.where(turn > 0, turn, 1.0)), rest)
             bend = sign * (2 * here - before - after)
             turns_back = (sign * (here - before) >= 0) & (sign * (here - after) >= 0) & (np.abs(rest) < bend)
-        found += [(i + 1, j, sign) for i, j in np.argwhere(turns_back & np.isfinite(rest)).tolist()]
-    if not found:
-        return q
-    rows, joint = (np.array([f[k] for f in found]) for k in range(2))
-    sign = np.array([f[2] for f in found])
-    postures, _ = _extremes(task, pose, q, rows, lambda p, k: p[np.arange(len(p)), joint[k]], sign)
-    # Each on its side of the row that it is near to.
-    ahead = np.sum((postures - q[rows]) * (q[rows + 1] - q[rows - 1]), axis=1)
-    apart = np.abs(postures - q[rows]).max(axis=1) > 1e-9
-    keys = np.append(np.arange(len(q), dtype=float), (rows + 0.5 * np.sign(ahead))[apart])
-    return np.vstack([q, postures[apart]])[np.argsort(keys, kind="stable")]
+        i, j = np.nonzero(turns_back & np.isfinite(rest))
+        found.append(np.column_stack([i + 1, j, np.full(len(i), sign)]))
+    # Each is on one of the two stretches beside its row.
+    row, joint, sign = np.tile(np.concatenate(found).T, 2)
+    begin = row - (np.arange(len(row)) < len(row) // 2)
+    postures, _ = _stretches(task, pose, q[begin], q[begin + 1]).least(
+        lambda Q, k: -sign[k] * Q[np.arange(len(Q)), joint[k]]
+    )
+    ahead, step = postures - q[begin], q[begin + 1] - q[begin]
+    place = (ahead * step).sum(axis=1) / (step * step).sum(axis=1)
+    keys, inside = np.arange(len(q), dtype=float), (place > 1e-7) & (place < 1 - 1e-7)
+    return np.vstack([q, postures[inside]])[np.argsort(np.append(keys, (begin + place)[inside]), kind="stable")]
 
 
-def _longest_from(robot: Robot, q: Matrix, turn: Vector) -> tuple[Vector | None, int]:
-    """What whole turns (n,) keep postures (k, n) within the limits for the most rows from the first one on, and which
-    is the last of these; None where the first one is beyond them. turn (n,): of each joint, 0 of one that has none."""
-    some = np.where(turn > 0, turn, 1.0)
-    least = np.where(turn > 0, np.ceil((robot.lower - q) / some - 1e-13), np.where(q >= robot.lower - 1e-12, 0, 1))
-    most = np.where(turn > 0, np.floor((robot.upper - q) / some + 1e-13), np.where(q <= robot.upper + 1e-12, 0, -1))
-    least, most = np.maximum.accumulate(least, axis=0), np.minimum.accumulate(most, axis=0)
-    count = int((least <= most).all(axis=1).sum())
-    if not count:
-        return None, 0
-    return turn * np.clip(np.round((robot.middle - q[0]) / some), least[count - 1], most[count - 1]), count - 1
+def _runs(robot: Robot, q: Matrix, turn: Vector) -> list[tuple[int, int, Vector]]:
+    """The runs of postures (k, n) that some whole turns keep within the limits, each as long as it can be: its first
+    and last row, and these turns (n,). turn (n,): of each joint, 0 of one that has none."""
+    some, turning = np.where(turn > 0, turn, 1.0), turn > 0
+    least = np.where(turning, np.ceil((robot.lower - q) / some - 1e-13), np.where(q >= robot.lower - 1e-12, 0, 1))
+    most = np.where(turning, np.floor((robot.upper - q) / some + 1e-13), np.where(q <= robot.upper + 1e-12, 0, -1))
+    inside, runs, first = np.flatnonzero((least <= most).all(axis=1)), list[tuple[int, int, Vector]](), 0
+    while (k := int(np.searchsorted(inside, first))) < len(inside):
+        first = int(inside[k])
+        low, high = np.maximum.accumulate(least[first:], axis=0), np.minimum.accumulate(most[first:], axis=0)
+        last = int((low <= high).all(axis=1).sum()) - 1
+        nearest = np.round((robot.middle - q[first]) / some)
+        runs.append((first, first + last, turn * np.clip(nearest, low[last], high[last])))
+        first += last + 1
+    return runs
 
 
 def _at_limits(
@@ -436,41 +410,17 @@ def _at_limits(
     which, joint = (np.array([case[i] for case in cases], dtype=np.intp) for i in range(2))
     limit = np.array([robot.upper[j] if upper else robot.lower[j] for _, j, upper in cases])
     a, b = (np.array([steps[k][2 + i] for k in which]).reshape(-1, robot.n) for i in range(2))
-    share, q = _at_values(task, pose, a, b, joint, limit)
+    q = _stretches(task, pose, a, b).at_values(joint, limit)
+    way = np.abs(q - a).max(axis=1)
     found: list[tuple[Vector, ArcEnd]] = []
     for k, (_, _, within, _) in enumerate(steps):
         own = np.flatnonzero(which == k)
         if not len(own):  # round-off
             found.append((within, ArcEnd(EndKind.SINGULAR)))
             continue
-        first = int(own[share[own].argmin()])
+        first = int(own[way[own].argmin()])
         found.append((q[first], ArcEnd(EndKind.LIMIT, robot.joint_names[joint[first]], cases[first][2])))
     return found
-
-
-def _at_values(task: Task, pose: Matrix, a: Matrix, b: Matrix, joint: Indices, value: Vector) -> tuple[Vector, Matrix]:
-    """(shares of the way (k,), postures (k, n)) between neighbours a and b (k, n) at which joints have values (k,)."""
-    k = np.arange(len(a))
-    f, g = a[k, joint] - value, b[k, joint] - value
-    low, high, last = np.zeros(len(a)), np.ones(len(a)), np.zeros(len(a))
-    share, q = np.zeros(len(a)), a.copy()
-    left = np.flatnonzero(f * g < 0)
-    # By the method of Illinois.
-    for _ in range(60):
-        if not len(left):
-            break
-        t = (low * g - high * f)[left] / (g - f)[left]
-        share[left], q[left] = t, _points(task, pose, a[left], b[left], t)
-        new = q[left, joint[left]] - value[left]
-        within = new * f[left] > 0
-        again = last[left] == np.where(within, 1, -1)
-        low[left], high[left] = np.where(within, t, low[left]), np.where(within, high[left], t)
-        half = np.where(again, 0.5, 1.0)
-        f[left], g[left] = np.where(within, new, f[left] * half), np.where(within, g[left] * half, new)
-        last[left] = np.where(within, 1, -1)
-        left = left[np.abs(new) > 1e-14 * np.maximum(1.0, np.abs(value[left]))]
-    q[k[share > 0], joint[share > 0]] = value[share > 0]
-    return share, q
 
 
 def _cut_at_contacts(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, ArcEnd], clear: Clear) -> list[Piece]:
@@ -484,16 +434,8 @@ def _cut_at_contacts(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, Ar
         free = np.append(free[start:], free[1 : start + 1])
     # Between a posture that is clear and one that is not: the last one that is clear.
     changes = np.flatnonzero(free[1:] != free[:-1])
-    a, b = (
-        np.where(free[changes, None], q[changes], q[changes + 1]),
-        np.where(free[changes, None], q[changes + 1], q[changes]),
-    )
-    low, high = np.zeros(len(changes)), np.ones(len(changes))
-    for _ in range(HALVINGS if len(changes) else 0):
-        middle = 0.5 * (low + high)
-        there = np.asarray(clear(_points(task, pose, a, b, middle)), dtype=bool)
-        low, high = np.where(there, middle, low), np.where(there, high, middle)
-    last = _points(task, pose, a, b, low)
+    a, b = (q[changes + (free[changes] ^ side)] for side in (True, False))
+    last = _stretches(task, pose, a, b).halved(lambda Q: np.asarray(clear(Q), dtype=bool))
     # The pieces, from change to change.
     contact, pieces = ArcEnd(EndKind.CONTACT), []
     bounds = [0, *(changes + 1).tolist(), len(q)]
@@ -512,93 +454,91 @@ def _cut_at_contacts(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, Ar
 # --- Levels of a strategy along arcs.
 
 
-def _intervals(strategy: HolonomicStrategy, arc: SelfMotionArc) -> list[LevelInterval]:
-    """The levels of an arc, from the least to the largest one; cut where g jumps, or has no value."""
-    angular = strategy.constraint.angular[0]
+class _Rows(NamedTuple):
+    """Postures of an arc along which g is continuous, its values (k,), what their ends are, whether they are closed."""
+
+    q: Matrix
+    level: Vector
+    ends: tuple[str, str]
+    closed: bool
+
+
+def _intervals(
+    strategy: HolonomicStrategy, task: Task, pose: Matrix, arcs: Sequence[SelfMotionArc]
+) -> list[LevelInterval]:
+    """The levels of arcs, each from the least to the largest one; cut where g jumps, or has no value."""
+    angular, parts = strategy.constraint.angular[0], list[_Rows]()
 
     def g(q: Matrix) -> Vector:
         return strategy.constraint_value.batch(q).reshape(-1)
 
-    q, level = arc.q, g(arc.q)
-    if angular:
-        level = np.unwrap(level)
-    cuts = [] if not len(q) else _jumps(arc, g, q, level, angular)
-    parts, found = np.split(np.arange(len(q)), np.array(cuts, dtype=int)), []
-    for part in parts:
-        part = part[np.isfinite(level[part])]
-        if not len(part):
-            continue
-        own = [str(arc.ends[0]) if part[0] == 0 else JUMPS, str(arc.ends[1]) if part[-1] == len(q) - 1 else JUMPS]
-        found.append(_range(arc, g, part, level, own, angular))
-    return found
+    for arc in arcs:
+        level = np.unwrap(g(arc.q)) if angular else g(arc.q)
+        for rows in np.split(np.arange(len(level)), _jumps(arc, g, level, angular)):
+            own = rows[np.isfinite(level[rows])]
+            if len(own):
+                first, last = own[0] == 0, own[-1] == len(level) - 1
+                ends = str(arc.ends[0]) if first else JUMPS, str(arc.ends[1]) if last else JUMPS
+                closed = arc.closed and len(own) == len(level)
+                parts.append(_Rows(arc.q[own], level[own], ends, closed))
+    return _ranges(task, pose, g, parts, angular)
 
 
-def _jumps(arc: SelfMotionArc, g: Callable[[Matrix], Vector], q: Matrix, level: Vector, angular: bool) -> list[int]:
+def _jumps(arc: SelfMotionArc, g: Callable[[Matrix], Vector], level: Vector, angular: bool) -> Indices:
     """The rows of an arc before which g jumps: its step is large, and stays so where that of the joints is small."""
     step = np.abs(np.diff(level))
     beside = np.maximum(np.append(step[1:], 0), np.append(0, step[:-1]))
     with np.errstate(invalid="ignore"):
         doubtful = np.flatnonzero(~(step <= JUMP * beside + 1e-9))
-    cuts = []
-    for i in doubtful.tolist():
-        low, high = 0.0, 1.0
-        ends = np.array([level[i], level[i + 1]])
-        for _ in range(24 if np.isfinite(ends).all() else 0):
-            middle = 0.5 * (low + high)
-            value = g(_points(arc.task, arc.pose, q[i : i + 1], q[i + 1 : i + 2], np.array([middle])))[0]
-            if angular:
-                value = ends[0] + (value - ends[0] + np.pi) % (2 * np.pi) - np.pi
-            # On, into the half with the larger step.
-            if not np.isfinite(value):
-                ends = np.array([np.nan, np.nan])
-                break
-            if abs(value - ends[0]) > abs(ends[1] - value):
-                high, ends = middle, np.array([ends[0], value])
-            else:
-                low, ends = middle, np.array([value, ends[1]])
-        if not abs(ends[1] - ends[0]) < 0.1 * step[i]:
-            cuts.append(i + 1)
-    return cuts
+    if not len(doubtful):
+        return doubtful
+    begin, end = level[doubtful], level[doubtful + 1]
+
+    def ahead(middle: Matrix) -> Flags:
+        """Whether the larger step is ahead of postures (k, n); where g has no value it is so for ever."""
+        value = g(middle)
+        value = begin + (value - begin + np.pi) % (2 * np.pi) - np.pi if angular else value
+        yes = ~(np.abs(value - begin) > np.abs(end - value))
+        begin[yes], end[~yes] = value[yes], value[~yes]
+        return yes
+
+    with np.errstate(invalid="ignore"):
+        _stretches(arc.task, arc.pose, arc.q[doubtful], arc.q[doubtful + 1]).halved(ahead, 24)
+        return doubtful[~(np.abs(end - begin) < 0.1 * step[doubtful])] + 1
 
 
-def _range(
-    arc: SelfMotionArc, g: Callable[[Matrix], Vector], part: Indices, level: Vector, own: list[str], angular: bool
-) -> LevelInterval:
-    """The levels of some rows of an arc, at the ends exact."""
-    rows, values = arc.q[part], level[part]
-    ends: list[tuple[float, Vector, str]] = []
-    for sign in (-1.0, 1.0):
-        height = sign * values
+def _ranges(
+    task: Task, pose: Matrix, g: Callable[[Matrix], Vector], parts: Sequence[_Rows], angular: bool
+) -> list[LevelInterval]:
+    """The levels of parts of arcs, at the ends exact."""
+    # The highest row of each, for g and -g; and the stretches beside rows that are no lower than their neighbours.
+    ends, found = list[tuple[float, Vector, str]](), list[tuple[Matrix, Matrix, Vector, Indices]]()
+    for part, sign in product(parts, (-1.0, 1.0)):
+        height = sign * part.level
         top = int(height.argmax())
-        best = float(values[top]), rows[top], own[0] if top == 0 else own[1] if top == len(rows) - 1 else EXTREMUM
-        # Rows that are higher than their neighbours, and may have a higher posture near.
-        wrapped = arc.closed and len(rows) == len(arc.q) and top in (0, len(rows) - 1)
-        if wrapped:
-            best = best[0], best[1], EXTREMUM
-        q, heights = (rows, height)
-        if arc.closed and len(rows) == len(arc.q):  # with a neighbour at both ends
-            turn = rows[-1] - rows[0]
-            q = np.vstack([rows[-2] - turn, rows, rows[1] + turn])
-            drift = height[-1] - height[0]
-            heights = np.concatenate([[height[-2] - drift], height, [height[1] + drift]])
-        peak = np.flatnonzero((heights[1:-1] >= heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1
-        bend = 2 * heights[peak] - heights[peak - 1] - heights[peak + 1]
-        peak = peak[heights[peak] + bend >= height.max()]
-        if len(peak):
-            center = sign * heights[peak]
+        inner = part.closed or 0 < top < len(height) - 1
+        ends.append((float(part.level[top]), part.q[top], EXTREMUM if inner else part.ends[int(top > 0)]))
+        padded = np.concatenate([[-np.inf], height, [-np.inf]])
+        begin, at = _beside(part.q, np.flatnonzero((height >= padded[:-2]) & (height >= padded[2:])))
+        found.append((part.q[begin], part.q[begin + 1], part.level[at], np.full(len(at), len(ends) - 1)))
+    if not found:
+        return []
+    a, b, center, end = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    sign = np.where(end % 2, 1.0, -1.0)
 
-            def value(p: Matrix, k: Indices, center: Vector = center) -> Vector:
-                """g, at the turn where it is near to that of a peak."""
-                away = g(p) - center[k]
-                return center[k] + (away - 2 * np.pi * angular * np.round(away / (2 * np.pi)))
+    def depth(q: Matrix, k: Indices) -> Vector:
+        """g times -sign, at the turn where it is near to that of a peak."""
+        away = g(q) - center[k]
+        away -= 2 * np.pi * angular * np.round(away / (2 * np.pi))
+        return np.where(np.isfinite(away), -sign[k] * (center[k] + away), np.inf)
 
-            postures, tops = _extremes(arc.task, arc.pose, q, peak, value, np.full(len(peak), sign))
-            k = int((sign * tops).argmax())
-            if sign * tops[k] > sign * best[0]:
-                best = float(tops[k]), postures[k], EXTREMUM
-        ends.append(best)
-    (low, q_low, why_low), (high, q_high, why_high) = ends
-    return LevelInterval(low, high, q_low, q_high, (why_low, why_high))
+    # The extremes between rows, where they are higher.
+    postures, depths = _stretches(task, pose, a, b).least(depth)
+    for i, side, value, q in zip(end.tolist(), sign, -sign * depths, postures, strict=True):
+        if side * value > side * ends[i][0]:
+            ends[i] = float(value), q, EXTREMUM
+    each = zip(ends[::2], ends[1::2], strict=True)
+    return [LevelInterval(low[0], high[0], low[1], high[1], (low[2], high[2])) for low, high in each]
 
 
 def _union(parts: list[LevelInterval], angular: bool) -> tuple[LevelInterval, ...]:

@@ -17,14 +17,14 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, frozen, kept
 from ...robot import Robot
 from ...robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
-from ...strategies.self_motion_curves import least_motion
+from ...robot.closed_form.closed_inverse import DOUBT
 from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
-from .closed_leaf import DOUBT
 from .curve_cuts import cuts_of
 from .least_squares import nearest_postures, surely_beyond
 from .posture_search import EXACT, newton, to_poses
 from .self_motions import SelfMotions, cut_class, self_motions_at
+from .stretches import CLOSER, Stretches
 
 TOGETHER = 256
 """Poses whose curves are looked at together: as many as stay in a processor's memory."""
@@ -34,17 +34,6 @@ BENDS = 1.0
 
 SMALL = 1e-9
 """Gain [joint units] for which it is not looked closer."""
-
-LOOKS = 9
-"""Postures between two of a curve that are compared, in each of ROUNDS rounds, which look closer every time."""
-
-ROUNDS = 6
-
-CLOSER = 0.15
-"""Share of the way between two of a curve, each way, in which the best posture is looked for again."""
-
-SHORT = 0.01
-"""Way [joint units] along a curve within which the joints move as their slopes say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +246,11 @@ def obstacle_at(task: Task, p: Vector, R: Matrix, near: Vector, limits: bool) ->
 
 def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     """The best postures (S, n) at poses, the best of the given ones before, improved in place."""
-    task, robot = postures.task, postures.task.robot
+    robot = postures.task.robot
+
+    def excess_of(Q: Matrix, _: Indices | None = None) -> Vector:
+        return robot.beyond(at_best_turns(robot, Q)).max(axis=1)
+
     # Pairs of neighbours between which a better posture may lie: no joint's excess falls faster than the joint moves.
     known = np.full(len(q), np.inf)
     np.minimum.at(known, postures.pose, excess)
@@ -268,60 +261,21 @@ def _refine(postures: SelfMotions, excess: Vector, q: Matrix) -> None:
     move = postures.q[first + 1] - postures.q[first]
     ends = [robot.beyond(at_best_turns(robot, postures.q[i])) for i in (first, first + 1)]
     bound = (0.5 * (ends[0] + ends[1] - np.abs(move)) - _bends(postures, first)).max(axis=1, initial=-np.inf)
-    first, move = first[bound < least[first]], move[bound < least[first]]
-    if not len(first):
-        return
-    # The least excess on the cubic through both with the curve's directions, and the best one of each pose.
-    pose, cubics = postures.pose[first], _Cubics.between(task, postures.q[first], move)
-    u, value = cubics.least(robot)
-    order = np.lexsort((value, pose))
-    which, index = np.unique(pose[order], return_index=True)
-    chosen, (p, R) = order[index], (postures.p[which], postures.R[which])
-    # Twice more on cubics through two near it, which are nearer to the curve; then on the curve.
-    cubics, u, correct = cubics.some(chosen), u[chosen], to_poses(task, p, R)
-    for _ in range(2):
-        ends = cubics.at(u[:, None] + [-CLOSER, CLOSER])
-        begin, end = (newton(correct, ends[:, k], steps=6, exact=EXACT)[0] for k in (0, 1))
-        cubics = _Cubics.between(task, begin, end - begin)
-        u, _ = cubics.least(robot)
-    refined = cubics.at(u[:, None])[:, 0]
-    q[which] = _polished(task, p, R, refined, q[which], move[chosen])
-
-
-class _Cubics(NamedTuple):
-    """Cubics from postures begin (k, n) to begin + move, with their slopes (k, n) at both."""
-
-    begin: Matrix
-    move: Matrix
-    first: Matrix
-    last: Matrix
-
-    @staticmethod
-    def between(task: Task, begin: Matrix, move: Matrix) -> _Cubics:
-        """Those with the directions of self-motions."""
-        length = np.linalg.norm(move, axis=1, keepdims=True)
-        return _Cubics(begin, move, *(length * _direction(task, q, move) for q in (begin, begin + move)))
-
-    def some(self, rows: Indices) -> _Cubics:
-        """Some of them."""
-        return _Cubics(*(part[rows] for part in self))
-
-    def at(self, u: Matrix) -> Array:
-        """Postures (k, j, n) at shares (k, j) of their ways."""
-        u = u[:, :, None]
-        bend = self.first[:, None] * (1 - u) - self.last[:, None] * u + self.move[:, None] * (2 * u - 1)
-        return self.begin[:, None] + u * (self.move[:, None] + (1 - u) * bend)
-
-    def least(self, robot: Robot) -> tuple[Vector, Vector]:
-        """(shares (k,) at which they are least beyond the limits, how far there), looked at closer and closer."""
-        rows, width = np.arange(len(self.begin)), 0.5
-        best, value = np.full(len(rows), 0.5), np.full(len(rows), np.inf)
-        for _ in range(ROUNDS):
-            u = np.clip(best[:, None] + width * np.linspace(-1.0, 1.0, LOOKS), 0.0, 1.0)
-            values = robot.beyond(at_best_turns(robot, self.at(u))).max(axis=2)
-            i = np.argmin(values, axis=1)
-            best, value, width = u[rows, i], values[rows, i], 2 * width / (LOOKS - 1)
-        return best, value
+    first = first[bound < least[first]]
+    # Those that are left when they were looked at, by the same bound; then the best one of each pose.
+    pose = postures.pose[first]
+    stretches = Stretches.between(
+        postures.task, postures.p[pose], postures.R[pose], postures.q[first], postures.q[first + 1]
+    )
+    low, high, value = stretches.bracket(excess_of)
+    np.minimum.at(known, pose, value)
+    left = value - 2 * (high - low) * np.linalg.norm(stretches.move, axis=1) < known[pose]
+    found, value = stretches.some(left).part(low[left], high[left]).least(excess_of, CLOSER[1:])
+    order = np.lexsort((value, pose[left]))
+    which, index = np.unique(pose[left][order], return_index=True)
+    best, value = at_best_turns(robot, found[order[index]]), value[order[index]]
+    better = value < excess_of(q[which])
+    q[which[better]] = best[better]
 
 
 def _bends(postures: SelfMotions, first: Indices) -> Matrix:
@@ -335,39 +289,3 @@ def _bends(postures: SelfMotions, first: Indices) -> Matrix:
         turn = np.abs(moves[1] / lengths[1] - moves[0] / lengths[0]) / (lengths[0] + lengths[1])
         bends = np.maximum(bends, np.where(inner[:, None], turn, 0.0))
     return BENDS * bends * np.sum((postures.q[first + 1] - postures.q[first]) ** 2, axis=1)[:, None]
-
-
-def _direction(task: Task, q: Matrix, along: Matrix) -> Matrix:
-    """The unit directions (k, n) of the self-motions at postures (k, n), nearest to others."""
-    J = task.jacobian_batch(q)[0]
-    v = along - least_motion(J, J @ along[:, :, None])[:, :, 0]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        v = v / np.linalg.norm(v, axis=1, keepdims=True)
-    return np.where(np.isfinite(v).all(axis=1, keepdims=True), v, along)
-
-
-def _polished(task: Task, p: Matrix, R: Array, q: Matrix, given: Matrix, along: Matrix) -> Matrix:
-    """Postures (k, n) at poses, with the least excess, from others nearby; the given ones (k, n) where they are better.
-
-    Where two joints are equally far beyond their limits, the place is found by their slopes, as by Newton's method.
-    """
-    robot, every = task.robot, np.arange(len(q))
-    best, least = given.copy(), robot.beyond(given).max(axis=1)
-    correct, (i, j) = to_poses(task, p, R), np.triu_indices(2 * task.n, 1)
-    for _ in range(4):
-        q, sound = newton(correct, q, steps=6, exact=EXACT)
-        q = at_best_turns(robot, q)
-        excess = np.where(sound, robot.beyond(q).max(axis=1), np.inf)
-        better = excess < least
-        if not better.any():
-            break
-        best[better], least[better] = q[better], excess[better]
-        # Both limits of each joint as lines over the way along the curve: where the highest of them is lowest.
-        v = _direction(task, best, along)
-        values, slopes = np.hstack([robot.lower - best, best - robot.upper]), np.hstack([-v, v])
-        with np.errstate(all="ignore"):
-            crossings = (values[:, i] - values[:, j]) / (slopes[:, j] - slopes[:, i])
-        ways = np.clip(np.where(np.isfinite(crossings), crossings, 0.0), -SHORT, SHORT)
-        highest = (values[:, None] + slopes[:, None] * ways[:, :, None]).max(axis=2)
-        q = best + ways[every, np.argmin(highest, axis=1)][:, None] * v
-    return best

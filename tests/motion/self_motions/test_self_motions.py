@@ -13,8 +13,8 @@ from conftest import sampled
 from holokin.base.errors import ArgumentError
 from holokin.base.poses import pose_from
 from holokin.motion.ik import EndKind, SelfMotion, self_motion
-from holokin.motion.ik.arcs import onto
-from holokin.motion.ik.self_motions import cut_class, self_motions_at
+from holokin.motion.self_motions.self_motions import cut_class, self_motions_at
+from holokin.motion.self_motions.stretches import onto
 from holokin.symbolic import if_else
 
 ARMS = ("panda", "fr3", "iiwa7", "iiwa14", "xarm7", "openarm-left", "openarm-right")
@@ -54,7 +54,8 @@ def distance(task: hk.Task, pose: np.ndarray, curve: np.ndarray, q: np.ndarray) 
             break
         near = slice(max(0, k - 1), k + 2)
         between = (curve[near][:, None] + np.linspace(0, 1, 21)[:, None] * step[near][:, None]).reshape(-1, len(q))
-        curve = onto(task, np.broadcast_to(pose, (len(between), 4, 4)), between)
+        poses = np.broadcast_to(pose, (len(between), 4, 4))
+        curve = onto(task, poses[:, :3, 3], poses[:, :3, :3], between)
     return away
 
 
@@ -139,9 +140,8 @@ def test_arcs_end_exactly_where_a_joint_is_at_its_limit_and_leave_nothing_out(na
                 limit = robot.upper[j] if end.upper else robot.lower[j]
                 assert abs(last[j] - limit) < 1e-9
                 # A little farther along the self-motion the joint is beyond it.
-                beyond = onto(
-                    task, motion.pose[None], (last + 1e-4 * (last - before) / np.linalg.norm(last - before))[None]
-                )
+                ahead = last + 1e-4 * (last - before) / np.linalg.norm(last - before)
+                beyond = onto(task, motion.pose[None, :3, 3], motion.pose[None, :3, :3], ahead[None])
                 assert (beyond[0, j] - limit) * (1 if end.upper else -1) > 0
     # What is within the limits, at some turn, is on an arc.
     for curve in motion.curves:

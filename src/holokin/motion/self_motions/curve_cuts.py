@@ -134,12 +134,6 @@ def _moving_most(task: Task) -> list[int]:
     return np.argsort(-v.mean(axis=0)).tolist()
 
 
-@kept
-def _twin(task: Task) -> Task:
-    """The same task without angles, which would be singular on the way."""
-    return task if task._geometric else task._geometric_twin
-
-
 def curves_by_cuts(task: Task, p: Matrix, R: Array) -> tuple[Matrix, Indices, Indices, Flags]:
     """All curves of postures at tool poses p (S, 3), R (S, 3, 3) of a task that leaves one joint, whatever the limits.
 
@@ -148,7 +142,7 @@ def curves_by_cuts(task: Task, p: Matrix, R: Array) -> tuple[Matrix, Indices, In
     but for whole turns. Curves are in the order of their poses. Slides keep their limits: there curves end.
     """
     cuts, parts, curves = cuts_of(task), [], 0
-    task = _twin(task)
+    task = task._geometric_twin  # which has no singular angles on the way
     for first in range(0, max(len(p), 1), PIECE):
         some = p[first : first + PIECE], R[first : first + PIECE]
         found = [cut.postures(*some) for cut in cuts] + [_from_starts(task, *some)]

@@ -12,10 +12,10 @@ from conftest import IIWA_START, PANDA_START, sampled
 from holokin.base.errors import OutOfReachError
 from holokin.base.types import Array, Matrix, Vector
 from holokin.motion.ik import all_postures
-from holokin.motion.ik.least_squares import nearest_postures
-from holokin.motion.ik.pose_reach import Reach, all_known, at_best_turns, reach_of
-from holokin.motion.ik.posture_search import postures_from, spread
-from holokin.motion.ik.self_motions import cut_class
+from holokin.motion.self_motions.least_squares import nearest_postures
+from holokin.motion.self_motions.pose_reach import Reach, all_known, at_best_turns, reach_of
+from holokin.motion.self_motions.posture_search import postures_from, spread
+from holokin.motion.self_motions.self_motions import cut_class
 from holokin.robot import Robot
 from holokin.strategies import self_motion_curve
 

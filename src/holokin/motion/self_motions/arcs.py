@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen, kept
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...robot.closed_form.closed_inverse import SIGNS
-from ...strategies.self_motion_curves import least_motion
 from ...strategies.tasks.task import Task
 from ...symbolic import Function
+from .stretches import onto
 
 VALUES = 64
 """Values of the held coordinate at which a pose is looked at: steps of 0.1 rad."""
@@ -481,7 +481,8 @@ def _refined(cut: Cut, poses: Array, arcs: _Arcs, curves: list[tuple[Chain, bool
     # Those that are close to a singular posture of the six joints, along the self-motion.
     q, rough = rows[:, :n], np.flatnonzero(~(rows[:, -1] < INACCURATE))
     if len(rough):
-        q[rough] = onto(cut.task, poses[track[rough] // 8], q[rough])
+        target = poses[track[rough] // 8]
+        q[rough] = onto(cut.task, target[:, :3, 3], target[:, :3, :3], q[rough])
     # Hinges are continuous from the first row of a curve on.
     turns = np.zeros_like(q)
     turns[1:] = (curve[1:] == curve[:-1])[:, None] * np.round(np.diff(q, axis=0) / (2 * np.pi))
@@ -542,22 +543,3 @@ def _narrowed(
         rows, track = np.vstack([rows, between]), np.append(track, np.full(len(parts), track[i]))
         key = np.append(key, key[i] + (key[j] - key[i]) * parts)
     return rows, key, track
-
-
-@kept
-def _twin(task: Task) -> Task:
-    """The task without the singular angles of its representation."""
-    return task._geometric_twin
-
-
-def onto(task: Task, poses: Array, q: Matrix) -> Matrix:
-    """Postures (k, n) that hold the tool at poses (k, 4, 4), by the least joint motion from others."""
-    task = _twin(task)
-    p, R = poses[:, :3, 3], poses[:, :3, :3]
-    for _ in range(8):
-        J, e = task.jacobian_batch(q)[0], task._error_function.batch(q, p, R).reshape(len(q), -1)
-        dq = least_motion(J, e[:, :, None])[:, :, 0]
-        q = q + dq
-        if not np.abs(dq).max(initial=0.0) > 1e-13:
-            break
-    return q

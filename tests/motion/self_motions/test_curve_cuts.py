@@ -6,8 +6,8 @@ import pytest
 import holokin as hk
 from conftest import campaign
 from holokin.base.poses import pose_from
-from holokin.motion.ik.curve_cuts import STEP, curves_by_cuts
-from holokin.motion.ik.posture_search import postures_from
+from holokin.motion.self_motions.curve_cuts import STEP, curves_by_cuts
+from holokin.motion.self_motions.posture_search import postures_from
 from holokin.robot.closed_form import ArmClass, ClosedInverse, GeneralInverse, arm_class, general_inverse
 from holokin.strategies.tasks.frame_task import Orientation
 from holokin.strategies.tasks.task import Task
