@@ -10,21 +10,20 @@ import numpy as np
 
 from ...base.errors import ArgumentError
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, whole
-from ...motion.checks import Clear
+from ...motion.checks import Clearances
 from ...motion.ik.inverse_function import AGREE, answers
 from ...motion.ik.plan import check_start
 from ...path import Path
 from ...strategies.tasks.task import Task
 from .seams import Division, Seam, SheetMotion, SheetPiece, SheetSequence, UnservedPart, allowed, fewest_changes
 from .sheet import Sheet, known, postures_of_sheets
-from .still_motion import Hindrance, Stage, StillMotion, joined, still_motions, straight_seconds
+from .still_motion import Hindrance, Stage, StillMotion, StillMotions, joined, straight_seconds
 
 NEAR = 1e-9  # share of a path's duration within which two instants are one
 ON_SHEET = 1e-6  # difference [joint units] below which a start posture is that of a sheet
 SAME_RATES = 1e-6  # relative difference of two G at one posture below which the joints go on as they came
 
-# Changes between two sheets that are looked at together at first, then as many again: one takes as long as sixteen.
-TOGETHER = 16
+MOST = 64  # changes between two sheets that are looked at together at most
 
 Stops = ArrayLike | Callable[[Matrix], bool] | None
 """Where the sheet may change: at shares of the path's duration, or where a function of the tool pose is true."""
@@ -33,7 +32,7 @@ Stops = ArrayLike | Callable[[Matrix], bool] | None
 def follow_sheets(
     task: Task,
     sheets: Sequence[Sheet],
-    clear: Clear | None,
+    clear: Clearances | None,
     path: Path,
     q0: ArrayLike | None,
     stops: Stops,
@@ -64,7 +63,7 @@ def follow_sheets(
     elif stops is not None:
         may = np.any(np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration, axis=1)
     # The joints of each sheet, and the steps on which they continue.
-    q = postures_of_sheets(sheets, poses, clear, task.n)
+    q = postures_of_sheets(sheets, poses, None if clear is None else clear.clear, task.n)
     served = known(q)[:, :-1] & known(q)[:, 1:]
     for s, sheet in enumerate(sheets):
         i = np.flatnonzero(served[s])
@@ -82,7 +81,7 @@ class _Along(Value):
 
     task: Task
     sheets: tuple[Sheet, ...]
-    clear: Clear | None
+    clear: Clearances | None
     path: Path
     t: Vector
     poses: Array
@@ -124,8 +123,8 @@ def _stands_on(along: _Along, q0: Vector) -> int:
 
 @dataclass(eq=False)
 class _Changes:
-    """The seconds of changes between sheets at the samples: at first the least that they could be; looked for where
-    the best choice of sheets wants one, until all that it wants are known."""
+    """The seconds (k, S, S) of changes between sheets at the samples, as expected; where the best choice of sheets
+    wants one, its motion is looked for, until there are all that it wants."""
 
     along: _Along
     seconds: Array = field(init=False)
@@ -133,11 +132,10 @@ class _Changes:
 
     def __post_init__(self) -> None:
         along = self.along
-        robot, q = along.task.robot, np.swapaxes(along.q, 0, 1)
-        fastest = straight_seconds(q[:, :, None], q[:, None], robot)
-        self.seconds = np.where(np.isfinite(fastest) & along.may[:, None, None], fastest, np.inf)
-        self.seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < ON_SHEET] = 0.0  # one posture: nothing changes
-        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], robot)
+        self.every = StillMotions(along.task, along.q, along.clear)
+        expected = self.every.seconds
+        self.seconds = np.where(along.may[:, None, None] | (expected == 0), expected, np.inf)
+        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], along.task.robot)
         self.steps = np.where(along.served, steps, np.inf)
 
     def best(self, first: int | None) -> SheetSequence:
@@ -148,25 +146,22 @@ class _Changes:
             wanted = [change for change in unknown if 0 < self.seconds[change] < np.inf]
             if not wanted:
                 return sequence
-            for change in wanted:
-                self._look(*change)
+            for i, a, b in wanted:
+                # Where there is none, the fastest ones elsewhere are looked for as well, more and more of them.
+                if self._look(i, a, b).hindrance is not None:
+                    done = sum(pair == [a, b] for _, *pair in self.motions)
+                    for j in np.argsort(self.seconds[:, a, b], kind="stable")[: min(done, MOST)].tolist():
+                        if 0 < self.seconds[j, a, b] < np.inf:
+                            self._look(j, a, b)
 
-    def _look(self, i: int, a: int, b: int) -> None:
-        """Look for changes between two sheets: at a sample, and where else they could be as fast."""
-        if (i, a, b) in self.motions:
-            return
-        fastest = self.seconds[:, a, b].copy()
-        done = [j for j, *pair in self.motions if pair == [a, b]]
-        fastest[done] = np.inf
-        fastest[fastest == 0] = np.inf
-        others = np.argsort(fastest, kind="stable")[: max(TOGETHER, len(done))]
-        rows: Indices = np.unique(np.append(others[np.isfinite(fastest[others])], i))
-        q = self.along.q
-        for j, motion in zip(
-            rows.tolist(), still_motions(self.along.task, q[a, rows], q[b, rows], self.along.clear), strict=True
-        ):
-            self.motions[j, a, b], self.motions[j, b, a] = motion, motion.reversed()
-            self.seconds[j, a, b] = self.seconds[j, b, a] = motion.seconds
+    def _look(self, i: int, a: int, b: int) -> StillMotion:
+        """Look for a change between two sheets at a sample."""
+        if (i, a, b) not in self.motions:
+            motion = self.every.motion(i, a, b)
+            self.motions[i, a, b], self.motions[i, b, a] = motion, motion.reversed()
+            if motion.hindrance is not None:
+                self.seconds[i, a, b] = self.seconds[i, b, a] = np.inf
+        return self.motions[i, a, b]
 
 
 def turnings(sequence: SheetSequence, first: int | None) -> list[tuple[int, int, int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -12,17 +13,21 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, PathError
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, runs
-from ...motion.checks import Clear
+from ...motion.checks import Clearances
 from ...motion.trajectory import Trajectory
 from ...path import Path
 from ...path.workspaces import Workspace
 from ...strategies.tasks.task import Task
 from .sheet import Sheet, known, postures_of_sheets
-from .still_motion import Hindrance, StillMotion, still_motions, still_trajectory, straight_seconds
+from .still_motion import Hindrance, StillMotion, StillMotions, still_trajectory
 
-# Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
-# postures first.
-FIRST, MOST = 8, 256
+# Changes of a pair of sheets that are looked at for obstacles at most, or with several redundant joints: the fastest.
+MOST = 256
+
+SHOWN = 4  # things that are in the way of a change, of those that are most often
+
+# Share of the seconds that are expected of a change which it takes at least: they are of straight lines.
+EXPECTED = 0.95
 
 PLACES = 128  # poses of a workspace in which seams are to lie
 
@@ -71,22 +76,25 @@ class Seam(Value):
 class NoSeam(Value):
     """Two sheets between which the arm does not change with its tool still, and why not.
 
-    both: poses looked at that both serve. hindrances: each with the number of poses at which it was met.
+    both: poses looked at that both serve. hindrances: each with the number of poses at which it was met. ends: what ends
+    the self-motions between the two most often, joints at their limits and things that touch, with the number of times.
     """
 
     first: int
     second: int
     both: int
     hindrances: tuple[tuple[Hindrance, int], ...]
+    ends: tuple[tuple[str, int], ...] = ()
 
     @property
     def reason(self) -> str:
         """Why, in words."""
-        tried = sum(count for _, count in self.hindrances)
-        reasons = "; ".join(f"{count} times: {hindrance.text}" for hindrance, count in self.hindrances)
         if not self.both:
             return Hindrance.NO_POSE.text
-        return f"at {tried} of {self.both} poses that both serve: {reasons}"
+        tried = sum(count for _, count in self.hindrances)
+        reasons = "; ".join(f"{count} times: {hindrance.text}" for hindrance, count in self.hindrances)
+        most = f" ({', '.join(f'{count} times {end}' for end, count in self.ends)})" if self.ends else ""
+        return f"at {tried} of {self.both} poses that both serve: {reasons}{most}"
 
     def __str__(self) -> str:
         return f"sheet {self.first} to sheet {self.second}: {self.reason}"
@@ -135,14 +143,13 @@ def seams_of(
     sheets: Sequence[Sheet],
     poses: Array,
     q: Array,
-    clear: Clear | None,
+    clear: Clearances | None,
     at: Where = None,
     middle: Matrix | None = None,
 ) -> Seams:
     """The fastest change between each pair of sheets, of those at some poses.
 
-    Poses are tried by the least time that the joints could take, until none that is left can be faster, and `MOST` at
-    most.
+    With one redundant joint all poses are looked at, with obstacles or several such joints the `MOST` that seem fastest.
 
     Args:
         poses, q: tool poses (k, 4, 4), and the joints of each sheet there (S, k, n), NaN where it does not serve.
@@ -153,21 +160,17 @@ def seams_of(
         ArgumentError, ShapeError, NotFiniteError: bad poses.
     """
     poses, q = _placed(task, sheets, poses, q, clear, at, middle)
-    seams: list[Seam] = []
-    missing: list[NoSeam] = []
-    for first in range(len(sheets)):
-        for second in range(first + 1, len(sheets)):
-            both = np.flatnonzero(known(q[first]) & known(q[second]))
-            i, motion, met = _fastest(task, q[first, both], q[second, both], clear)
-            if motion is None:
-                missing.append(NoSeam(first, second, len(both), met))
-            else:
-                seams.append(Seam(task, first, second, poses[both[i]], motion))
-    return Seams(tuple(seams), tuple(missing))
+    motions, known_at = StillMotions(task, q, clear), known(q)
+    every = [
+        _change(motions, poses, np.flatnonzero(known_at[first] & known_at[second]), first, second)
+        for first, second in combinations(range(len(sheets)), 2)
+    ]
+    found, missing = (tuple(one for one in every if isinstance(one, kind)) for kind in (Seam, NoSeam))
+    return Seams(found, missing)
 
 
 def _placed(
-    task: Task, sheets: Sequence[Sheet], poses: Array, q: Array, clear: Clear | None, at: Where, middle: Matrix | None
+    task: Task, sheets: Sequence[Sheet], poses: Array, q: Array, clear: Clearances | None, at: Where, middle: Matrix | None
 ) -> tuple[Array, Array]:
     """(poses (k, 4, 4), joints (S, k, n)) at which seams may lie."""
     if at is None:
@@ -176,7 +179,7 @@ def _placed(
         chosen = allowed(at, poses)
         return poses[chosen], q[:, chosen]
     T = at.poses(min(PLACES, at.size or PLACES)) if isinstance(at, Workspace) else _given(task, at, middle)
-    return T, postures_of_sheets(sheets, T, clear, task.n)
+    return T, postures_of_sheets(sheets, T, None if clear is None else clear.clear, task.n)
 
 
 def allowed(where: Callable[[Matrix], bool], poses: Array) -> Flags:
@@ -198,22 +201,24 @@ def _given(task: Task, at: PoseLike, middle: Matrix | None) -> Array:
     return tool_poses("of seams", given_pose("the pose of a seam", given)[None] if given.ndim == 2 else given)
 
 
-def _fastest(
-    task: Task, A: Matrix, B: Matrix, clear: Clear | None
-) -> tuple[int, StillMotion | None, tuple[tuple[Hindrance, int], ...]]:
-    """(row, motion) of the fastest motion from postures A (k, n) to B (k, n), or the hindrances that were met."""
-    fastest = straight_seconds(A, B, task.robot)
-    order: Indices = np.argsort(fastest, kind="stable")[:MOST]
-    best, row, met, done, size = None, -1, Counter[Hindrance](), 0, FIRST
-    while done < len(order) and (best is None or fastest[order[done]] < best.seconds):
-        rows = order[done : done + size]
-        for i, motion in zip(rows.tolist(), still_motions(task, A[rows], B[rows], clear), strict=True):
-            if motion.hindrance is not None:
-                met[motion.hindrance] += 1
-            elif best is None or motion.seconds < best.seconds:
-                best, row = motion, i
-        done, size = done + size, 2 * size
-    return row, best, tuple(met.most_common())
+def _change(motions: StillMotions, poses: Array, both: Indices, first: int, second: int) -> Seam | NoSeam:
+    """The fastest change between two sheets at the poses that both serve; or what was met at these."""
+    task, best, looks = motions.task, None, 0
+    met, ends = Counter[Hindrance](), Counter[str]()
+    expected = motions.seconds[both, first, second]
+    search = motions.clear is not None or task.n - task.m > 1
+    for k in np.argsort(expected, kind="stable").tolist():
+        if best is not None and EXPECTED * expected[k] >= best.seconds:
+            break
+        if search and np.isfinite(expected[k]) and (looks := looks + 1) > MOST:
+            continue
+        motion = motions.motion(int(both[k]), first, second)
+        if motion.hindrance is not None:
+            met[motion.hindrance] += 1
+            ends.update(motion.ends)
+        elif best is None or motion.seconds < best.seconds:
+            best = Seam(task, first, second, poses[both[k]], motion)
+    return best or NoSeam(first, second, len(both), tuple(met.most_common()), tuple(ends.most_common(SHOWN)))
 
 
 @dataclass(frozen=True, eq=False)

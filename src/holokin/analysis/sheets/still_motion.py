@@ -1,31 +1,37 @@
-"""Motions of the joints between two postures of one tool pose, with the tool still."""
+"""Motions of the joints between postures of one tool pose, with the tool still."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
-from ...motion.checks import Clear
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ...motion.checks import Clear, Clearances
+from ...motion.ik.curve_cuts import curves_through
+from ...motion.ik.pose_curves import ArcEnd, EndKind
 from ...motion.timing import Stretch
 from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
-from ...strategies.self_motion_curves import CurveEnd, CurveTracer, SelfMotionCurve, joint_gap, least_motion
+from ...strategies.self_motion_curves import CurveTracer, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 
-STEP = 0.1  # arc length [joint units] between the postures of a self-motion that is traced
 CORRECTIONS = 4  # Newton corrections of a posture that is 1e-3 off: at round-off after three
 
-# Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long.
-LENGTH = 8 * np.pi
-
 SAME = 1e-6  # difference [joint units] below which postures are one; of poses [m, rad] below which they are one
+
+# Distance [joint units] of a posture from the nearest one of its curve, at most: they are 0.2 apart.
+BESIDE = 0.15
+
+CLOSE = 0.02  # share of the way to the next posture of a curve within which it is left out beside the first or last one
 
 # Smallest over largest singular value of J below which a posture is singular: a self-motion branches there.
 SINGULAR = 1e-6
@@ -36,11 +42,9 @@ STILL = 1e-10
 FINER = 6  # times that the postures of a motion are doubled at most to keep the tool still between them
 LEAST = 8  # steps of a motion at least
 
-# Steps to the place of a self-motion that is nearest to a posture; they converge as its bend times the distance.
-NEARER = 5
-
-TINY = 1e-12  # keeps a quotient finite
-ARCS, ENOUGH = 32, 4  # curves that are tried where several joints are redundant, wider and wider; so many in any case
+# Arcs that are tried where several joints are redundant, wider and wider; so many in any case; their steps [joint
+# units], which is also by how much a posture between two others is off the spline through them at most.
+ARCS, ENOUGH, STEP = 32, 4, 0.1
 
 # Motion of a joint [joint units] between two looks at what a motion is to keep clear of: a centimetre at 1 m.
 LOOK = 0.01
@@ -60,7 +64,6 @@ class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
     LIMITS = "joint limits end the self-motion before it comes to the other posture"
     BLOCKED = "every self-motion between the postures comes too near to an obstacle, the floor or another link"
     SINGULAR = "the self-motion leads to a singular posture before it comes to the other one"
-    LENGTH = "the self-motion was followed for {length:.0f} joint units each way and did not come to the other posture"
     NOT_FOUND = "no self-motion between the postures was found; that does not prove that there is none"
     NO_POSE = "no pose that was looked at is served by both sheets"
     NOT_ALLOWED = "no change is allowed there"
@@ -68,7 +71,7 @@ class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
     @property
     def text(self) -> str:
         """The cause in words."""
-        return self.value.format(length=LENGTH)
+        return str(self.value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,31 +79,40 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     """Joints q (k, n) at times t (k,) [s] between two postures of one tool pose; the tool stays where it is.
 
     The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
-    for accelerating is not in them. hindrance: why there is no motion; then there are no rows.
+    for accelerating is not in them. hindrance: why there is no motion; then there are no rows. ends: what is in the way,
+    a joint at its limit or two things that touch; of a closed self-motion on both ways round.
     """
 
     q: Matrix
     t: Vector
     hindrance: Hindrance | None = None
+    ends: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> float:
         """How long it takes; infinite where there is none."""
         return float(self.t[-1]) if len(self.t) else float("inf")
 
+    @property
+    def reason(self) -> str:
+        """Why there is none, in words, with what is in the way; empty where there is one."""
+        text = "" if self.hindrance is None else self.hindrance.text
+        return f"{text}: {'; the other way round: '.join(self.ends)}" if self.ends else text
+
     def __str__(self) -> str:
         if self.hindrance is not None:
-            return f"no motion: {self.hindrance.text}"
+            return f"no motion: {self.reason}"
         return f"a motion of {self.seconds:.2f} s with the tool still, through {len(self.q)} postures"
 
     def reversed(self) -> StillMotion:
         """The way back."""
-        return StillMotion(self.q[::-1], self.seconds - self.t[::-1], self.hindrance) if len(self.t) else self
+        back = (self.q[::-1], self.seconds - self.t[::-1]) if len(self.t) else (self.q, self.t)
+        return StillMotion(*back, self.hindrance, self.ends[::-1])
 
 
-def _hindered(n: int, why: Hindrance) -> StillMotion:
+def _hindered(n: int, why: Hindrance, ends: Sequence[str] = ()) -> StillMotion:
     """None, for n joints."""
-    return StillMotion(np.zeros((0, n)), np.zeros(0), why)
+    return StillMotion(np.zeros((0, n)), np.zeros(0), why, tuple(ends))
 
 
 def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
@@ -108,21 +120,23 @@ def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
 
     Of a joint without a limit 1 rad/s or 1 m/s is taken: only to compare motions, for none is timed without limits.
     """
-    speeds = np.where(np.isfinite(robot.max_velocity), robot.max_velocity, 1.0)
-    return np.asarray(np.max(np.abs(a - b) / speeds, axis=-1))
+    return np.asarray(np.max(np.abs(a - b) / _speeds(robot), axis=-1))
 
 
 @typed
-def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear | None = None) -> StillMotion:
-    """The fastest motion found from one posture to another of the same tool pose, with the tool still.
+def self_motion_between(
+    task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear | Clearances | None = None
+) -> StillMotion:
+    """The fastest motion from one posture to another of the same tool pose, with the tool still.
 
-    With one redundant joint the postures of a pose are curves: those through qa are traced both ways. A whole turn of a
-    hinge makes another posture. With several redundant joints straight lines and arcs between the postures are
+    With one redundant joint the postures of a pose are curves: those through qa are followed both ways. A whole turn of
+    a hinge makes another posture. With several redundant joints straight lines and arcs between the postures are
     projected onto the postures of the pose, which need not find a motion where there is one.
 
     Args:
         qa, qb: postures (n,) within the joint limits.
-        clear: which postures (k, n) keep clear of obstacles, as `Clearances.clear`; it is asked at steps of 0.01 rad.
+        clear: which postures (k, n) keep clear of obstacles, as `Clearances.clear`; it is asked at steps of 0.01 rad. A
+            `Clearances` also says what touches.
 
     Returns:
         The motion, or the reason why there is none.
@@ -139,29 +153,238 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
         raise ArgumentError(
             "the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose"
         )
-    return still_motions(task, a[None], b[None], clear)[0]
+    return StillMotions(task, np.array([[a], [b]]), clear).motion(0, 0, 1)
 
 
-def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None) -> list[StillMotion]:
-    """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none."""
-    same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
-    if same.any():
-        others = iter(still_motions(task, A[~same], B[~same], clear))
-        return [StillMotion(a[None], np.zeros(1)) if rests else next(others) for a, rests in zip(A, same, strict=True)]
-    if task.n == task.m:
-        return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
-    if task.n - task.m > 1:
-        return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
-    motions = [_hindered(task.n, Hindrance.SINGULAR) for _ in A]
-    sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
-    good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
-    curves = CurveTracer.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=False)
-    for i, curve in zip(good.tolist(), curves, strict=True):
-        motions[i] = _along(_Line.of(curve), A[i], B[i], clear)
-    return motions
+# --- Many at once, such as those between the postures of sheets.
 
 
-def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
+@dataclass(frozen=True, eq=False)
+class StillMotions(Value):
+    """The motions between postures q (S, k, n), S at each of k tool poses; NaN where there is none.
+
+    clear: as of `self_motion_between`.
+    """
+
+    task: Task
+    q: Array
+    clear: Clear | Clearances | None
+
+    @cached_property
+    def seconds(self) -> Array:
+        """About how long (k, S, S) [s] they take, clear or not; infinite where there is none, or not both postures.
+
+        With one redundant joint by ways within the limits, up to a few per cent less; with several as if joints went
+        straight.
+        """
+        q, robot = np.swapaxes(self.q, 0, 1), self.task.robot
+        seconds = np.full(q.shape[:2] + q.shape[1:2], np.inf)
+        if self.task.n - self.task.m > 1:
+            seconds = np.nan_to_num(straight_seconds(q[:, :, None], q[:, None], robot), nan=np.inf)
+        for (a, b), ways in self._ways.items():
+            np.minimum.at(seconds[:, a, b], ways.pose, ways.seconds)
+            seconds[:, b, a] = seconds[:, a, b]
+        seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < SAME] = 0.0
+        return seconds
+
+    def motion(self, i: int, a: int, b: int) -> StillMotion:
+        """The fastest one at pose i from posture a to b, with the tool exactly still; or why there is none."""
+        task, qa, qb = self.task, self.q[a, i], self.q[b, i]
+        if a > b:
+            return self.motion(i, b, a).reversed()
+        if np.abs(qa - qb).max(initial=0.0) < SAME:
+            return StillMotion(qa[None], np.zeros(1))
+        if task.n == task.m:
+            return _hindered(task.n, Hindrance.NOT_REDUNDANT)
+        if task.n - task.m > 1:
+            return _projected(task, qa, qb, self.clear)
+        # The ways, as long as one may be faster than the one before.
+        ways, motions = self._ways[a, b], [_hindered(task.n, *self._curves.apart(i, a, b))]
+        own = np.flatnonzero(ways.pose == i)
+        for w in own[np.argsort(ways.seconds[own], kind="stable")].tolist():
+            if ways.seconds[w] == np.inf:
+                motions.append(_hindered(task.n, Hindrance.LIMITS, [_limit_name(task.robot, int(ways.stop[w]))]))
+            elif ways.seconds[w] < motions[-1].seconds:
+                q, _ = self._curves.along(np.array([i]), a, b, ways.begin[[w]], ways.end[[w]])
+                motions.append(_checked_motion(task, q, self.clear))
+        fastest = min(motions, key=lambda motion: motion.seconds)
+        if fastest.hindrance is None:
+            return fastest
+        hindrances = [motion.hindrance for motion in motions]
+        why = next((h for h in (Hindrance.BLOCKED, Hindrance.LIMITS) if h in hindrances), motions[-1].hindrance)
+        return _hindered(task.n, why, [end for motion in motions for end in motion.ends])
+
+    @cached_property
+    def _curves(self) -> _Curves:
+        """The self-motions through the postures, with one redundant joint."""
+        return _Curves.through(self.task, self.q)
+
+    @cached_property
+    def _ways(self) -> dict[tuple[int, int], _Ways]:
+        """Those between each two of the postures; only with one redundant joint."""
+        pairs = combinations(range(len(self.q)), 2) if self.task.n - self.task.m == 1 else ()
+        return {(a, b): self._curves.ways(a, b) for a, b in pairs}
+
+
+class _Ways(NamedTuple):
+    """Ways from a posture to another one of its pose (w,) along their curve, from place begin (w,) to place end (w,).
+
+    seconds (w,): about how long one takes; infinite where a joint comes to its limit on it, `stop` (w,): twice the
+    joint, one more for its upper limit.
+    """
+
+    pose: Indices
+    begin: Vector
+    end: Vector
+    seconds: Vector
+    stop: Indices
+
+
+class _Curves(NamedTuple):
+    """Curves, rows q (N, n) one after another from `first` (C + 1,) on, through postures Q (S, k, n), which are not
+    singular where `regular` (S, k).
+
+    The last row of one that is closed is its first one, `wind` (C, n) on, whole turns. Of each posture, the curve
+    (S, k), -1 where it is on none; its place, which counts rows of the curve, on round a closed one; and by what turns
+    (S, k, n) it differs from the row there.
+    """
+
+    robot: Robot
+    Q: Array
+    regular: Flags
+    q: Matrix
+    first: Indices
+    closed: Flags
+    wind: Matrix
+    curve: Indices
+    place: Matrix
+    turns: Array
+
+    @classmethod
+    def through(cls, task: Task, Q: Array) -> _Curves:
+        """Those through the postures, and where on them these are."""
+        task, robot, known = task if task._geometric else task._geometric_twin, task.robot, np.isfinite(Q).all(axis=2)
+        S, k, n = Q.shape
+        p, R = task._poses(np.nan_to_num(Q[known.argmax(axis=0), np.arange(k)]))
+        # From postures that are not singular.
+        s, i = np.nonzero(known)
+        sigma = np.linalg.svd(task.jacobian_batch(Q[s, i])[0], compute_uv=False)
+        regular = np.zeros((S, k), dtype=bool)
+        regular[s, i] = sigma[:, -1] > SINGULAR * sigma[:, 0]
+        q, pose, curve, closed = curves_through(task, p, R, Q[regular], np.nonzero(regular)[1])
+        first = np.searchsorted(curve, np.arange(len(closed) + 1))
+        turn = 2 * np.pi * robot.hinges
+        wind = turn * np.round((q[first[1:] - 1] - q[first[:-1]]) / (2 * np.pi)) * closed[:, None]
+        places = np.full((S, k), -1), np.zeros((S, k)), np.zeros((S, k, n))
+        found = cls(robot, Q, regular, q, first, closed, wind, *places)
+        # Rows near the postures; steps along the curve, each of the length that is left, lead to these or do not.
+        tracer, last = CurveTracer(task, p, R), np.zeros(len(q), dtype=bool)
+        last[first[1:][closed] - 1] = True
+        for s in range(S):
+            with np.errstate(invalid="ignore"):
+                near = np.linalg.norm(joint_gap(robot, Q[s, pose], q), axis=1) < BESIDE
+            row = np.flatnonzero(near & ~last)
+            i = pose[row]
+            forward = found.rows(curve[row], row - first[curve[row]] + 1) - q[row]
+            _, along, _ = tracer.step(q[row], forward, i, np.zeros(len(row)))
+            q_near, length = q[row], np.zeros(len(row))
+            for _ in range(4):
+                left = np.einsum("kn,kn->k", joint_gap(robot, Q[s, i], q_near), along)
+                q_near, along, _ = tracer.step(q_near, along, i, left)
+                length += left
+            on = np.abs(joint_gap(robot, Q[s, i], q_near)).max(axis=1) < SAME
+            order = np.flatnonzero(on)[np.argsort(-np.abs(length[on]), kind="stable")]  # the nearest row comes last
+            row, i, length = row[order], i[order], length[order]
+            c, way = curve[row], np.where(length < 0, -1, 1)
+            step = np.linalg.norm(found.rows(c, row - first[c] + way) - q[row], axis=1)
+            found.curve[s, i], found.turns[s, i] = c, turn * np.round((Q[s, i] - q[row]) / (2 * np.pi))
+            found.place[s, i] = row - first[c] + np.clip(length / np.where(step > 0, step, 1.0), -1, 1)
+        return found
+
+    def rows(self, c: Indices, number: Indices) -> Matrix:
+        """Rows (k, n) of curves c (k,) by their numbers, on round closed ones, up to the ends of others."""
+        count = self.first[c + 1] - self.first[c] - 1
+        laps = np.where(self.closed[c], number // np.maximum(count, 1), 0)
+        return self.q[self.first[c] + np.clip(number - laps * count, 0, count)] + laps[:, None] * self.wind[c]
+
+    def along(self, i: Indices, a: int, b: int, begin: Vector, end: Vector) -> tuple[Matrix, Indices]:
+        """(postures (N, n) of ways from posture a to b at poses i (w,), one way after another, how many each has)."""
+        way = np.where(end < begin, -1, 1)
+        low, high = np.floor(way * begin + CLOSE).astype(int), np.ceil(way * end - CLOSE).astype(int)
+        size = np.maximum(high - low - 1, 0) + 2
+        first = np.cumsum(size) - size
+        w, last = np.repeat(np.arange(len(i)), size), first + size - 1
+        q = self.rows(self.curve[a, i][w], way[w] * (low[w] + np.arange(len(w)) - first[w])) + self.turns[a, i][w]
+        q[first], q[last] = self.Q[a, i], self.Q[b, i]
+        return q, size
+
+    def ways(self, a: int, b: int) -> _Ways:
+        """Those between two postures at all poses where one curve has both."""
+        i = np.flatnonzero((self.curve[a] >= 0) & (self.curve[a] == self.curve[b]))
+        c, begin, end = self.curve[a, i], self.place[a, i], self.place[b, i]
+        # The whole turns by which the postures differ are those of some rounds.
+        turns, wind = self.turns[b, i] - self.turns[a, i], self.wind[c]
+        size, length = np.sum(wind**2, axis=1), np.diff(self.first)[c] - 1
+        rounds = np.round(np.sum(turns * wind, axis=1) / np.where(size > 0, size, 1.0))
+        fits = (np.abs(turns - rounds[:, None] * wind).max(axis=1) < 1) & (np.abs(rounds) <= ROUNDS)
+        end = end + rounds * length
+        # Where none turns there are two ways round a closed curve.
+        two = fits & self.closed[c] & (size == 0)
+        back = end - np.where(end < begin, -length, length)
+        i, begin, end = np.append(i[fits], i[two]), np.append(begin[fits], begin[two]), np.append(end[fits], back[two])
+        if not len(i):
+            return _Ways(i, begin, end, begin, i)
+        # How long they take at an even rate, of straight lines between rows; and the first joint beyond its limits.
+        q, size = self.along(i, a, b, begin, end)
+        first = np.cumsum(size) - size
+        step = np.abs(np.diff(q, axis=0, append=q[-1:])) / _speeds(self.robot)
+        step[first[1:] - 1] = 0.0
+        norm = np.linalg.norm(step, axis=1)
+        rate = step.max(axis=1) / np.where(norm > 0, norm, 1.0)
+        seconds = np.add.reduceat(norm, first) * np.maximum.reduceat(rate, first)
+        beyond = (self.robot.beyond(q) > TOLERANCES.limit).any(axis=1)
+        row = np.minimum.reduceat(np.where(beyond, np.arange(len(q)), len(q)), first)
+        stop, ended = np.full(len(i), -1), np.flatnonzero(row < len(q))
+        seconds[ended], stop[ended] = np.inf, _limits_between(self.robot, q[row[ended] - 1], q[row[ended]])
+        return _Ways(i, begin, end, seconds, stop)
+
+    def apart(self, i: int, a: int, b: int) -> tuple[Hindrance, tuple[str, ...]]:
+        """Why no way leads from posture a to b at a pose, and what is there where their curves end."""
+        curves = self.curve[[a, b], i]
+        if curves.min() < 0 or not self.regular[[a, b], i].all():
+            return Hindrance.SINGULAR, ()
+        if curves[0] == curves[1]:
+            return Hindrance.TURNS, ()
+        if self.closed[curves].any():
+            return Hindrance.APART, ()
+        # A curve that is not closed ends at limits of slides, or is singular there.
+        ends = self.q[[self.first[curves[0]], self.first[curves[0] + 1] - 1]]
+        limits = np.stack([self.robot.lower, self.robot.upper], axis=1).ravel()
+        at = (np.abs(np.repeat(ends, 2, axis=1) - limits) < SAME) & np.repeat(~self.robot.hinges, 2)
+        names = tuple(_limit_name(self.robot, int(row.argmax())) for row in at if row.any())
+        return (Hindrance.LIMITS if len(names) == 2 else Hindrance.SINGULAR), names
+
+
+def _speeds(robot: Robot) -> Vector:
+    """The joints' speed limits (n,) to compare motions: 1 rad/s or 1 m/s of one that has none."""
+    return np.where(np.isfinite(robot.max_velocity), robot.max_velocity, 1.0)
+
+
+def _limits_between(robot: Robot, a: Matrix, b: Matrix) -> Indices:
+    """Which limit (k,) joints come to first between postures a within the limits and b (k, n) beyond: twice the joint,
+    one more for its upper one."""
+    rest = np.stack([a - robot.lower, robot.upper - a], axis=2).reshape(-1, 2 * robot.n)
+    past = np.stack([robot.lower - b, b - robot.upper], axis=2).reshape(-1, 2 * robot.n)
+    with np.errstate(all="ignore"):
+        share = np.where(past > 0, np.maximum(rest, 0.0) / (rest + past), np.inf)
+    return np.argmin(np.nan_to_num(share, nan=0.0), axis=1)
+
+
+def _limit_name(robot: Robot, stop: int) -> str:
+    return str(ArcEnd(EndKind.LIMIT, robot.joint_names[stop // 2], bool(stop % 2)))
+
+
+def _projected(task: Task, a: Vector, b: Vector, clear: Clear | Clearances | None) -> StillMotion:
     """The fastest of some motions between two postures (n,): a line, and arcs beside it, held at the pose."""
     rng, gap = np.random.default_rng(0), float(np.linalg.norm(b - a))
     place, motions = task._place(a), []
@@ -176,102 +399,7 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
     return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
 
 
-@dataclass(frozen=True, eq=False)
-class _Line(Value):
-    """A self-motion q (k, n) at arc lengths s (k,), 0 at the posture from which it was traced.
-
-    Of a closed one the last posture is the first, `wind` (n,) whole turns on.
-    """
-
-    task: Task
-    q: Matrix
-    s: Vector
-    wind: Vector
-    closed: bool
-    why: Hindrance
-
-    @classmethod
-    def of(cls, curve: SelfMotionCurve) -> _Line:
-        """That of a self-motion. `why`: what is the matter where a posture is not on it."""
-        ends = {CurveEnd.SINGULAR: Hindrance.SINGULAR, CurveEnd.LENGTH: Hindrance.LENGTH}
-        why = next((ends[ending] for ending in ends if ending in curve.endings), Hindrance.APART)
-        q, s, wind = curve.q, curve.s, np.zeros(curve.q.shape[1])
-        if curve.closed:
-            wind = np.round((q[-1] - q[0]) / (2 * np.pi)) * curve.task.robot.hinges
-            q = np.vstack([q, q[0] + 2 * np.pi * wind])
-            s = np.append(s, s[-1] + np.linalg.norm(q[-1] - q[-2]))
-        return cls(curve.task, q, s, wind, curve.closed, why)
-
-    @property
-    def length(self) -> float:
-        """Of one round."""
-        return float(self.s[-1] - self.s[0])
-
-    def near(self, s: Vector) -> Matrix:
-        """Postures (k, n) at arc lengths (k,), beyond the ends of a closed one as well, on straight lines between its
-        own."""
-        laps = np.floor((s - self.s[0]) / self.length) if self.closed else np.zeros(len(s))
-        q = np.column_stack([np.interp(s - laps * self.length, self.s, joint) for joint in self.q.T])
-        return q + 2 * np.pi * laps[:, None] * self.wind
-
-    def at(self, s: Vector) -> Matrix:
-        """The same with the tool exactly still."""
-        return held(self.task, self.near(s), *self.task._place(self.q[int(np.argmin(np.abs(self.s)))]))
-
-    def places(self, b: Vector) -> list[float]:
-        """Arc lengths, within one round, at which it passes a posture (n,), whole turns of hinges taken off."""
-        robot = self.task.robot
-        d = np.linalg.norm(joint_gap(robot, self.q, b), axis=1)
-        before, after = np.append(np.inf, d[:-1]), np.append(d[1:], np.inf)
-        places: list[float] = []
-        for j in np.flatnonzero((d <= before) & (d <= after) & (d < 2 * STEP)):
-            s = float(self.s[j])
-            for _ in range(NEARER):
-                low, middle, high = self.at(np.array([s - 0.1 * STEP, s, s + 0.1 * STEP]))
-                tangent = (high - low) / (0.2 * STEP)
-                s += float(joint_gap(robot, b, middle) @ tangent / max(float(tangent @ tangent), TINY))
-                if not self.closed:
-                    s = float(np.clip(s, self.s[0], self.s[-1]))
-            known = any(abs(s - other) < SAME or abs(abs(s - other) - self.length) < SAME for other in places)
-            if not known and np.abs(joint_gap(robot, b, self.at(np.array([s]))[0])).max() < SAME:
-                places.append(s)
-        return places
-
-    def ends(self, b: Vector) -> tuple[list[float], Hindrance]:
-        """(arc lengths at which it is the posture b (n,), whole turns included, why there is none)."""
-        ends_found, why = [], self.why
-        for s in self.places(b):
-            why = Hindrance.TURNS
-            turns = np.round((b - self.at(np.array([s]))[0]) / (2 * np.pi)) * self.task.robot.hinges
-            if not self.wind.any():
-                if not turns.any():
-                    ends_found += [s, s - np.copysign(self.length, s)] if self.closed else [s]
-            else:
-                m = round(float(turns @ self.wind / (self.wind @ self.wind)))
-                if abs(m) <= ROUNDS and np.array_equal(turns, m * self.wind):
-                    ends_found.append(s + m * self.length)
-        return ends_found, why
-
-
-def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
-    """The fastest motion along a self-motion from its own posture a (n,) to b (n,)."""
-    ends, why = line.ends(b)
-    motions = []
-    for end in ends:
-        s = np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP))))
-        if (line.task.robot.beyond(line.near(s)) > STEP).any():
-            why = Hindrance.LIMITS
-            continue
-        way = line.at(s)
-        way[[0, -1]] = a, b
-        motion = _checked_motion(line.task, way, clear)
-        why = why if motion.hindrance is None else motion.hindrance
-        if motion.hindrance is None:
-            motions.append(motion)
-    return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(line.task.n, why)
-
-
-def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
+def _checked_motion(task: Task, q: Matrix, clear: Clear | Clearances | None) -> StillMotion:
     """The motion through postures (k, n) of one tool pose, with so many between them that the tool is still.
 
     Splines through them keep the tool still to `STILL`, and within the limits; postures are clear at every one of them.
@@ -280,8 +408,8 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
     speeds = speed_limits(robot)
     if not np.isfinite(q).all():
         return _hindered(task.n, Hindrance.SINGULAR)
-    if (robot.beyond(q) > TOLERANCES.limit).any():
-        return _hindered(task.n, Hindrance.LIMITS)
+    if (blocked := _blocked(q, clear)) is not None:
+        return blocked
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
     for _ in range(FINER):
         curve = Stretch(_way(q, speeds), q)
@@ -295,12 +423,31 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
         q = np.insert(q, np.arange(1, len(q)), corrected, axis=0)
     else:
         return _hindered(task.n, Hindrance.SINGULAR)
-    if not _within(robot, curve):
-        return _hindered(task.n, Hindrance.LIMITS)
-    if clear is not None and not clear(_closely(curve)).all():
-        return _hindered(task.n, Hindrance.BLOCKED)
+    # The limits, between the postures as well: a parabola through three has the extremum.
+    fine = curve.derivatives(_finely(curve.s), 0)[0]
+    a, b, c = fine[:-2], fine[1:-1], fine[2:]
+    bend = a - 2 * b + c
+    turn = ((b - a) * (c - b) < 0) & (bend != 0)
+    fine[1:-1] = np.where(turn, b - (c - a) ** 2 / np.where(turn, 8 * bend, 1.0), b)
+    beyond = np.flatnonzero((robot.beyond(fine) > TOLERANCES.limit).any(axis=1))
+    if len(beyond):
+        stop = _limits_between(robot, fine[beyond[:1] - 1], fine[beyond[:1]])
+        return _hindered(task.n, Hindrance.LIMITS, [_limit_name(robot, int(stop[0]))])
+    if (blocked := _blocked(_closely(curve), clear)) is not None:
+        return blocked
     rate = float(np.max(np.abs(curve.derivatives(_finely(curve.s), 1)[1]) / speeds))
     return StillMotion(q, rate * curve.s)
+
+
+def _blocked(q: Matrix, clear: Clear | Clearances | None) -> StillMotion | None:
+    """None if postures (k, n) are clear; else no motion, and what the first one that is not comes near to."""
+    if clear is None:
+        return None
+    free = clear.clear(q) if isinstance(clear, Clearances) else clear(q)
+    if free.all():
+        return None
+    first = q[[int(np.argmin(free))]]
+    return _hindered(q.shape[1], Hindrance.BLOCKED, clear.touching(first) if isinstance(clear, Clearances) else ())
 
 
 def held(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
@@ -331,17 +478,6 @@ def _closely(curve: Stretch) -> Matrix:
     steps = np.maximum(1, np.ceil(np.abs(np.diff(curve.q, axis=0)).max(axis=1) / LOOK)).astype(int)
     s = [a + (b - a) * np.arange(k) / k for a, b, k in zip(curve.s[:-1], curve.s[1:], steps.tolist(), strict=True)]
     return curve.derivatives(np.append(np.concatenate(s), curve.s[-1]), 0)[0]
-
-
-def _within(robot: Robot, curve: Stretch) -> bool:
-    """Whether a curve keeps the limits, between its postures as well: a parabola through three has its extremum."""
-    q = curve.derivatives(_finely(curve.s), 0)[0]
-    a, b, c = q[:-2], q[1:-1], q[2:]
-    bend = a - 2 * b + c
-    turn = ((b - a) * (c - b) < 0) & (bend != 0)
-    top = np.where(turn, b - (c - a) ** 2 / np.where(turn, 8 * bend, 1.0), b)
-    every = np.vstack([q, top])
-    return bool(((every >= robot.lower - TOLERANCES.limit) & (every <= robot.upper + TOLERANCES.limit)).all())
 
 
 # --- Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose between two.
