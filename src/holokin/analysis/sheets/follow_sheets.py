@@ -23,7 +23,8 @@ NEAR = 1e-9  # share of a path's duration within which two instants are one
 ON_SHEET = 1e-6  # difference [joint units] below which a start posture is that of a sheet
 SAME_RATES = 1e-6  # relative difference of two G at one posture below which the joints go on as they came
 
-MOST = 64  # changes between two sheets that are looked at together at most
+# Changes between two sheets that are looked at together at first, then as many again: one takes as long as sixteen.
+TOGETHER = 16
 
 Stops = ArrayLike | Callable[[Matrix], bool] | None
 """Where the sheet may change: at shares of the path's duration, or where a function of the tool pose is true."""
@@ -123,19 +124,21 @@ def _stands_on(along: _Along, q0: Vector) -> int:
 
 @dataclass(eq=False)
 class _Changes:
-    """The seconds (k, S, S) of changes between sheets at the samples, as expected; where the best choice of sheets
-    wants one, its motion is looked for, until there are all that it wants."""
+    """The seconds (k, S, S) of changes between sheets at the samples: at first the least that they could be; looked for
+    where the best choice of sheets wants one, until all that it wants are known."""
 
     along: _Along
     seconds: Array = field(init=False)
+    looked: dict[tuple[int, int, int], tuple[StillMotions, int, int, int]] = field(default_factory=dict)
     motions: dict[tuple[int, int, int], StillMotion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         along = self.along
-        self.every = StillMotions(along.task, along.q, along.clear)
-        expected = self.every.seconds
-        self.seconds = np.where(along.may[:, None, None] | (expected == 0), expected, np.inf)
-        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], along.task.robot)
+        robot, q = along.task.robot, np.swapaxes(along.q, 0, 1)
+        fastest = straight_seconds(q[:, :, None], q[:, None], robot)
+        self.seconds = np.where(np.isfinite(fastest) & along.may[:, None, None], fastest, np.inf)
+        self.seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < ON_SHEET] = 0.0  # one posture: nothing changes
+        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], robot)
         self.steps = np.where(along.served, steps, np.inf)
 
     def best(self, first: int | None) -> SheetSequence:
@@ -147,21 +150,29 @@ class _Changes:
             if not wanted:
                 return sequence
             for i, a, b in wanted:
-                # Where there is none, the fastest ones elsewhere are looked for as well, more and more of them.
-                if self._look(i, a, b).hindrance is not None:
-                    done = sum(pair == [a, b] for _, *pair in self.motions)
-                    for j in np.argsort(self.seconds[:, a, b], kind="stable")[: min(done, MOST)].tolist():
-                        if 0 < self.seconds[j, a, b] < np.inf:
-                            self._look(j, a, b)
+                if (i, a, b) not in self.looked:
+                    self._look(i, a, b)
+                elif (motion := self.motion(i, a, b)) is not None and motion.hindrance is not None:
+                    self.seconds[i, a, b] = self.seconds[i, b, a] = np.inf
 
-    def _look(self, i: int, a: int, b: int) -> StillMotion:
-        """Look for a change between two sheets at a sample."""
-        if (i, a, b) not in self.motions:
-            motion = self.every.motion(i, a, b)
-            self.motions[i, a, b], self.motions[i, b, a] = motion, motion.reversed()
-            if motion.hindrance is not None:
-                self.seconds[i, a, b] = self.seconds[i, b, a] = np.inf
-        return self.motions[i, a, b]
+    def _look(self, i: int, a: int, b: int) -> None:
+        """Look at changes between two sheets: at a sample, and where else they could be as fast."""
+        q, done = self.along.q, [j for j, *pair in self.looked if pair == [a, b]]
+        fastest = np.where(self.seconds[:, a, b] > 0, self.seconds[:, a, b], np.inf)
+        fastest[done] = np.inf
+        others = np.argsort(fastest, kind="stable")[: max(TOGETHER, len(done))]
+        rows: Indices = np.unique(np.append(others[np.isfinite(fastest[others])], i))
+        motions = StillMotions(self.along.task, q[[a, b]][:, rows], self.along.clear)
+        for k, j in enumerate(rows.tolist()):
+            self.looked[j, a, b], self.looked[j, b, a] = (motions, k, 0, 1), (motions, k, 1, 0)
+            self.seconds[j, a, b] = self.seconds[j, b, a] = motions.seconds[k, 0, 1]
+
+    def motion(self, i: int, a: int, b: int) -> StillMotion | None:
+        """That of a change at a sample, or why there is none; None where it was not looked for."""
+        if (i, a, b) not in self.motions and (i, a, b) in self.looked:
+            motions, *which = self.looked[i, a, b]
+            self.motions[i, a, b] = motions.motion(*which)
+        return self.motions.get((i, a, b))
 
 
 def turnings(sequence: SheetSequence, first: int | None) -> list[tuple[int, int, int]]:
@@ -191,7 +202,7 @@ def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | 
         # A change with the tool still, or a division where there is none.
         if a in turning and changes.seconds[(a, *turning[a])] > 0:
             change = (a, *turning[a])
-            motion = changes.motions.get(change)
+            motion = changes.motion(*change)
             if motion is not None and motion.hindrance is None:
                 seams.append(Seam(along.task, *turning[a], along.poses[a], motion))
                 parts[-1] += [Stage.still(along.poses[a], motion)] if len(motion.t) > 1 else []
@@ -221,10 +232,8 @@ def _reason(along: _Along, changes: _Changes, change: tuple[int, int, int]) -> s
     i = change[0]
     if not along.may[i]:
         return Hindrance.NOT_ALLOWED.text
-    motion = changes.motions.get(change)
-    if motion is not None and motion.hindrance is not None:
-        return motion.hindrance.text
-    return Hindrance.NO_POSE.text
+    motion = changes.motion(*change)
+    return Hindrance.NO_POSE.text if motion is None else motion.reason
 
 
 def _goes_on(along: _Along, i: int, a: int, b: int) -> bool:

@@ -205,8 +205,8 @@ class StillMotions(Value):
             if ways.seconds[w] == np.inf:
                 motions.append(_hindered(task.n, Hindrance.LIMITS, [_limit_name(task.robot, int(ways.stop[w]))]))
             elif ways.seconds[w] < motions[-1].seconds:
-                q, _ = self._curves.along(np.array([i]), a, b, ways.begin[[w]], ways.end[[w]])
-                motions.append(_checked_motion(task, q, self.clear))
+                rows, _ = self._curves.along(np.array([i]), a, b, ways.begin[[w]], ways.end[[w]])
+                motions.append(_checked_motion(task, _evenly(task, rows), self.clear))
         fastest = min(motions, key=lambda motion: motion.seconds)
         if fastest.hindrance is None:
             return fastest
@@ -382,6 +382,14 @@ def _limits_between(robot: Robot, a: Matrix, b: Matrix) -> Indices:
 
 def _limit_name(robot: Robot, stop: int) -> str:
     return str(ArcEnd(EndKind.LIMIT, robot.joint_names[stop // 2], bool(stop % 2)))
+
+
+def _evenly(task: Task, q: Matrix) -> Matrix:
+    """Postures (j, n) of one tool pose at even steps along others (k, n), with the first and the last one of these."""
+    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1)))
+    even = np.linspace(0.0, s[-1], 1 + max(LEAST, int(np.ceil(s[-1] / STEP))))[1:-1]
+    way = held(task, np.column_stack([np.interp(even, s, joint) for joint in q.T]), *task._place(q[0]))
+    return np.vstack([q[0], way, q[-1]])
 
 
 def _projected(task: Task, a: Vector, b: Vector, clear: Clear | Clearances | None) -> StillMotion:
