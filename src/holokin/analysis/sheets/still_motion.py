@@ -16,7 +16,7 @@ from ...base.errors import ArgumentError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ...motion.checks import Clear, Clearances
-from ...motion.ik.curve_cuts import curves_through
+from ...motion.ik.curve_cuts import curve_of_each
 from ...motion.ik.pose_curves import ArcEnd, EndKind
 from ...motion.timing import Stretch
 from ...motion.trajectory import Measures, Status, Trajectory
@@ -262,43 +262,56 @@ class _Curves(NamedTuple):
 
     @classmethod
     def through(cls, task: Task, Q: Array) -> _Curves:
-        """Those through the postures, and where on them these are."""
+        """Those through the postures, and where on them these are; none of a posture that is on no curve of others."""
         task, robot, known = task if task._geometric else task._geometric_twin, task.robot, np.isfinite(Q).all(axis=2)
         S, k, n = Q.shape
-        p, R = task._poses(np.nan_to_num(Q[known.argmax(axis=0), np.arange(k)]))
-        # From postures that are not singular.
-        s, i = np.nonzero(known)
-        sigma = np.linalg.svd(task.jacobian_batch(Q[s, i])[0], compute_uv=False)
+        sigma = np.linalg.svd(task.jacobian_batch(Q[known])[0], compute_uv=False)
         regular = np.zeros((S, k), dtype=bool)
-        regular[s, i] = sigma[:, -1] > SINGULAR * sigma[:, 0]
-        q, pose, curve, closed = curves_through(task, p, R, Q[regular], np.nonzero(regular)[1])
-        first = np.searchsorted(curve, np.arange(len(closed) + 1))
-        turn = 2 * np.pi * robot.hinges
-        wind = turn * np.round((q[first[1:] - 1] - q[first[:-1]]) / (2 * np.pi)) * closed[:, None]
+        regular[known] = sigma[:, -1] > SINGULAR * sigma[:, 0]
+        none, flags = (np.zeros((0, n)), np.zeros(1, int)), np.zeros(0, dtype=bool)
         places = np.full((S, k), -1), np.zeros((S, k)), np.zeros((S, k, n))
-        found = cls(robot, Q, regular, q, first, closed, wind, *places)
-        # Rows near the postures; steps along the curve, each of the length that is left, lead to these or do not.
-        tracer, last = CurveTracer(task, p, R), np.zeros(len(q), dtype=bool)
+        found = cls(robot, Q, regular, *none, flags, none[0], *places)
+        # Of each pose with two postures left the curve through the first one that is not singular.
+        tracer = CurveTracer(task, *task._poses(np.nan_to_num(Q[known.argmax(axis=0), np.arange(k)])))
+        begin = regular.copy()
+        while len(i := np.flatnonzero(begin.any(axis=0) & ((known & (found.curve < 0)).sum(axis=0) > 1))):
+            s = begin[:, i].argmax(axis=0)
+            begin[s, i] = False
+            found = found._with_those(tracer, i, Q[s, i])
+            begin &= found.curve < 0
+        return found
+
+    def _with_those(self, tracer: CurveTracer, i: Indices, begin: Matrix) -> _Curves:
+        """With the curves through postures (j, n) at poses i (j,), and the other postures that are on them."""
+        q, number, closed = curve_of_each(tracer.task, tracer.p[i], tracer.R[i], begin)
+        first, turn = np.searchsorted(number, np.arange(len(closed) + 1)), 2 * np.pi * self.robot.hinges
+        wind = turn * np.round((q[first[1:] - 1] - q[first[:-1]]) / (2 * np.pi)) * closed[:, None]
+        rows, curves = len(self.q), len(self.closed)
+        more = np.vstack([self.q, q]), np.append(self.first[:-1], first + rows), np.append(self.closed, closed)
+        found = _Curves(self.robot, self.Q, self.regular, *more, np.vstack([self.wind, wind]), *self[-3:])
+        # Rows near postures; steps along the curve, each of the length that is left, lead to these or do not.
+        pose, last = i[number], np.zeros(len(q), dtype=bool)
         last[first[1:][closed] - 1] = True
-        for s in range(S):
-            with np.errstate(invalid="ignore"):
-                near = np.linalg.norm(joint_gap(robot, Q[s, pose], q), axis=1) < BESIDE
-            row = np.flatnonzero(near & ~last)
-            i = pose[row]
-            forward = found.rows(curve[row], row - first[curve[row]] + 1) - q[row]
-            _, along, _ = tracer.step(q[row], forward, i, np.zeros(len(row)))
-            q_near, length = q[row], np.zeros(len(row))
-            for _ in range(4):
-                left = np.einsum("kn,kn->k", joint_gap(robot, Q[s, i], q_near), along)
-                q_near, along, _ = tracer.step(q_near, along, i, left)
-                length += left
-            on = np.abs(joint_gap(robot, Q[s, i], q_near)).max(axis=1) < SAME
-            order = np.flatnonzero(on)[np.argsort(-np.abs(length[on]), kind="stable")]  # the nearest row comes last
-            row, i, length = row[order], i[order], length[order]
-            c, way = curve[row], np.where(length < 0, -1, 1)
-            step = np.linalg.norm(found.rows(c, row - first[c] + way) - q[row], axis=1)
-            found.curve[s, i], found.turns[s, i] = c, turn * np.round((Q[s, i] - q[row]) / (2 * np.pi))
-            found.place[s, i] = row - first[c] + np.clip(length / np.where(step > 0, step, 1.0), -1, 1)
+        with np.errstate(invalid="ignore"):
+            near = np.linalg.norm(joint_gap(self.robot, self.Q[:, pose], q), axis=2) < BESIDE
+        s, row = np.nonzero(near & ~last & (self.curve[:, pose] < 0))
+        i, c, row = pose[row], number[row] + curves, row + rows
+        forward = found.rows(c, row - found.first[c] + 1) - found.q[row]
+        there, along, _ = tracer.step(found.q[row], forward, i, np.zeros(len(row)))
+        length, left = np.zeros(len(row)), np.ones(len(row))
+        for _ in range(4):
+            if not np.abs(left).max(initial=0.0) > SAME / 10:
+                break
+            left = np.einsum("kn,kn->k", joint_gap(self.robot, self.Q[s, i], there), along)
+            there, along, _ = tracer.step(there, along, i, left)
+            length += left
+        on = np.flatnonzero(np.abs(joint_gap(self.robot, self.Q[s, i], there)).max(axis=1) < SAME)
+        on = on[np.argsort(-np.abs(length[on]), kind="stable")]  # the nearest row comes last
+        s, i, c, row, length = s[on], i[on], c[on], row[on], length[on]
+        place = row - found.first[c]
+        step = np.linalg.norm(found.rows(c, place + np.where(length < 0, -1, 1)) - found.q[row], axis=1)
+        found.curve[s, i], found.turns[s, i] = c, turn * np.round((self.Q[s, i] - found.q[row]) / (2 * np.pi))
+        found.place[s, i] = place + np.clip(length / np.where(step > 0, step, 1.0), -1, 1)
         return found
 
     def rows(self, c: Indices, number: Indices) -> Matrix:
@@ -351,10 +364,11 @@ class _Curves(NamedTuple):
     def apart(self, i: int, a: int, b: int) -> tuple[Hindrance, tuple[str, ...]]:
         """Why no way leads from posture a to b at a pose, and what is there where their curves end."""
         curves = self.curve[[a, b], i]
-        if curves.min() < 0 or not self.regular[[a, b], i].all():
+        if curves.max() < 0 or not self.regular[[a, b], i].all():
             return Hindrance.SINGULAR, ()
         if curves[0] == curves[1]:
             return Hindrance.TURNS, ()
+        curves = curves[curves >= 0]
         if self.closed[curves].any():
             return Hindrance.APART, ()
         # A curve that is not closed ends at limits of slides, or is singular there.

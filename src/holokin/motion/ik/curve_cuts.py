@@ -218,6 +218,16 @@ def curves_through(task: Task, p: Matrix, R: Array, q: Matrix, pose: Indices) ->
     return _in_rows(tracer, curves.chosen(np.argsort(curves.pose, kind="stable")))
 
 
+def curve_of_each(task: Task, p: Matrix, R: Array, q: Matrix) -> tuple[Matrix, Indices, Flags]:
+    """The curve through each of postures q (k, n) with the tool at p (k, 3), R (k, 3, 3).
+
+    Returns: postures (N, n), of which curve each is (N,), and which close (k,), as `curves_by_cuts`.
+    """
+    tracer = CurveTracer(task, p, R)
+    postures, _, curve, closed = _in_rows(tracer, _traced(tracer, q, np.arange(len(q))))
+    return postures, curve, closed
+
+
 @dataclass(frozen=True, eq=False)
 class _Curves(Value):
     """Curves at poses pose (C,): their postures q (N, n) one after another, size (C,) of them each, ends (C, 2).
