@@ -19,9 +19,7 @@ from ...path import Path
 from ...path.workspaces import Workspace
 from ...strategies.tasks.task import Task
 from .sheet import Sheet, known, postures_of_sheets
-from .still_motion import Hindrance, StillMotion, StillMotions, still_trajectory, straight_seconds
-
-TOGETHER = 16  # poses that are looked at together at first for a pair of sheets, then twice as many each time
+from .still_motion import Hindrance, StillMotion, StillMotions, still_trajectory
 
 # Changes of a pair of sheets that are looked at for obstacles at most, or with several redundant joints.
 MOST = 256
@@ -151,7 +149,8 @@ def seams_of(
 ) -> Seams:
     """The fastest change between each pair of sheets, of those at some poses.
 
-    Poses are looked at by the least time that the joints of a pair could take, until none that is left can be faster.
+    With one redundant joint all poses are looked at; with obstacles, or several such joints, the `MOST` that promise the
+    fastest changes.
 
     Args:
         poses, q: tool poses (k, 4, 4), and the joints of each sheet there (S, k, n), NaN where it does not serve.
@@ -162,60 +161,42 @@ def seams_of(
         ArgumentError, ShapeError, NotFiniteError: bad poses.
     """
     poses, q = _placed(task, sheets, poses, q, clear, at, middle)
-    every = [_PairSearch(task, q, first, second) for first, second in combinations(range(len(sheets)), 2)]
-    left, size = np.ones(len(poses), dtype=bool), TOGETHER
-    while (wanted := np.unique([i for pair in every for i in pair.wanted(left)[:size]]).astype(int)).size:
-        motions, left[wanted] = StillMotions(task, q[:, wanted], clear), False
-        for pair in every:
-            pair.look(motions, wanted)
-        size *= 2
-    results = [pair.result(task, poses) for pair in every]
-    found, missing = (tuple(one for one in results if isinstance(one, kind)) for kind in (Seam, NoSeam))
+    motions, pairs = StillMotions(task, q, clear), combinations(range(len(sheets)), 2)
+    every = [_change(motions, poses, first, second) for first, second in pairs]
+    found, missing = (tuple(one for one in every if isinstance(one, kind)) for kind in (Seam, NoSeam))
     return Seams(found, missing)
 
 
-class _PairSearch:
-    """The search for the fastest change between two sheets, of those at some poses."""
-
-    def __init__(self, task: Task, q: Array, first: int, second: int) -> None:
-        self.first, self.second, self.several = first, second, task.n - task.m > 1
-        self.least = np.nan_to_num(straight_seconds(q[first], q[second], task.robot), nan=np.inf)
-        self.both = np.isfinite(self.least)
-        self.order = np.argsort(self.least, kind="stable")[: self.both.sum()]
-        self.best: StillMotion | None = None
-        self.pose, self.looks, self.met, self.ends = -1, 0, Counter[Hindrance](), Counter[str]()
-
-    def wanted(self, left: Flags) -> Indices:
-        """The poses, of those that are left (k,), at which a change may be faster than the best one; the first ones first."""
-        most = np.inf if self.best is None else self.best.seconds
-        return self.order[left[self.order] & (self.least[self.order] < most)]
-
-    def look(self, motions: StillMotions, poses: Indices) -> None:
-        """Look at the changes at some poses (j,), by the time that is expected of them."""
-        expected = motions.seconds[:, self.first, self.second]
-        for k in np.argsort(expected, kind="stable").tolist():
-            if not self.both[poses[k]] or (self.best is not None and not EXPECTED * expected[k] < self.best.seconds):
-                continue
-            self.looks += bool((self.several or motions.clear is not None) and expected[k] < np.inf)
-            if self.looks > MOST and expected[k] < np.inf:
-                continue
-            motion = motions.motion(k, self.first, self.second)
-            if motion.hindrance is not None:
-                self.met[motion.hindrance] += 1
-                self.ends.update(motion.ends)
-            elif self.best is None or motion.seconds < self.best.seconds:
-                self.best, self.pose = motion, int(poses[k])
-
-    def result(self, task: Task, poses: Array) -> Seam | NoSeam:
-        """The fastest change, or what was met."""
-        if self.best is not None:
-            return Seam(task, self.first, self.second, poses[self.pose], self.best)
-        met, ends = tuple(self.met.most_common()), tuple(self.ends.most_common(SHOWN))
-        return NoSeam(self.first, self.second, int(self.both.sum()), met, ends)
+def _change(motions: StillMotions, poses: Array, first: int, second: int) -> Seam | NoSeam:
+    """The fastest change between two sheets, of those at some poses; or what was met at these."""
+    task, both = motions.task, np.flatnonzero(known(motions.q[[first, second]]).all(axis=0))
+    met, ends, looks, best = Counter[Hindrance](), Counter[str](), 0, None
+    expected = motions.seconds[both, first, second]
+    for k in np.argsort(expected, kind="stable").tolist():
+        if best is not None and not EXPECTED * expected[k] < best.seconds:
+            break
+        looks += bool(np.isfinite(expected[k]) and (motions.clear is not None or task.n - task.m > 1))
+        if looks > MOST and np.isfinite(expected[k]):
+            continue
+        motion = motions.motion(int(both[k]), first, second)
+        if motion.hindrance is not None:
+            met[motion.hindrance] += 1
+            ends.update(motion.ends)
+        elif best is None or motion.seconds < best.seconds:
+            best = Seam(task, first, second, poses[both[k]], motion)
+    if best is not None:
+        return best
+    return NoSeam(first, second, len(both), tuple(met.most_common()), tuple(ends.most_common(SHOWN)))
 
 
 def _placed(
-    task: Task, sheets: Sequence[Sheet], poses: Array, q: Array, clear: Clearances | None, at: Where, middle: Matrix | None
+    task: Task,
+    sheets: Sequence[Sheet],
+    poses: Array,
+    q: Array,
+    clear: Clearances | None,
+    at: Where,
+    middle: Matrix | None,
 ) -> tuple[Array, Array]:
     """(poses (k, 4, 4), joints (S, k, n)) at which seams may lie."""
     if at is None:

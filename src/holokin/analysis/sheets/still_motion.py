@@ -28,6 +28,8 @@ CORRECTIONS = 4  # Newton corrections of a posture that is 1e-3 off: at round-of
 
 SAME = 1e-6  # difference [joint units] below which postures are one; of poses [m, rad] below which they are one
 
+TOGETHER = 256  # curves that are made together
+
 # Distance [joint units] of a posture from the nearest one of its curve, at most: they are 0.2 apart.
 BESIDE = 0.15
 
@@ -46,11 +48,8 @@ LEAST = 8  # steps of a motion at least
 # units], which is also by how much a posture between two others is off the spline through them at most.
 ARCS, ENOUGH, STEP = 32, 4, 0.1
 
-# Motion of a joint [joint units] between two looks at what a motion is to keep clear of: a centimetre at 1 m.
+# Motion of a joint [joint units] between two looks at limits, and at what is to be kept clear of: a centimetre at 1 m.
 LOOK = 0.01
-
-# Instants between two postures at which limits are looked at; a parabola through three of them has the extremum.
-BETWEEN = 8
 
 ROUNDS = 16  # rounds of a closed self-motion at most, where each turns a hinge
 
@@ -202,8 +201,8 @@ class StillMotions(Value):
         ways, motions = self._ways[a, b], [_hindered(task.n, *self._curves.apart(i, a, b))]
         own = np.flatnonzero(ways.pose == i)
         for w in own[np.argsort(ways.seconds[own], kind="stable")].tolist():
-            if ways.seconds[w] == np.inf:
-                motions.append(_hindered(task.n, Hindrance.LIMITS, [_limit_name(task.robot, int(ways.stop[w]))]))
+            if w in ways.ends:
+                motions.append(_hindered(task.n, Hindrance.LIMITS, [ways.ends[w]]))
             elif ways.seconds[w] < motions[-1].seconds:
                 rows, _ = self._curves.along(np.array([i]), a, b, ways.begin[[w]], ways.end[[w]])
                 motions.append(_checked_motion(task, _evenly(task, rows), self.clear))
@@ -229,15 +228,14 @@ class StillMotions(Value):
 class _Ways(NamedTuple):
     """Ways from a posture to another one of its pose (w,) along their curve, from place begin (w,) to place end (w,).
 
-    seconds (w,): about how long one takes; infinite where a joint comes to its limit on it, `stop` (w,): twice the
-    joint, one more for its upper limit.
+    seconds (w,): about how long one takes; infinite where a joint comes to its limit on it, `ends` says which.
     """
 
     pose: Indices
     begin: Vector
     end: Vector
     seconds: Vector
-    stop: Indices
+    ends: dict[int, str]
 
 
 class _Curves(NamedTuple):
@@ -274,7 +272,7 @@ class _Curves(NamedTuple):
         # Of each pose with two postures left the curve through the first one that is not singular.
         tracer = CurveTracer(task, *task._poses(np.nan_to_num(Q[known.argmax(axis=0), np.arange(k)])))
         begin = regular.copy()
-        while len(i := np.flatnonzero(begin.any(axis=0) & ((known & (found.curve < 0)).sum(axis=0) > 1))):
+        while len(i := np.flatnonzero(begin.any(axis=0) & ((known & (found.curve < 0)).sum(axis=0) > 1))[:TOGETHER]):
             s = begin[:, i].argmax(axis=0)
             begin[s, i] = False
             found = found._with_those(tracer, i, Q[s, i])
@@ -289,12 +287,15 @@ class _Curves(NamedTuple):
         rows, curves = len(self.q), len(self.closed)
         more = np.vstack([self.q, q]), np.append(self.first[:-1], first + rows), np.append(self.closed, closed)
         found = _Curves(self.robot, self.Q, self.regular, *more, np.vstack([self.wind, wind]), *self[-3:])
-        # Rows near postures; steps along the curve, each of the length that is left, lead to these or do not.
+        # Rows near postures, joint by joint.
         pose, last = i[number], np.zeros(len(q), dtype=bool)
         last[first[1:][closed] - 1] = True
-        with np.errstate(invalid="ignore"):
-            near = np.linalg.norm(joint_gap(self.robot, self.Q[:, pose], q), axis=2) < BESIDE
-        s, row = np.nonzero(near & ~last & (self.curve[:, pose] < 0))
+        s, row = np.nonzero((self.curve[:, pose] < 0) & ~last)
+        for joint, full in enumerate(turn):
+            gap = self.Q[s, pose[row], joint] - q[row, joint]
+            near = np.abs(gap - full * np.round(gap / (2 * np.pi))) < BESIDE
+            s, row = s[near], row[near]
+        # Steps along the curve from there, each of the length that is left, lead to the postures or do not.
         i, c, row = pose[row], number[row] + curves, row + rows
         forward = found.rows(c, row - found.first[c] + 1) - found.q[row]
         there, along, _ = tracer.step(found.q[row], forward, i, np.zeros(len(row)))
@@ -346,7 +347,7 @@ class _Curves(NamedTuple):
         back = end - np.where(end < begin, -length, length)
         i, begin, end = np.append(i[fits], i[two]), np.append(begin[fits], begin[two]), np.append(end[fits], back[two])
         if not len(i):
-            return _Ways(i, begin, end, begin, i)
+            return _Ways(i, begin, end, begin, {})
         # How long they take at an even rate, of straight lines between rows; and the first joint beyond its limits.
         q, size = self.along(i, a, b, begin, end)
         first = np.cumsum(size) - size
@@ -357,9 +358,10 @@ class _Curves(NamedTuple):
         seconds = np.add.reduceat(norm, first) * np.maximum.reduceat(rate, first)
         beyond = (self.robot.beyond(q) > TOLERANCES.limit).any(axis=1)
         row = np.minimum.reduceat(np.where(beyond, np.arange(len(q)), len(q)), first)
-        stop, ended = np.full(len(i), -1), np.flatnonzero(row < len(q))
-        seconds[ended], stop[ended] = np.inf, _limits_between(self.robot, q[row[ended] - 1], q[row[ended]])
-        return _Ways(i, begin, end, seconds, stop)
+        ended = np.flatnonzero(row < len(q))
+        seconds[ended] = np.inf
+        names = _limits_between(self.robot, q[row[ended] - 1], q[row[ended]])
+        return _Ways(i, begin, end, seconds, dict(zip(ended.tolist(), names, strict=True)))
 
     def apart(self, i: int, a: int, b: int) -> tuple[Hindrance, tuple[str, ...]]:
         """Why no way leads from posture a to b at a pose, and what is there where their curves end."""
@@ -372,11 +374,10 @@ class _Curves(NamedTuple):
         if self.closed[curves].any():
             return Hindrance.APART, ()
         # A curve that is not closed ends at limits of slides, or is singular there.
-        ends = self.q[[self.first[curves[0]], self.first[curves[0] + 1] - 1]]
-        limits = np.stack([self.robot.lower, self.robot.upper], axis=1).ravel()
-        at = (np.abs(np.repeat(ends, 2, axis=1) - limits) < SAME) & np.repeat(~self.robot.hinges, 2)
-        names = tuple(_limit_name(self.robot, int(row.argmax())) for row in at if row.any())
-        return (Hindrance.LIMITS if len(names) == 2 else Hindrance.SINGULAR), names
+        robot, tips = self.robot, self.q[[self.first[curves[0]], self.first[curves[0] + 1] - 1]]
+        gaps = enumerate((tips - robot.lower, robot.upper - tips))
+        at = [(upper, j) for upper, gap in gaps for _, j in np.argwhere((np.abs(gap) < SAME) & ~robot.hinges)]
+        return (Hindrance.LIMITS if len(at) > 1 else Hindrance.SINGULAR), tuple(_limit(robot, *end) for end in at)
 
 
 def _speeds(robot: Robot) -> Vector:
@@ -384,18 +385,16 @@ def _speeds(robot: Robot) -> Vector:
     return np.where(np.isfinite(robot.max_velocity), robot.max_velocity, 1.0)
 
 
-def _limits_between(robot: Robot, a: Matrix, b: Matrix) -> Indices:
-    """Which limit (k,) joints come to first between postures a within the limits and b (k, n) beyond: twice the joint,
-    one more for its upper one."""
-    rest = np.stack([a - robot.lower, robot.upper - a], axis=2).reshape(-1, 2 * robot.n)
-    past = np.stack([robot.lower - b, b - robot.upper], axis=2).reshape(-1, 2 * robot.n)
+def _limits_between(robot: Robot, a: Matrix, b: Matrix) -> list[str]:
+    """The limit that a joint comes to first between each of some postures a within them and b (k, n) beyond."""
+    rest, past = np.hstack([a - robot.lower, robot.upper - a]), np.hstack([robot.lower - b, b - robot.upper])
     with np.errstate(all="ignore"):
         share = np.where(past > 0, np.maximum(rest, 0.0) / (rest + past), np.inf)
-    return np.argmin(np.nan_to_num(share, nan=0.0), axis=1)
+    return [_limit(robot, *divmod(k, robot.n)) for k in np.argmin(share, axis=1).tolist()]
 
 
-def _limit_name(robot: Robot, stop: int) -> str:
-    return str(ArcEnd(EndKind.LIMIT, robot.joint_names[stop // 2], bool(stop % 2)))
+def _limit(robot: Robot, upper: int, joint: int) -> str:
+    return str(ArcEnd(EndKind.LIMIT, robot.joint_names[joint], upper > 0))
 
 
 def _evenly(task: Task, q: Matrix) -> Matrix:
@@ -428,37 +427,38 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | Clearances | None) -> 
     """
     robot, (p, R) = task.robot, task._place(q[0])
     speeds = speed_limits(robot)
-    if not np.isfinite(q).all():
-        return _hindered(task.n, Hindrance.SINGULAR)
     if (blocked := _blocked(q, clear)) is not None:
         return blocked
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
     for _ in range(FINER):
-        curve = Stretch(_way(q, speeds), q)
-        s = (curve.s[:-1] + curve.s[1:]) / 2
-        middle = curve.derivatives(s, 0)[0]
+        way = np.linalg.norm(np.diff(q, axis=0) / speeds, axis=1)
+        if not np.isfinite(way).all():
+            return _hindered(task.n, Hindrance.SINGULAR)
+        curve = Stretch(np.append(0.0, np.cumsum(way)), q)
+        middle = curve.derivatives((curve.s[:-1] + curve.s[1:]) / 2, 0)[0]
         if np.abs(_off(task, middle, p, R)).max() < most:
             break
         corrected = held(task, middle, p, R)
-        if not np.isfinite(corrected).all() or np.abs(corrected - middle).max() > STEP:
+        if not np.abs(corrected - middle).max() < STEP:  # NaN is not
             return _hindered(task.n, Hindrance.SINGULAR)
         q = np.insert(q, np.arange(1, len(q)), corrected, axis=0)
     else:
         return _hindered(task.n, Hindrance.SINGULAR)
-    # The limits, between the postures as well: a parabola through three has the extremum.
-    fine = curve.derivatives(_finely(curve.s), 0)[0]
-    a, b, c = fine[:-2], fine[1:-1], fine[2:]
-    bend = a - 2 * b + c
-    turn = ((b - a) * (c - b) < 0) & (bend != 0)
-    fine[1:-1] = np.where(turn, b - (c - a) ** 2 / np.where(turn, 8 * bend, 1.0), b)
-    beyond = np.flatnonzero((robot.beyond(fine) > TOLERANCES.limit).any(axis=1))
+    # Closely along the curve: the limits, a parabola through three postures has an extremum; what is clear; rates.
+    steps = np.maximum(2, np.ceil(np.abs(np.diff(q, axis=0)).max(axis=1) / LOOK)).astype(int)
+    share = (np.arange(steps.sum()) - np.repeat(np.cumsum(steps) - steps, steps)) / np.repeat(steps, steps)
+    s = np.append(np.repeat(curve.s[:-1], steps) + share * np.repeat(np.diff(curve.s), steps), curve.s[-1])
+    close, slope = curve.derivatives(s, 1)
+    a, b, c = close[:-2], close[1:-1], close[2:]
+    bend, turns = a - 2 * b + c, (b - a) * (c - b) < 0
+    extremes = close.copy()
+    extremes[1:-1] = np.where(turns, b - (c - a) ** 2 / np.where(turns, 8 * bend, 1.0), b)
+    beyond = np.flatnonzero((robot.beyond(extremes) > TOLERANCES.limit).any(axis=1))[:1]
     if len(beyond):
-        stop = _limits_between(robot, fine[beyond[:1] - 1], fine[beyond[:1]])
-        return _hindered(task.n, Hindrance.LIMITS, [_limit_name(robot, int(stop[0]))])
-    if (blocked := _blocked(_closely(curve), clear)) is not None:
+        return _hindered(task.n, Hindrance.LIMITS, _limits_between(robot, extremes[beyond - 1], extremes[beyond]))
+    if (blocked := _blocked(close, clear)) is not None:
         return blocked
-    rate = float(np.max(np.abs(curve.derivatives(_finely(curve.s), 1)[1]) / speeds))
-    return StillMotion(q, rate * curve.s)
+    return StillMotion(q, float(np.max(np.abs(slope) / speeds)) * curve.s)
 
 
 def _blocked(q: Matrix, clear: Clear | Clearances | None) -> StillMotion | None:
@@ -483,23 +483,6 @@ def _off(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
     k = len(q)
     e = task._error_function.batch(q, np.broadcast_to(p, (k, *p.shape)), np.broadcast_to(R, (k, *R.shape)))
     return np.asarray(e).reshape(k, -1)
-
-
-def _way(q: Matrix, speeds: Vector) -> Vector:
-    """How long (k,) the way along postures (k, n) is, joints measured by their speeds [s]."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0) / speeds, axis=1))])
-
-
-def _finely(s: Vector) -> Vector:
-    share = np.arange(BETWEEN) / BETWEEN
-    return np.append((s[:-1, None] + share * np.diff(s)[:, None]).ravel(), s[-1])
-
-
-def _closely(curve: Stretch) -> Matrix:
-    """Postures of a curve between which no joint moves by more than `LOOK`."""
-    steps = np.maximum(1, np.ceil(np.abs(np.diff(curve.q, axis=0)).max(axis=1) / LOOK)).astype(int)
-    s = [a + (b - a) * np.arange(k) / k for a, b, k in zip(curve.s[:-1], curve.s[1:], steps.tolist(), strict=True)]
-    return curve.derivatives(np.append(np.concatenate(s), curve.s[-1]), 0)[0]
 
 
 # --- Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose between two.
