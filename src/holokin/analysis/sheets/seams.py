@@ -386,42 +386,27 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
             where both have one posture: then it is no change, and counts a microsecond.
         first: the sheet on which the arm stands at the first sample; None for any.
     """
-    k = served.shape[1]
-    chosen = np.full(k, -1)
-    some = served.any(axis=0)
-    parts = runs(np.asarray(some)).tolist()
-    divisions, changes, seconds = max(0, len(parts) - 1), 0, 0.0
-    for begin, end in parts:
-        stands = first if begin == 0 else None
-        labels, cost = _run(steps[:, begin:end], served[:, begin:end], change[begin:end], stands)
-        chosen[begin:end] = labels
-        divisions, changes, seconds = divisions + cost[0], changes + cost[1], seconds + cost[2]
-    return SheetSequence(chosen, divisions, changes, seconds)
-
-
-def _run(steps: Array, served: Flags, change: Array, first: int | None) -> tuple[Indices, Cost]:
-    """The best choice for steps (S, k) each of which some sheet serves, and its cost."""
     S, k = served.shape
-    before: list[Cost | None] = [(0, 0, 0.0) if first in (None, s) else None for s in range(S)]
-    come = np.full((k, S), -1)
+    # Of each sheet the least cost so far, and from which one it came: -1 for none, from which every one is free.
+    costs: dict[int, Cost] = {-1 if first is None else first: (0, 0, 0.0)}
+    come = np.full((k, S + 1), -1)
     for i in range(k):
-        after: list[Cost | None] = [None] * S
-        for s in np.flatnonzero(served[:, i]).tolist():
-            ways = [(_plus(cost, i, t, s, change, first), t) for t, cost in enumerate(before) if cost is not None]
-            best, t = min(ways)
-            after[s], come[i, s] = (best[0], best[1], best[2] + float(steps[s, i])), t
-        before = after
-    cost, s = min((cost, s) for s, cost in enumerate(before) if cost is not None)
-    labels = np.empty(k, dtype=int)
+        after: dict[int, Cost] = {}
+        for s in np.flatnonzero(served[:, i]).tolist() or [-1]:
+            best, come[i, s] = min((_plus(cost, i, t, s, change), t) for t, cost in costs.items())
+            after[s] = (best[0], best[1], best[2] + (float(steps[s, i]) if s >= 0 else 0.0))
+        costs = after
+    cost, s = min((cost, s) for s, cost in costs.items())
+    chosen = np.empty(k, dtype=int)
     for i in range(k - 1, -1, -1):
-        labels[i] = s
-        s = int(come[i, s])
-    return labels, cost
+        chosen[i], s = s, int(come[i, s])
+    gaps = max(0, len(runs(np.asarray(chosen >= 0))) - 1)
+    return SheetSequence(chosen, gaps + cost[0], cost[1], cost[2])
 
 
-def _plus(cost: Cost, i: int, t: int, s: int, change: Array, first: int | None) -> Cost:
+def _plus(cost: Cost, i: int, t: int, s: int, change: Array) -> Cost:
     """The cost of going on from sheet t to sheet s at sample i."""
-    if t == s or (i == 0 and first is None):
+    if t == s or -1 in (t, s):
         return cost
     seconds = float(change[i, t, s])
     if seconds == 0:
