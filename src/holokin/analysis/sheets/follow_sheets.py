@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -17,11 +17,14 @@ from ...path import Path
 from ...strategies.tasks.task import Task
 from .seams import Division, Seam, SheetMotion, SheetPiece, SheetSequence, UnservedPart, allowed, fewest_changes
 from .sheet import Sheet, known, postures_of_sheets
-from .still_motion import Hindrance, Stage, StillMotion, StillMotions, joined, straight_seconds
+from .still_motion import Hindrance, Stage, StillMotion, joined, still_motions, straight_seconds
 
 NEAR = 1e-9  # share of a path's duration within which two instants are one
 ON_SHEET = 1e-6  # difference [joint units] below which a start posture is that of a sheet
 SAME_RATES = 1e-6  # relative difference of two G at one posture below which the joints go on as they came
+
+# Changes between two sheets that are looked at together at first, then as many again: one takes as long as sixteen.
+TOGETHER = 16
 
 Stops = ArrayLike | Callable[[Matrix], bool] | None
 """Where the sheet may change: at shares of the path's duration, or where a function of the tool pose is true."""
@@ -119,49 +122,51 @@ def _stands_on(along: _Along, q0: Vector) -> int:
     raise ArgumentError("q0", q0.tolist(), f"it is a posture of no sheet at the start of the path: {cure}")
 
 
+@dataclass(eq=False)
 class _Changes:
-    """The seconds (k, S, S) of changes between sheets at the samples, as expected; those that the best choice of sheets
-    wants are tried, until there are all that it wants."""
+    """The seconds of changes between sheets at the samples: at first the least that they could be; looked for where
+    the best choice of sheets wants one, until all that it wants are known."""
 
-    def __init__(self, along: _Along) -> None:
-        self.along, self.motions = along, dict[tuple[int, int, int], StillMotion]()
-        self.every = StillMotions(along.task, along.q, along.clear)
-        expected = self.every.seconds
-        self.seconds = np.where(along.may[:, None, None] | (expected == 0), expected, np.inf)
-        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], along.task.robot)
+    along: _Along
+    seconds: Array = field(init=False)
+    motions: dict[tuple[int, int, int], StillMotion] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        along = self.along
+        robot, q = along.task.robot, np.swapaxes(along.q, 0, 1)
+        fastest = straight_seconds(q[:, :, None], q[:, None], robot)
+        self.seconds = np.where(np.isfinite(fastest) & along.may[:, None, None], fastest, np.inf)
+        self.seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < ON_SHEET] = 0.0  # one posture: nothing changes
+        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], robot)
         self.steps = np.where(along.served, steps, np.inf)
 
     def best(self, first: int | None) -> SheetSequence:
         """The best choice of sheets."""
-        failed = 0
         while True:
             sequence = fewest_changes(self.steps, self.along.served, self.seconds, first)
-            wanted = [change for change in turnings(sequence, first) if 0 < self.seconds[change] < np.inf]
-            hindered = [change for change in wanted if self.motion(*change).hindrance is not None]
-            if not hindered:
+            unknown = [change for change in turnings(sequence, first) if change not in self.motions]
+            wanted = [change for change in unknown if 0 < self.seconds[change] < np.inf]
+            if not wanted:
                 return sequence
-            # Those of the same sheets at other samples as well that promise to be fast, more each time.
-            failed += 1
-            for _, a, b in hindered:
-                possible = np.flatnonzero((self.seconds[:, a, b] > 0) & (self.seconds[:, a, b] < np.inf))
-                for j in possible[np.argsort(self.seconds[possible, a, b], kind="stable")][:failed].tolist():
-                    self.motion(j, a, b)
+            for change in wanted:
+                self._look(*change)
 
-    def motion(self, i: int, a: int, b: int) -> StillMotion:
-        """That of a change at a sample, or why there is none."""
-        if (i, a, b) not in self.motions:
-            motion = self.every.motion(i, a, b)
-            self.motions[i, a, b], self.motions[i, b, a] = motion, motion.reversed()
-            if motion.hindrance is not None:
-                self.seconds[i, a, b] = self.seconds[i, b, a] = np.inf
-        return self.motions[i, a, b]
-
-    def reason(self, i: int, a: int, b: int) -> str:
-        """Why there is no change at a sample, in words."""
-        if not self.along.may[i]:
-            return Hindrance.NOT_ALLOWED.text
-        both = known(self.along.q[[a, b], i]).all()
-        return self.motion(i, a, b).reason if both else Hindrance.NO_POSE.text
+    def _look(self, i: int, a: int, b: int) -> None:
+        """Look for changes between two sheets: at a sample, and where else they could be as fast."""
+        if (i, a, b) in self.motions:
+            return
+        fastest = self.seconds[:, a, b].copy()
+        done = [j for j, *pair in self.motions if pair == [a, b]]
+        fastest[done] = np.inf
+        fastest[fastest == 0] = np.inf
+        others = np.argsort(fastest, kind="stable")[: max(TOGETHER, len(done))]
+        rows: Indices = np.unique(np.append(others[np.isfinite(fastest[others])], i))
+        q = self.along.q
+        for j, motion in zip(
+            rows.tolist(), still_motions(self.along.task, q[a, rows], q[b, rows], self.along.clear), strict=True
+        ):
+            self.motions[j, a, b], self.motions[j, b, a] = motion, motion.reversed()
+            self.seconds[j, a, b] = self.seconds[j, b, a] = motion.seconds
 
 
 def turnings(sequence: SheetSequence, first: int | None) -> list[tuple[int, int, int]]:
@@ -191,12 +196,13 @@ def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | 
         # A change with the tool still, or a division where there is none.
         if a in turning and changes.seconds[(a, *turning[a])] > 0:
             change = (a, *turning[a])
-            if changes.seconds[change] < np.inf:
-                motion = changes.motion(*change)
+            motion = changes.motions.get(change)
+            if motion is not None and motion.hindrance is None:
                 seams.append(Seam(along.task, *turning[a], along.poses[a], motion))
                 parts[-1] += [Stage.still(along.poses[a], motion)] if len(motion.t) > 1 else []
             else:
-                divisions.append(Division(start, *turning[a], along.poses[a], changes.reason(*change)))
+                reason = _reason(along, changes, change)
+                divisions.append(Division(start, *turning[a], along.poses[a], reason))
                 parts.append([])
         if a and a in turning and changes.seconds[(a, *turning[a])] == 0 and _goes_on(along, a, *turning[a]):
             parts[-1].pop()  # one stage over both sheets: nothing rests between them
@@ -214,6 +220,14 @@ def _unserved(along: _Along, a: int, b: int) -> tuple[Matrix, str]:
     if not len(lost):
         return along.poses[(a + b) // 2], "the joints of every sheet jump there"
     return along.poses[a + lost[len(lost) // 2]], "no sheet serves its poses, s.why(pose) says why"
+
+
+def _reason(along: _Along, changes: _Changes, change: tuple[int, int, int]) -> str:
+    i = change[0]
+    if not along.may[i]:
+        return Hindrance.NOT_ALLOWED.text
+    motion = changes.motions.get(change)
+    return Hindrance.NO_POSE.text if motion is None else motion.reason
 
 
 def _goes_on(along: _Along, i: int, a: int, b: int) -> bool:

@@ -19,15 +19,13 @@ from ...path import Path
 from ...path.workspaces import Workspace
 from ...strategies.tasks.task import Task
 from .sheet import Sheet, known, postures_of_sheets
-from .still_motion import Hindrance, StillMotion, StillMotions, still_trajectory
+from .still_motion import Hindrance, StillMotion, still_motions, still_trajectory, straight_seconds
 
-# Changes of a pair of sheets that are looked at for obstacles at most, or with several redundant joints.
-MOST = 256
+# Poses that are looked at first for a pair of sheets, twice as many each time; and at most together, and at all where
+# there are obstacles or several redundant joints: those with the nearest postures first.
+FIRST, MOST = 8, 256
 
 SHOWN = 4  # things that are in the way of a change, of those that are most often
-
-# Share of the seconds that are expected of a change which it takes at least: they are of straight lines.
-EXPECTED = 0.95
 
 PLACES = 128  # poses of a workspace in which seams are to lie
 
@@ -76,8 +74,8 @@ class Seam(Value):
 class NoSeam(Value):
     """Two sheets between which the arm does not change with its tool still, and why not.
 
-    both: poses looked at that both serve. hindrances: each with the number of poses at which it was met. ends: what ends
-    the self-motions between the two most often, joints at their limits and things that touch, with the number of times.
+    both: poses looked at that both serve. hindrances: each with the number of poses at which it was met. ends: the
+    joints at their limits, and the things too near to each other, that end the most self-motions, and how many.
     """
 
     first: int
@@ -149,8 +147,8 @@ def seams_of(
 ) -> Seams:
     """The fastest change between each pair of sheets, of those at some poses.
 
-    With one redundant joint all poses are looked at; with obstacles, or several such joints, the `MOST` that promise the
-    fastest changes.
+    Poses are looked at by the least time that the joints could take, until none that is left can be faster; with
+    obstacles, or several redundant joints, `MOST` at most.
 
     Args:
         poses, q: tool poses (k, 4, 4), and the joints of each sheet there (S, k, n), NaN where it does not serve.
@@ -161,29 +159,28 @@ def seams_of(
         ArgumentError, ShapeError, NotFiniteError: bad poses.
     """
     poses, q = _placed(task, sheets, poses, q, clear, at, middle)
-    motions, pairs = StillMotions(task, q, clear), combinations(range(len(sheets)), 2)
-    every = [_change(motions, poses, first, second) for first, second in pairs]
+    every = [_change(task, poses, q, first, second, clear) for first, second in combinations(range(len(sheets)), 2)]
     found, missing = (tuple(one for one in every if isinstance(one, kind)) for kind in (Seam, NoSeam))
     return Seams(found, missing)
 
 
-def _change(motions: StillMotions, poses: Array, first: int, second: int) -> Seam | NoSeam:
+def _change(task: Task, poses: Array, q: Array, first: int, second: int, clear: Clearances | None) -> Seam | NoSeam:
     """The fastest change between two sheets, of those at some poses; or what was met at these."""
-    task, both = motions.task, np.flatnonzero(known(motions.q[[first, second]]).all(axis=0))
-    met, ends, looks, best = Counter[Hindrance](), Counter[str](), 0, None
-    expected = motions.seconds[both, first, second]
-    for k in np.argsort(expected, kind="stable").tolist():
-        if best is not None and not EXPECTED * expected[k] < best.seconds:
-            break
-        looks += bool(np.isfinite(expected[k]) and (motions.clear is not None or task.n - task.m > 1))
-        if looks > MOST and np.isfinite(expected[k]):
-            continue
-        motion = motions.motion(int(both[k]), first, second)
-        if motion.hindrance is not None:
-            met[motion.hindrance] += 1
-            ends.update(motion.ends)
-        elif best is None or motion.seconds < best.seconds:
-            best = Seam(task, first, second, poses[both[k]], motion)
+    both = np.flatnonzero(known(q[[first, second]]).all(axis=0))
+    fastest = straight_seconds(q[first, both], q[second, both], task.robot)
+    most = len(both) if clear is None and task.n - task.m == 1 else MOST
+    order = both[np.argsort(fastest, kind="stable")][:most]
+    fastest = np.sort(fastest)
+    best, met, ends, done, size = None, Counter[Hindrance](), Counter[str](), 0, FIRST
+    while done < len(order) and (best is None or fastest[done] < best.seconds):
+        rows = order[done : done + size]
+        for i, motion in zip(rows.tolist(), still_motions(task, q[first, rows], q[second, rows], clear), strict=True):
+            if motion.hindrance is not None:
+                met[motion.hindrance] += 1
+                ends.update(motion.ends)
+            elif best is None or motion.seconds < best.seconds:
+                best = Seam(task, first, second, poses[i], motion)
+        done, size = done + size, min(2 * size, MOST)
     if best is not None:
         return best
     return NoSeam(first, second, len(both), tuple(met.most_common()), tuple(ends.most_common(SHOWN)))

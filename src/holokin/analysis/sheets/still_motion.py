@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +26,6 @@ CORRECTIONS = 4  # Newton corrections of a posture that is 1e-3 off: at round-of
 
 SAME = 1e-6  # difference [joint units] below which postures are one; of poses [m, rad] below which they are one
 
-TOGETHER = 256  # curves that are made together
-
 # Distance [joint units] of a posture from the nearest one of its curve, at most: they are 0.2 apart.
 BESIDE = 0.15
 
@@ -50,6 +46,8 @@ ARCS, ENOUGH, STEP = 32, 4, 0.1
 
 # Motion of a joint [joint units] between two looks at limits, and at what is to be kept clear of: a centimetre at 1 m.
 LOOK = 0.01
+
+TINY = 1e-12  # keeps a quotient finite
 
 ROUNDS = 16  # rounds of a closed self-motion at most, where each turns a hinge
 
@@ -78,8 +76,8 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     """Joints q (k, n) at times t (k,) [s] between two postures of one tool pose; the tool stays where it is.
 
     The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
-    for accelerating is not in them. hindrance: why there is no motion; then there are no rows. ends: what is in the way,
-    a joint at its limit or two things that touch; of a closed self-motion on both ways round.
+    for accelerating is not in them. hindrance: why there is no motion; then there are no rows. ends: a joint that comes
+    to its limit, or two things that come too near to each other; on a closed self-motion those of both ways round.
     """
 
     q: Matrix
@@ -96,7 +94,7 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     def reason(self) -> str:
         """Why there is none, in words, with what is in the way; empty where there is one."""
         text = "" if self.hindrance is None else self.hindrance.text
-        return f"{text}: {'; the other way round: '.join(self.ends)}" if self.ends else text
+        return f"{text}: {' and '.join(dict.fromkeys(self.ends))}" if self.ends else text
 
     def __str__(self) -> str:
         if self.hindrance is not None:
@@ -119,7 +117,8 @@ def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
 
     Of a joint without a limit 1 rad/s or 1 m/s is taken: only to compare motions, for none is timed without limits.
     """
-    return np.asarray(np.max(np.abs(a - b) / _speeds(robot), axis=-1))
+    speeds = np.where(np.isfinite(robot.max_velocity), robot.max_velocity, 1.0)
+    return np.asarray(np.max(np.abs(a - b) / speeds, axis=-1))
 
 
 @typed
@@ -152,257 +151,148 @@ def self_motion_between(
         raise ArgumentError(
             "the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose"
         )
-    return StillMotions(task, np.array([[a], [b]]), clear).motion(0, 0, 1)
+    return still_motions(task, a[None], b[None], clear)[0]
 
 
-# --- Many at once, such as those between the postures of sheets.
+def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | Clearances | None) -> list[StillMotion]:
+    """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none."""
+    same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
+    if same.any():
+        others = iter(still_motions(task, A[~same], B[~same], clear))
+        return [StillMotion(a[None], np.zeros(1)) if rests else next(others) for a, rests in zip(A, same, strict=True)]
+    if task.n == task.m or not len(A):
+        return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
+    if task.n - task.m > 1:
+        return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
+    return [curve.motion(clear) for curve in _curves(task, A, B)]
 
 
-@dataclass(frozen=True, eq=False)
-class StillMotions(Value):
-    """The motions between postures q (S, k, n), S at each of k tool poses; NaN where there is none.
+class _Place(NamedTuple):
+    """Where a posture is on a curve, which counts the curve's rows, and the whole turns (n,) by which it differs."""
 
-    clear: as of `self_motion_between`.
+    number: float
+    turns: Vector
+
+
+class _Curve(NamedTuple):
+    """The self-motion q (k, n) through posture a (n,), or b, and where on it these are; None where one is not.
+
+    closed: the last row is the first one, but for whole turns. regular: neither posture is singular.
     """
 
     task: Task
-    q: Array
-    clear: Clear | Clearances | None
-
-    @cached_property
-    def seconds(self) -> Array:
-        """About how long (k, S, S) [s] they take, clear or not; infinite where there is none, or not both postures.
-
-        With one redundant joint by ways within the limits, up to a few per cent less; with several as if joints went
-        straight.
-        """
-        q, robot = np.swapaxes(self.q, 0, 1), self.task.robot
-        seconds = np.full(q.shape[:2] + q.shape[1:2], np.inf)
-        if self.task.n - self.task.m > 1:
-            seconds = np.nan_to_num(straight_seconds(q[:, :, None], q[:, None], robot), nan=np.inf)
-        for (a, b), ways in self._ways.items():
-            np.minimum.at(seconds[:, a, b], ways.pose, ways.seconds)
-            seconds[:, b, a] = seconds[:, a, b]
-        seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < SAME] = 0.0
-        return seconds
-
-    def motion(self, i: int, a: int, b: int) -> StillMotion:
-        """The fastest one at pose i from posture a to b, with the tool exactly still; or why there is none."""
-        task, qa, qb = self.task, self.q[a, i], self.q[b, i]
-        if a > b:
-            return self.motion(i, b, a).reversed()
-        if np.abs(qa - qb).max(initial=0.0) < SAME:
-            return StillMotion(qa[None], np.zeros(1))
-        if task.n == task.m:
-            return _hindered(task.n, Hindrance.NOT_REDUNDANT)
-        if task.n - task.m > 1:
-            return _projected(task, qa, qb, self.clear)
-        # The ways, as long as one may be faster than the one before.
-        ways, motions = self._ways[a, b], [_hindered(task.n, *self._curves.apart(i, a, b))]
-        own = np.flatnonzero(ways.pose == i)
-        for w in own[np.argsort(ways.seconds[own], kind="stable")].tolist():
-            if w in ways.ends:
-                motions.append(_hindered(task.n, Hindrance.LIMITS, [ways.ends[w]]))
-            elif ways.seconds[w] < motions[-1].seconds:
-                rows, _ = self._curves.along(np.array([i]), a, b, ways.begin[[w]], ways.end[[w]])
-                motions.append(_checked_motion(task, _evenly(task, rows), self.clear))
-        fastest = min(motions, key=lambda motion: motion.seconds)
-        if fastest.hindrance is None:
-            return fastest
-        hindrances = [motion.hindrance for motion in motions]
-        why = next((h for h in (Hindrance.BLOCKED, Hindrance.LIMITS) if h in hindrances), motions[-1].hindrance)
-        return _hindered(task.n, why, [end for motion in motions for end in motion.ends])
-
-    @cached_property
-    def _curves(self) -> _Curves:
-        """The self-motions through the postures, with one redundant joint."""
-        return _Curves.through(self.task, self.q)
-
-    @cached_property
-    def _ways(self) -> dict[tuple[int, int], _Ways]:
-        """Those between each two of the postures; only with one redundant joint."""
-        pairs = combinations(range(len(self.q)), 2) if self.task.n - self.task.m == 1 else ()
-        return {(a, b): self._curves.ways(a, b) for a, b in pairs}
-
-
-class _Ways(NamedTuple):
-    """Ways from a posture to another one of its pose (w,) along their curve, from place begin (w,) to place end (w,).
-
-    seconds (w,): about how long one takes; infinite where a joint comes to its limit on it, `ends` says which.
-    """
-
-    pose: Indices
-    begin: Vector
-    end: Vector
-    seconds: Vector
-    ends: dict[int, str]
-
-
-class _Curves(NamedTuple):
-    """Curves, rows q (N, n) one after another from `first` (C + 1,) on, through postures Q (S, k, n), which are not
-    singular where `regular` (S, k).
-
-    The last row of one that is closed is its first one, `wind` (C, n) on, whole turns. Of each posture, the curve
-    (S, k), -1 where it is on none; its place, which counts rows of the curve, on round a closed one; and by what turns
-    (S, k, n) it differs from the row there.
-    """
-
-    robot: Robot
-    Q: Array
-    regular: Flags
     q: Matrix
-    first: Indices
-    closed: Flags
-    wind: Matrix
-    curve: Indices
-    place: Matrix
-    turns: Array
+    closed: bool
+    regular: bool
+    a: tuple[Vector, _Place | None]
+    b: tuple[Vector, _Place | None]
 
-    @classmethod
-    def through(cls, task: Task, Q: Array) -> _Curves:
-        """Those through the postures, and where on them these are; none of a posture that is on no curve of others."""
-        task, robot, known = task if task._geometric else task._geometric_twin, task.robot, np.isfinite(Q).all(axis=2)
-        S, k, n = Q.shape
-        sigma = np.linalg.svd(task.jacobian_batch(Q[known])[0], compute_uv=False)
-        regular = np.zeros((S, k), dtype=bool)
-        regular[known] = sigma[:, -1] > SINGULAR * sigma[:, 0]
-        none, flags = (np.zeros((0, n)), np.zeros(1, int)), np.zeros(0, dtype=bool)
-        places = np.full((S, k), -1), np.zeros((S, k)), np.zeros((S, k, n))
-        found = cls(robot, Q, regular, *none, flags, none[0], *places)
-        # Of each pose with two postures left the curve through the first one that is not singular.
-        tracer = CurveTracer(task, *task._poses(np.nan_to_num(Q[known.argmax(axis=0), np.arange(k)])))
-        begin = regular.copy()
-        while len(i := np.flatnonzero(begin.any(axis=0) & ((known & (found.curve < 0)).sum(axis=0) > 1))[:TOGETHER]):
-            s = begin[:, i].argmax(axis=0)
-            begin[s, i] = False
-            found = found._with_those(tracer, i, Q[s, i])
-            begin &= found.curve < 0
-        return found
+    def motion(self, clear: Clear | Clearances | None) -> StillMotion:
+        """The fastest motion along it from a to b; or why there is none."""
+        (a, begin), (b, end), robot = self.a, self.b, self.task.robot
+        if begin is None or end is None:
+            return _hindered(robot.n, *self._apart())
+        # The whole turns by which the postures differ are those of some rounds; where none turns, both ways round.
+        wind = 2 * np.pi * np.round((self.q[-1] - self.q[0]) / (2 * np.pi)) * robot.hinges * self.closed
+        turns, size, count = end.turns - begin.turns, float(wind @ wind), len(self.q) - 1
+        rounds = round(float(turns @ wind) / size) if size else 0
+        if np.abs(turns - rounds * wind).max() > 1 or abs(rounds) > ROUNDS:
+            return _hindered(robot.n, Hindrance.TURNS if self.regular else Hindrance.SINGULAR)
+        ends = [end.number + rounds * count]
+        if self.closed and not size:
+            ends.append(ends[0] - np.copysign(count, ends[0] - begin.number))
+        motions: list[StillMotion] = []
+        for number in ends:
+            way = -1 if number < begin.number else 1
+            first, last = np.floor(way * begin.number + CLOSE), np.ceil(way * number - CLOSE)
+            between = way * np.arange(int(first) + 1, int(last))
+            laps = between // max(count, 1) if self.closed else np.zeros(len(between), dtype=int)
+            rows = self.q[np.clip(between - laps * count, 0, count)] + laps[:, None] * wind + begin.turns
+            motions.append(_along(self.task, np.vstack([a, rows, b]), clear))
+        best = min(motions, key=lambda motion: motion.seconds)
+        if best.hindrance is None:
+            return best
+        first = max(motions, key=lambda motion: motion.hindrance is Hindrance.BLOCKED)
+        return _hindered(robot.n, first.hindrance, [end for motion in motions for end in motion.ends])
 
-    def _with_those(self, tracer: CurveTracer, i: Indices, begin: Matrix) -> _Curves:
-        """With the curves through postures (j, n) at poses i (j,), and the other postures that are on them."""
-        q, number, closed = curve_of_each(tracer.task, tracer.p[i], tracer.R[i], begin)
-        first, turn = np.searchsorted(number, np.arange(len(closed) + 1)), 2 * np.pi * self.robot.hinges
-        wind = turn * np.round((q[first[1:] - 1] - q[first[:-1]]) / (2 * np.pi)) * closed[:, None]
-        rows, curves = len(self.q), len(self.closed)
-        more = np.vstack([self.q, q]), np.append(self.first[:-1], first + rows), np.append(self.closed, closed)
-        found = _Curves(self.robot, self.Q, self.regular, *more, np.vstack([self.wind, wind]), *self[-3:])
-        # Rows near postures, joint by joint.
-        pose, last = i[number], np.zeros(len(q), dtype=bool)
-        last[first[1:][closed] - 1] = True
-        s, row = np.nonzero((self.curve[:, pose] < 0) & ~last)
-        for joint, full in enumerate(turn):
-            gap = self.Q[s, pose[row], joint] - q[row, joint]
-            near = np.abs(gap - full * np.round(gap / (2 * np.pi))) < BESIDE
-            s, row = s[near], row[near]
-        # Steps along the curve from there, each of the length that is left, lead to the postures or do not.
-        i, c, row = pose[row], number[row] + curves, row + rows
-        forward = found.rows(c, row - found.first[c] + 1) - found.q[row]
-        there, along, _ = tracer.step(found.q[row], forward, i, np.zeros(len(row)))
-        length, left = np.zeros(len(row)), np.ones(len(row))
-        for _ in range(4):
-            if not np.abs(left).max(initial=0.0) > SAME / 10:
-                break
-            left = np.einsum("kn,kn->k", joint_gap(self.robot, self.Q[s, i], there), along)
-            there, along, _ = tracer.step(there, along, i, left)
-            length += left
-        on = np.flatnonzero(np.abs(joint_gap(self.robot, self.Q[s, i], there)).max(axis=1) < SAME)
-        on = on[np.argsort(-np.abs(length[on]), kind="stable")]  # the nearest row comes last
-        s, i, c, row, length = s[on], i[on], c[on], row[on], length[on]
-        place = row - found.first[c]
-        step = np.linalg.norm(found.rows(c, place + np.where(length < 0, -1, 1)) - found.q[row], axis=1)
-        found.curve[s, i], found.turns[s, i] = c, turn * np.round((self.Q[s, i] - found.q[row]) / (2 * np.pi))
-        found.place[s, i] = place + np.clip(length / np.where(step > 0, step, 1.0), -1, 1)
-        return found
-
-    def rows(self, c: Indices, number: Indices) -> Matrix:
-        """Rows (k, n) of curves c (k,) by their numbers, on round closed ones, up to the ends of others."""
-        count = self.first[c + 1] - self.first[c] - 1
-        laps = np.where(self.closed[c], number // np.maximum(count, 1), 0)
-        return self.q[self.first[c] + np.clip(number - laps * count, 0, count)] + laps[:, None] * self.wind[c]
-
-    def along(self, i: Indices, a: int, b: int, begin: Vector, end: Vector) -> tuple[Matrix, Indices]:
-        """(postures (N, n) of ways from posture a to b at poses i (w,), one way after another, how many each has)."""
-        way = np.where(end < begin, -1, 1)
-        low, high = np.floor(way * begin + CLOSE).astype(int), np.ceil(way * end - CLOSE).astype(int)
-        size = np.maximum(high - low - 1, 0) + 2
-        first = np.cumsum(size) - size
-        w, last = np.repeat(np.arange(len(i)), size), first + size - 1
-        q = self.rows(self.curve[a, i][w], way[w] * (low[w] + np.arange(len(w)) - first[w])) + self.turns[a, i][w]
-        q[first], q[last] = self.Q[a, i], self.Q[b, i]
-        return q, size
-
-    def ways(self, a: int, b: int) -> _Ways:
-        """Those between two postures at all poses where one curve has both."""
-        i = np.flatnonzero((self.curve[a] >= 0) & (self.curve[a] == self.curve[b]))
-        c, begin, end = self.curve[a, i], self.place[a, i], self.place[b, i]
-        # The whole turns by which the postures differ are those of some rounds.
-        turns, wind = self.turns[b, i] - self.turns[a, i], self.wind[c]
-        size, length = np.sum(wind**2, axis=1), np.diff(self.first)[c] - 1
-        rounds = np.round(np.sum(turns * wind, axis=1) / np.where(size > 0, size, 1.0))
-        fits = (np.abs(turns - rounds[:, None] * wind).max(axis=1) < 1) & (np.abs(rounds) <= ROUNDS)
-        end = end + rounds * length
-        # Where none turns there are two ways round a closed curve.
-        two = fits & self.closed[c] & (size == 0)
-        back = end - np.where(end < begin, -length, length)
-        i, begin, end = np.append(i[fits], i[two]), np.append(begin[fits], begin[two]), np.append(end[fits], back[two])
-        if not len(i):
-            return _Ways(i, begin, end, begin, {})
-        # How long they take at an even rate, of straight lines between rows; and the first joint beyond its limits.
-        q, size = self.along(i, a, b, begin, end)
-        first = np.cumsum(size) - size
-        step = np.abs(np.diff(q, axis=0, append=q[-1:])) / _speeds(self.robot)
-        step[first[1:] - 1] = 0.0
-        norm = np.linalg.norm(step, axis=1)
-        rate = step.max(axis=1) / np.where(norm > 0, norm, 1.0)
-        seconds = np.add.reduceat(norm, first) * np.maximum.reduceat(rate, first)
-        beyond = (self.robot.beyond(q) > TOLERANCES.limit).any(axis=1)
-        row = np.minimum.reduceat(np.where(beyond, np.arange(len(q)), len(q)), first)
-        ended = np.flatnonzero(row < len(q))
-        seconds[ended] = np.inf
-        names = _limits_between(self.robot, q[row[ended] - 1], q[row[ended]])
-        return _Ways(i, begin, end, seconds, dict(zip(ended.tolist(), names, strict=True)))
-
-    def apart(self, i: int, a: int, b: int) -> tuple[Hindrance, tuple[str, ...]]:
-        """Why no way leads from posture a to b at a pose, and what is there where their curves end."""
-        curves = self.curve[[a, b], i]
-        if curves.max() < 0 or not self.regular[[a, b], i].all():
+    def _apart(self) -> tuple[Hindrance, tuple[str, ...]]:
+        """Why it has not both postures, and what is there where it ends."""
+        if not self.regular or (self.a[1] is None and self.b[1] is None):
             return Hindrance.SINGULAR, ()
-        if curves[0] == curves[1]:
-            return Hindrance.TURNS, ()
-        curves = curves[curves >= 0]
-        if self.closed[curves].any():
+        if self.closed:
             return Hindrance.APART, ()
-        # A curve that is not closed ends at limits of slides, or is singular there.
-        robot, tips = self.robot, self.q[[self.first[curves[0]], self.first[curves[0] + 1] - 1]]
+        # It ends at limits of slides, or is singular there.
+        robot, tips = self.task.robot, self.q[[0, -1]]
         gaps = enumerate((tips - robot.lower, robot.upper - tips))
-        at = [(upper, j) for upper, gap in gaps for _, j in np.argwhere((np.abs(gap) < SAME) & ~robot.hinges)]
+        at = [(upper, j) for upper, gap in gaps for _, j in np.argwhere((np.abs(gap) < SAME) & ~robot.hinges).tolist()]
         return (Hindrance.LIMITS if len(at) > 1 else Hindrance.SINGULAR), tuple(_limit(robot, *end) for end in at)
 
 
-def _speeds(robot: Robot) -> Vector:
-    """The joints' speed limits (n,) to compare motions: 1 rad/s or 1 m/s of one that has none."""
-    return np.where(np.isfinite(robot.max_velocity), robot.max_velocity, 1.0)
+def _curves(task: Task, A: Matrix, B: Matrix) -> list[_Curve]:
+    """The self-motions through postures A (k, n), or through B (k, n) where A is singular."""
+    p, R = task._poses(A)
+    sigma = np.linalg.svd(task.jacobian_batch(np.vstack([A, B]))[0], compute_uv=False).reshape(2, len(A), -1)
+    regular = sigma[:, :, -1] > SINGULAR * sigma[:, :, 0]
+    tracer = CurveTracer(task if task._geometric else task._geometric_twin, p, R)
+    q, number, closed = curve_of_each(tracer.task, p, R, np.where(regular[0][:, None], A, B))
+    first = np.searchsorted(number, np.arange(len(A) + 1))
+    places = zip(*(_places(tracer, q, number, first, closed, Q) for Q in (A, B)), strict=True)
+    return [
+        _Curve(task, q[first[i] : first[i + 1]], bool(closed[i]), bool(regular[:, i].all()), (A[i], a), (B[i], b))
+        for i, (a, b) in enumerate(places)
+    ]
 
 
-def _limits_between(robot: Robot, a: Matrix, b: Matrix) -> list[str]:
-    """The limit that a joint comes to first between each of some postures a within them and b (k, n) beyond."""
-    rest, past = np.hstack([a - robot.lower, robot.upper - a]), np.hstack([robot.lower - b, b - robot.upper])
-    with np.errstate(all="ignore"):
-        share = np.where(past > 0, np.maximum(rest, 0.0) / (rest + past), np.inf)
-    return [_limit(robot, *divmod(k, robot.n)) for k in np.argmin(share, axis=1).tolist()]
+def _places(
+    tracer: CurveTracer, q: Matrix, number: Indices, first: Indices, closed: Flags, Q: Matrix
+) -> list[_Place | None]:
+    """Where postures Q (k, n) are on curves, rows q (N, n) of those of `number` (N,), which begin at `first` (k,)."""
+    robot, after = tracer.task.robot, np.minimum(np.arange(len(q)) + 1, first[number + 1] - 1)
+    before = np.maximum(np.arange(len(q)) - 1, first[number])
+    # Steps along the curve from rows that are near, each of the length that is left, lead to a posture or do not.
+    row = np.flatnonzero(np.linalg.norm(joint_gap(robot, Q[number], q), axis=1) < BESIDE)
+    i, posture, length = number[row], q[row], np.zeros(len(row))
+    _, way, _ = tracer.step(posture, q[after[row]] - q[before[row]], i, length)
+    for _ in range(4):
+        left = np.einsum("kn,kn->k", joint_gap(robot, Q[i], posture), way)
+        posture, way, _ = tracer.step(posture, way, i, left)
+        length = length + left
+    on = np.flatnonzero(np.abs(joint_gap(robot, Q[i], posture)).max(axis=1) < SAME)
+    beside = np.where(length > 0, after[row], before[row])
+    step = np.linalg.norm(q[beside] - q[row], axis=1)
+    places: list[_Place | None] = [None] * len(Q)
+    # The nearest row comes last, of those with a row beside them on that side: not the seam of one that is closed.
+    for k in on[np.lexsort((-np.abs(length[on]), step[on] > 0))].tolist():
+        turns = 2 * np.pi * np.round((Q[i[k]] - q[row[k]]) / (2 * np.pi)) * robot.hinges
+        places[i[k]] = _Place(row[k] - first[i[k]] + float(np.clip(length[k] / max(step[k], TINY), -1, 1)), turns)
+    return places
 
 
 def _limit(robot: Robot, upper: int, joint: int) -> str:
+    """A joint at its limit, in words."""
     return str(ArcEnd(EndKind.LIMIT, robot.joint_names[joint], upper > 0))
 
 
-def _evenly(task: Task, q: Matrix) -> Matrix:
-    """Postures (j, n) of one tool pose at even steps along others (k, n), with the first and the last one of these."""
+def _first_limit(robot: Robot, q: Matrix) -> StillMotion | None:
+    """None if postures (k, n) on a way are within the limits; else no motion, and the joint that comes to one first."""
+    beyond = (robot.beyond(q) > TOLERANCES.limit).any(axis=1)
+    if not beyond.any():
+        return None
+    a, b = q[[max(int(beyond.argmax()) - 1, 0), int(beyond.argmax())]]
+    rest, past = np.append(a - robot.lower, robot.upper - a), np.append(robot.lower - b, b - robot.upper)
+    with np.errstate(all="ignore"):
+        share = np.where(past > 0, np.maximum(rest, 0.0) / (rest + past), np.inf)
+    return _hindered(robot.n, Hindrance.LIMITS, [_limit(robot, *divmod(int(share.argmin()), robot.n))])
+
+
+def _along(task: Task, q: Matrix, clear: Clear | Clearances | None) -> StillMotion:
+    """The motion along rows (k, n) of a self-motion, from the first to the last one."""
+    if (ended := _first_limit(task.robot, q)) is not None:
+        return ended
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1)))
     even = np.linspace(0.0, s[-1], 1 + max(LEAST, int(np.ceil(s[-1] / STEP))))[1:-1]
     way = held(task, np.column_stack([np.interp(even, s, joint) for joint in q.T]), *task._place(q[0]))
-    return np.vstack([q[0], way, q[-1]])
+    return _checked_motion(task, np.vstack([q[0], way, q[-1]]), clear)
 
 
 def _projected(task: Task, a: Vector, b: Vector, clear: Clear | Clearances | None) -> StillMotion:
@@ -453,9 +343,8 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | Clearances | None) -> 
     bend, turns = a - 2 * b + c, (b - a) * (c - b) < 0
     extremes = close.copy()
     extremes[1:-1] = np.where(turns, b - (c - a) ** 2 / np.where(turns, 8 * bend, 1.0), b)
-    beyond = np.flatnonzero((robot.beyond(extremes) > TOLERANCES.limit).any(axis=1))[:1]
-    if len(beyond):
-        return _hindered(task.n, Hindrance.LIMITS, _limits_between(robot, extremes[beyond - 1], extremes[beyond]))
+    if (ended := _first_limit(robot, extremes)) is not None:
+        return ended
     if (blocked := _blocked(close, clear)) is not None:
         return blocked
     return StillMotion(q, float(np.max(np.abs(slope) / speeds)) * curve.s)
