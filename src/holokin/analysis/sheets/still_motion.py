@@ -37,7 +37,9 @@ SINGULAR = 1e-6
 # By how much [m, rad] the tool may move between the postures of a motion, joints on the spline through them.
 STILL = 1e-10
 
-FINER = 6  # times that the postures of a motion are doubled at most to keep the tool still between them
+# Times that postures are put between those of a motion at most, to keep the tool still; so often between all of them,
+# later on where it moves.
+FINER, DOUBLED = 24, 4
 LEAST = 8  # steps of a motion at least
 
 # Arcs that are tried where several joints are redundant, wider and wider; so many in any case; their steps [joint
@@ -236,16 +238,14 @@ def _curves(task: Task, A: Matrix, B: Matrix) -> list[_Curve]:
     tracer = CurveTracer(task if task._geometric else task._geometric_twin, p, R)
     q, number, closed = curve_of_each(tracer.task, p, R, np.where(regular[0][:, None], A, B))
     first = np.searchsorted(number, np.arange(len(A) + 1))
-    places = zip(*(_places(tracer, q, number, first, closed, Q) for Q in (A, B)), strict=True)
+    places = zip(*(_places(tracer, q, number, first, Q) for Q in (A, B)), strict=True)
     return [
         _Curve(task, q[first[i] : first[i + 1]], bool(closed[i]), bool(regular[:, i].all()), (A[i], a), (B[i], b))
         for i, (a, b) in enumerate(places)
     ]
 
 
-def _places(
-    tracer: CurveTracer, q: Matrix, number: Indices, first: Indices, closed: Flags, Q: Matrix
-) -> list[_Place | None]:
+def _places(tracer: CurveTracer, q: Matrix, number: Indices, first: Indices, Q: Matrix) -> list[_Place | None]:
     """Where postures Q (k, n) are on curves, rows q (N, n) of those of `number` (N,), which begin at `first` (k,)."""
     robot, after = tracer.task.robot, np.minimum(np.arange(len(q)) + 1, first[number + 1] - 1)
     before = np.maximum(np.arange(len(q)) - 1, first[number])
@@ -320,18 +320,20 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | Clearances | None) -> 
     if (blocked := _blocked(q, clear)) is not None:
         return blocked
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
-    for _ in range(FINER):
+    for finer in range(FINER):
         way = np.linalg.norm(np.diff(q, axis=0) / speeds, axis=1)
         if not np.isfinite(way).all():
             return _hindered(task.n, Hindrance.SINGULAR)
         curve = Stretch(np.append(0.0, np.cumsum(way)), q)
         middle = curve.derivatives((curve.s[:-1] + curve.s[1:]) / 2, 0)[0]
-        if np.abs(_off(task, middle, p, R)).max() < most:
+        off = np.abs(_off(task, middle, p, R)).max(axis=1)
+        if off.max() < most:
             break
-        corrected = held(task, middle, p, R)
-        if not np.abs(corrected - middle).max() < STEP:  # NaN is not
+        wide = np.flatnonzero(off >= (most if finer >= DOUBLED else 0.0))
+        corrected = held(task, middle[wide], p, R)
+        if not np.abs(corrected - middle[wide]).max() < STEP:  # NaN is not
             return _hindered(task.n, Hindrance.SINGULAR)
-        q = np.insert(q, np.arange(1, len(q)), corrected, axis=0)
+        q = np.insert(q, wide + 1, corrected, axis=0)
     else:
         return _hindered(task.n, Hindrance.SINGULAR)
     # Closely along the curve: the limits, a parabola through three postures has an extremum; what is clear; rates.

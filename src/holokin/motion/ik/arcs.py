@@ -555,7 +555,7 @@ def onto(task: Task, poses: Array, q: Matrix) -> Matrix:
     task = _twin(task)
     p, R = poses[:, :3, 3], poses[:, :3, :3]
     for _ in range(8):
-        J, e = task.jacobian_batch(q)[0], task._error_function.batch(q, p, R).reshape(len(q), -1)
+        J, e = task.jacobian_batch(q)[0], task._error_function.batch(q, p, R).reshape(len(q), task.m)
         dq = least_motion(J, e[:, :, None])[:, :, 0]
         q = q + dq
         if not np.abs(dq).max(initial=0.0) > 1e-13:
