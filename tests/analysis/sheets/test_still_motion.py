@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 import holokin as hk
 from conftest import PANDA_START
 from holokin.analysis.sheets import Hindrance, self_motion_between
-from holokin.analysis.sheets.still_motion import held, still_motions, still_trajectory
+from holokin.analysis.sheets.still_motion import held, still_trajectory
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError
 
 STILL = 1e-9
@@ -152,7 +152,7 @@ def test_postures_at_both_ends_of_a_joint_s_range_are_joined() -> None:
     """From the lower limit of q1 to the upper one: the motion begins and ends at limits, and exceeds neither."""
     a, b = two_links(np.array([1.5, 0.0]), np.array([-0.4, 0.3]), 1.0)
     task = planar((-0.4, -np.pi, -np.pi), (0.3, np.pi, np.pi))
-    motion = still_motions(task, a[None], b[None], None)[0]
+    motion = self_motion_between(task, a, b)
     assert motion.hindrance is None
     Q = at_each_millisecond(task, motion)
     np.testing.assert_allclose([Q[0], Q[-1]], [a, b], atol=1e-12)

@@ -411,9 +411,4 @@ class _Touching(Value):
         return Clearances.of(self.robot, self.scene)
 
     def __call__(self, Q: Matrix) -> list[str]:
-        words, clear = [""] * len(Q), self.clearances.clear(Q)
-        blocked = np.flatnonzero(~clear)
-        gaps = self.clearances.distances(Q[blocked], self.clearances.wanted) - self.clearances.limits
-        for i, row in zip(blocked, gaps, strict=True):
-            words[i] = " and ".join(self.clearances.names[int(np.nanargmin(row))])
-        return words
+        return self.clearances.touching(Q)

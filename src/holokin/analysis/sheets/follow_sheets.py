@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.errors import ArgumentError
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, whole
-from ...motion.checks import Clear
+from ...motion.checks import Clearances
 from ...motion.ik.inverse_function import AGREE, answers
 from ...motion.ik.plan import check_start
 from ...path import Path
@@ -33,7 +33,7 @@ Stops = ArrayLike | Callable[[Matrix], bool] | None
 def follow_sheets(
     task: Task,
     sheets: Sequence[Sheet],
-    clear: Clear | None,
+    clear: Clearances | None,
     path: Path,
     q0: ArrayLike | None,
     stops: Stops,
@@ -64,7 +64,7 @@ def follow_sheets(
     elif stops is not None:
         may = np.any(np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration, axis=1)
     # The joints of each sheet, and the steps on which they continue.
-    q = postures_of_sheets(sheets, poses, clear, task.n)
+    q = postures_of_sheets(sheets, poses, None if clear is None else clear.clear, task.n)
     served = known(q)[:, :-1] & known(q)[:, 1:]
     for s, sheet in enumerate(sheets):
         i = np.flatnonzero(served[s])
@@ -82,7 +82,7 @@ class _Along(Value):
 
     task: Task
     sheets: tuple[Sheet, ...]
-    clear: Clear | None
+    clear: Clearances | None
     path: Path
     t: Vector
     poses: Array
@@ -227,9 +227,7 @@ def _reason(along: _Along, changes: _Changes, change: tuple[int, int, int]) -> s
     if not along.may[i]:
         return Hindrance.NOT_ALLOWED.text
     motion = changes.motions.get(change)
-    if motion is not None and motion.hindrance is not None:
-        return motion.hindrance.text
-    return Hindrance.NO_POSE.text
+    return Hindrance.NO_POSE.text if motion is None else motion.reason
 
 
 def _goes_on(along: _Along, i: int, a: int, b: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, PathError
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, runs
-from ...motion.checks import Clear
+from ...motion.checks import Clearances
 from ...motion.trajectory import Trajectory
 from ...path import Path
 from ...path.workspaces import Workspace
@@ -20,9 +21,11 @@ from ...strategies.tasks.task import Task
 from .sheet import Sheet, known, postures_of_sheets
 from .still_motion import Hindrance, StillMotion, still_motions, still_trajectory, straight_seconds
 
-# Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
-# postures first.
+# Poses that are looked at first for a pair of sheets, twice as many each time; and at most together, and at all where
+# there are obstacles or several redundant joints: those with the nearest postures first.
 FIRST, MOST = 8, 256
+
+SHOWN = 4  # things that are in the way of a change, of those that are most often
 
 PLACES = 128  # poses of a workspace in which seams are to lie
 
@@ -71,22 +74,25 @@ class Seam(Value):
 class NoSeam(Value):
     """Two sheets between which the arm does not change with its tool still, and why not.
 
-    both: poses looked at that both serve. hindrances: each with the number of poses at which it was met.
+    both: poses looked at that both serve. hindrances: each with the number of poses at which it was met. ends: the
+    joints at their limits, and the things too near to each other, that end the most self-motions, and how many.
     """
 
     first: int
     second: int
     both: int
     hindrances: tuple[tuple[Hindrance, int], ...]
+    ends: tuple[tuple[str, int], ...] = ()
 
     @property
     def reason(self) -> str:
         """Why, in words."""
-        tried = sum(count for _, count in self.hindrances)
-        reasons = "; ".join(f"{count} times: {hindrance.text}" for hindrance, count in self.hindrances)
         if not self.both:
             return Hindrance.NO_POSE.text
-        return f"at {tried} of {self.both} poses that both serve: {reasons}"
+        tried = sum(count for _, count in self.hindrances)
+        reasons = "; ".join(f"{count} times: {hindrance.text}" for hindrance, count in self.hindrances)
+        most = f" ({', '.join(f'{count} times {end}' for end, count in self.ends)})" if self.ends else ""
+        return f"at {tried} of {self.both} poses that both serve: {reasons}{most}"
 
     def __str__(self) -> str:
         return f"sheet {self.first} to sheet {self.second}: {self.reason}"
@@ -135,14 +141,14 @@ def seams_of(
     sheets: Sequence[Sheet],
     poses: Array,
     q: Array,
-    clear: Clear | None,
+    clear: Clearances | None,
     at: Where = None,
     middle: Matrix | None = None,
 ) -> Seams:
     """The fastest change between each pair of sheets, of those at some poses.
 
-    Poses are tried by the least time that the joints could take, until none that is left can be faster, and `MOST` at
-    most.
+    Poses are looked at by the least time that the joints could take, until none that is left can be faster; with
+    obstacles, or several redundant joints, `MOST` at most.
 
     Args:
         poses, q: tool poses (k, 4, 4), and the joints of each sheet there (S, k, n), NaN where it does not serve.
@@ -153,21 +159,41 @@ def seams_of(
         ArgumentError, ShapeError, NotFiniteError: bad poses.
     """
     poses, q = _placed(task, sheets, poses, q, clear, at, middle)
-    seams: list[Seam] = []
-    missing: list[NoSeam] = []
-    for first in range(len(sheets)):
-        for second in range(first + 1, len(sheets)):
-            both = np.flatnonzero(known(q[first]) & known(q[second]))
-            i, motion, met = _fastest(task, q[first, both], q[second, both], clear)
-            if motion is None:
-                missing.append(NoSeam(first, second, len(both), met))
-            else:
-                seams.append(Seam(task, first, second, poses[both[i]], motion))
-    return Seams(tuple(seams), tuple(missing))
+    every = [_change(task, poses, q, first, second, clear) for first, second in combinations(range(len(sheets)), 2)]
+    found, missing = (tuple(one for one in every if isinstance(one, kind)) for kind in (Seam, NoSeam))
+    return Seams(found, missing)
+
+
+def _change(task: Task, poses: Array, q: Array, first: int, second: int, clear: Clearances | None) -> Seam | NoSeam:
+    """The fastest change between two sheets, of those at some poses; or what was met at these."""
+    both = np.flatnonzero(known(q[[first, second]]).all(axis=0))
+    fastest = straight_seconds(q[first, both], q[second, both], task.robot)
+    most = len(both) if clear is None and task.n - task.m == 1 else MOST
+    order = both[np.argsort(fastest, kind="stable")][:most]
+    fastest = np.sort(fastest)
+    best, met, ends, done, size = None, Counter[Hindrance](), Counter[str](), 0, FIRST
+    while done < len(order) and (best is None or fastest[done] < best.seconds):
+        rows = order[done : done + size]
+        for i, motion in zip(rows.tolist(), still_motions(task, q[first, rows], q[second, rows], clear), strict=True):
+            if motion.hindrance is not None:
+                met[motion.hindrance] += 1
+                ends.update(motion.ends)
+            elif best is None or motion.seconds < best.seconds:
+                best = Seam(task, first, second, poses[i], motion)
+        done, size = done + size, min(2 * size, MOST)
+    if best is not None:
+        return best
+    return NoSeam(first, second, len(both), tuple(met.most_common()), tuple(ends.most_common(SHOWN)))
 
 
 def _placed(
-    task: Task, sheets: Sequence[Sheet], poses: Array, q: Array, clear: Clear | None, at: Where, middle: Matrix | None
+    task: Task,
+    sheets: Sequence[Sheet],
+    poses: Array,
+    q: Array,
+    clear: Clearances | None,
+    at: Where,
+    middle: Matrix | None,
 ) -> tuple[Array, Array]:
     """(poses (k, 4, 4), joints (S, k, n)) at which seams may lie."""
     if at is None:
@@ -176,7 +202,7 @@ def _placed(
         chosen = allowed(at, poses)
         return poses[chosen], q[:, chosen]
     T = at.poses(min(PLACES, at.size or PLACES)) if isinstance(at, Workspace) else _given(task, at, middle)
-    return T, postures_of_sheets(sheets, T, clear, task.n)
+    return T, postures_of_sheets(sheets, T, None if clear is None else clear.clear, task.n)
 
 
 def allowed(where: Callable[[Matrix], bool], poses: Array) -> Flags:
@@ -196,24 +222,6 @@ def _given(task: Task, at: PoseLike, middle: Matrix | None) -> Array:
         T[:, : given.shape[-1], 3] = given
         return tool_poses("of seams", T)
     return tool_poses("of seams", given_pose("the pose of a seam", given)[None] if given.ndim == 2 else given)
-
-
-def _fastest(
-    task: Task, A: Matrix, B: Matrix, clear: Clear | None
-) -> tuple[int, StillMotion | None, tuple[tuple[Hindrance, int], ...]]:
-    """(row, motion) of the fastest motion from postures A (k, n) to B (k, n), or the hindrances that were met."""
-    fastest = straight_seconds(A, B, task.robot)
-    order: Indices = np.argsort(fastest, kind="stable")[:MOST]
-    best, row, met, done, size = None, -1, Counter[Hindrance](), 0, FIRST
-    while done < len(order) and (best is None or fastest[order[done]] < best.seconds):
-        rows = order[done : done + size]
-        for i, motion in zip(rows.tolist(), still_motions(task, A[rows], B[rows], clear), strict=True):
-            if motion.hindrance is not None:
-                met[motion.hindrance] += 1
-            elif best is None or motion.seconds < best.seconds:
-                best, row = motion, i
-        done, size = done + size, 2 * size
-    return row, best, tuple(met.most_common())
 
 
 @dataclass(frozen=True, eq=False)
@@ -375,42 +383,27 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
             where both have one posture: then it is no change, and counts a microsecond.
         first: the sheet on which the arm stands at the first sample; None for any.
     """
-    k = served.shape[1]
-    chosen = np.full(k, -1)
-    some = served.any(axis=0)
-    parts = runs(np.asarray(some)).tolist()
-    divisions, changes, seconds = max(0, len(parts) - 1), 0, 0.0
-    for begin, end in parts:
-        stands = first if begin == 0 else None
-        labels, cost = _run(steps[:, begin:end], served[:, begin:end], change[begin:end], stands)
-        chosen[begin:end] = labels
-        divisions, changes, seconds = divisions + cost[0], changes + cost[1], seconds + cost[2]
-    return SheetSequence(chosen, divisions, changes, seconds)
-
-
-def _run(steps: Array, served: Flags, change: Array, first: int | None) -> tuple[Indices, Cost]:
-    """The best choice for steps (S, k) each of which some sheet serves, and its cost."""
     S, k = served.shape
-    before: list[Cost | None] = [(0, 0, 0.0) if first in (None, s) else None for s in range(S)]
-    come = np.full((k, S), -1)
+    # Of each sheet the least cost so far, and from which one it came: -1 for none, from which every one is free.
+    costs: dict[int, Cost] = {-1 if first is None else first: (0, 0, 0.0)}
+    come = np.full((k, S + 1), -1)
     for i in range(k):
-        after: list[Cost | None] = [None] * S
-        for s in np.flatnonzero(served[:, i]).tolist():
-            ways = [(_plus(cost, i, t, s, change, first), t) for t, cost in enumerate(before) if cost is not None]
-            best, t = min(ways)
-            after[s], come[i, s] = (best[0], best[1], best[2] + float(steps[s, i])), t
-        before = after
-    cost, s = min((cost, s) for s, cost in enumerate(before) if cost is not None)
-    labels = np.empty(k, dtype=int)
+        after: dict[int, Cost] = {}
+        for s in np.flatnonzero(served[:, i]).tolist() or [-1]:
+            best, come[i, s] = min((_plus(cost, i, t, s, change), t) for t, cost in costs.items())
+            after[s] = (best[0], best[1], best[2] + (float(steps[s, i]) if s >= 0 else 0.0))
+        costs = after
+    cost, s = min((cost, s) for s, cost in costs.items())
+    chosen = np.empty(k, dtype=int)
     for i in range(k - 1, -1, -1):
-        labels[i] = s
-        s = int(come[i, s])
-    return labels, cost
+        chosen[i], s = s, int(come[i, s])
+    gaps = max(0, len(runs(np.asarray(chosen >= 0))) - 1)
+    return SheetSequence(chosen, gaps + cost[0], cost[1], cost[2])
 
 
-def _plus(cost: Cost, i: int, t: int, s: int, change: Array, first: int | None) -> Cost:
+def _plus(cost: Cost, i: int, t: int, s: int, change: Array) -> Cost:
     """The cost of going on from sheet t to sheet s at sample i."""
-    if t == s or (i == 0 and first is None):
+    if t == s or -1 in (t, s):
         return cost
     seconds = float(change[i, t, s])
     if seconds == 0:

@@ -251,7 +251,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Raises:
             ArgumentError, ShapeError, NotFiniteError: bad poses.
         """
-        return seams_of(self.task, self.sheets, self.poses, self.q, self.clear, at, self.workspace.center)
+        return seams_of(self.task, self.sheets, self.poses, self.q, self.clearances, at, self.workspace.center)
 
     @typed
     def follow(
@@ -279,7 +279,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             ArgumentError: q0 is a posture of no sheet there, bad stops or samples. StartError: its tool is not at the
             start of the path. ShapeError, NotFiniteError.
         """
-        return follow_sheets(self.task, self.sheets, self.clear, path, q0, stops, samples, self.workspace.center)
+        return follow_sheets(self.task, self.sheets, self.clearances, path, q0, stops, samples, self.workspace.center)
 
     @typed
     def certified(
@@ -319,7 +319,12 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     @cached_property
     def clear(self) -> Clear | None:
         """Which postures (k, n) keep clear of what was named; None where nothing was."""
-        return None if self.scene is None else Clearances.of(self.task.robot, self.scene).clear
+        return None if self.clearances is None else self.clearances.clear
+
+    @cached_property
+    def clearances(self) -> Clearances | None:
+        """How far apart the arm and what was named are; None where nothing was."""
+        return None if self.scene is None else Clearances.of(self.task.robot, self.scene)
 
     @property
     def served(self) -> Flags:

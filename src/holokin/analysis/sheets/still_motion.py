@@ -1,31 +1,35 @@
-"""Motions of the joints between two postures of one tool pose, with the tool still."""
+"""Motions of the joints between postures of one tool pose, with the tool still."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
-from ...motion.checks import Clear
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ...motion.checks import Clear, Clearances
+from ...motion.ik.curve_cuts import curve_of_each
+from ...motion.ik.pose_curves import ArcEnd, EndKind
 from ...motion.timing import Stretch
 from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
-from ...strategies.self_motion_curves import CurveEnd, CurveTracer, SelfMotionCurve, joint_gap, least_motion
+from ...strategies.self_motion_curves import CurveTracer, joint_gap, least_motion
 from ...strategies.tasks.task import Task
 
-STEP = 0.1  # arc length [joint units] between the postures of a self-motion that is traced
 CORRECTIONS = 4  # Newton corrections of a posture that is 1e-3 off: at round-off after three
 
-# Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long.
-LENGTH = 8 * np.pi
-
 SAME = 1e-6  # difference [joint units] below which postures are one; of poses [m, rad] below which they are one
+
+# Distance [joint units] of a posture from the nearest one of its curve, at most: they are 0.2 apart.
+BESIDE = 0.15
+
+CLOSE = 0.02  # share of the way to the next posture of a curve within which it is left out beside the first or last one
 
 # Smallest over largest singular value of J below which a posture is singular: a self-motion branches there.
 SINGULAR = 1e-6
@@ -33,20 +37,19 @@ SINGULAR = 1e-6
 # By how much [m, rad] the tool may move between the postures of a motion, joints on the spline through them.
 STILL = 1e-10
 
-FINER = 6  # times that the postures of a motion are doubled at most to keep the tool still between them
+# Times that postures are put between those of a motion at most, to keep the tool still; so often between all of them,
+# later on where it moves.
+FINER, DOUBLED = 24, 4
 LEAST = 8  # steps of a motion at least
 
-# Steps to the place of a self-motion that is nearest to a posture; they converge as its bend times the distance.
-NEARER = 5
+# Arcs that are tried where several joints are redundant, wider and wider; so many in any case; their steps [joint
+# units], which is also by how much a posture between two others is off the spline through them at most.
+ARCS, ENOUGH, STEP = 32, 4, 0.1
 
-TINY = 1e-12  # keeps a quotient finite
-ARCS, ENOUGH = 32, 4  # curves that are tried where several joints are redundant, wider and wider; so many in any case
-
-# Motion of a joint [joint units] between two looks at what a motion is to keep clear of: a centimetre at 1 m.
+# Motion of a joint [joint units] between two looks at limits, and at what is to be kept clear of: a centimetre at 1 m.
 LOOK = 0.01
 
-# Instants between two postures at which limits are looked at; a parabola through three of them has the extremum.
-BETWEEN = 8
+TINY = 1e-12  # keeps a quotient finite
 
 ROUNDS = 16  # rounds of a closed self-motion at most, where each turns a hinge
 
@@ -60,7 +63,6 @@ class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
     LIMITS = "joint limits end the self-motion before it comes to the other posture"
     BLOCKED = "every self-motion between the postures comes too near to an obstacle, the floor or another link"
     SINGULAR = "the self-motion leads to a singular posture before it comes to the other one"
-    LENGTH = "the self-motion was followed for {length:.0f} joint units each way and did not come to the other posture"
     NOT_FOUND = "no self-motion between the postures was found; that does not prove that there is none"
     NO_POSE = "no pose that was looked at is served by both sheets"
     NOT_ALLOWED = "no change is allowed there"
@@ -68,7 +70,7 @@ class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
     @property
     def text(self) -> str:
         """The cause in words."""
-        return self.value.format(length=LENGTH)
+        return str(self.value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,31 +78,40 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     """Joints q (k, n) at times t (k,) [s] between two postures of one tool pose; the tool stays where it is.
 
     The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
-    for accelerating is not in them. hindrance: why there is no motion; then there are no rows.
+    for accelerating is not in them. hindrance: why there is no motion; then there are no rows. ends: a joint that comes
+    to its limit, or two things that come too near to each other; on a closed self-motion those of both ways round.
     """
 
     q: Matrix
     t: Vector
     hindrance: Hindrance | None = None
+    ends: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> float:
         """How long it takes; infinite where there is none."""
         return float(self.t[-1]) if len(self.t) else float("inf")
 
+    @property
+    def reason(self) -> str:
+        """Why there is none, in words, with what is in the way; empty where there is one."""
+        text = "" if self.hindrance is None else self.hindrance.text
+        return f"{text}: {' and '.join(dict.fromkeys(self.ends))}" if self.ends else text
+
     def __str__(self) -> str:
         if self.hindrance is not None:
-            return f"no motion: {self.hindrance.text}"
+            return f"no motion: {self.reason}"
         return f"a motion of {self.seconds:.2f} s with the tool still, through {len(self.q)} postures"
 
     def reversed(self) -> StillMotion:
         """The way back."""
-        return StillMotion(self.q[::-1], self.seconds - self.t[::-1], self.hindrance) if len(self.t) else self
+        back = (self.q[::-1], self.seconds - self.t[::-1]) if len(self.t) else (self.q, self.t)
+        return StillMotion(*back, self.hindrance, self.ends[::-1])
 
 
-def _hindered(n: int, why: Hindrance) -> StillMotion:
+def _hindered(n: int, why: Hindrance, ends: Sequence[str] = ()) -> StillMotion:
     """None, for n joints."""
-    return StillMotion(np.zeros((0, n)), np.zeros(0), why)
+    return StillMotion(np.zeros((0, n)), np.zeros(0), why, tuple(ends))
 
 
 def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
@@ -113,16 +124,19 @@ def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
 
 
 @typed
-def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear | None = None) -> StillMotion:
-    """The fastest motion found from one posture to another of the same tool pose, with the tool still.
+def self_motion_between(
+    task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear | Clearances | None = None
+) -> StillMotion:
+    """The fastest motion from one posture to another of the same tool pose, with the tool still.
 
-    With one redundant joint the postures of a pose are curves: those through qa are traced both ways. A whole turn of a
-    hinge makes another posture. With several redundant joints straight lines and arcs between the postures are
+    With one redundant joint the postures of a pose are curves: those through qa are followed both ways. A whole turn of
+    a hinge makes another posture. With several redundant joints straight lines and arcs between the postures are
     projected onto the postures of the pose, which need not find a motion where there is one.
 
     Args:
         qa, qb: postures (n,) within the joint limits.
-        clear: which postures (k, n) keep clear of obstacles, as `Clearances.clear`; it is asked at steps of 0.01 rad.
+        clear: which postures (k, n) keep clear of obstacles, as `Clearances.clear`; it is asked at steps of 0.01 rad. A
+            `Clearances` also says what touches.
 
     Returns:
         The motion, or the reason why there is none.
@@ -142,26 +156,146 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
     return still_motions(task, a[None], b[None], clear)[0]
 
 
-def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None) -> list[StillMotion]:
+def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | Clearances | None) -> list[StillMotion]:
     """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none."""
     same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
     if same.any():
         others = iter(still_motions(task, A[~same], B[~same], clear))
         return [StillMotion(a[None], np.zeros(1)) if rests else next(others) for a, rests in zip(A, same, strict=True)]
-    if task.n == task.m:
+    if task.n == task.m or not len(A):
         return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
         return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
-    motions = [_hindered(task.n, Hindrance.SINGULAR) for _ in A]
-    sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
-    good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
-    curves = CurveTracer.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=False)
-    for i, curve in zip(good.tolist(), curves, strict=True):
-        motions[i] = _along(_Line.of(curve), A[i], B[i], clear)
-    return motions
+    return [curve.motion(clear) for curve in _curves(task, A, B)]
 
 
-def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
+class _Place(NamedTuple):
+    """Where a posture is on a curve, which counts the curve's rows, and the whole turns (n,) by which it differs."""
+
+    number: float
+    turns: Vector
+
+
+class _Curve(NamedTuple):
+    """The self-motion q (k, n) through posture a (n,), or b, and where on it these are; None where one is not.
+
+    closed: the last row is the first one, but for whole turns. regular: neither posture is singular.
+    """
+
+    task: Task
+    q: Matrix
+    closed: bool
+    regular: bool
+    a: tuple[Vector, _Place | None]
+    b: tuple[Vector, _Place | None]
+
+    def motion(self, clear: Clear | Clearances | None) -> StillMotion:
+        """The fastest motion along it from a to b; or why there is none."""
+        (a, begin), (b, end), robot = self.a, self.b, self.task.robot
+        if begin is None or end is None:
+            return _hindered(robot.n, *self._apart())
+        # The whole turns by which the postures differ are those of some rounds; where none turns, both ways round.
+        wind = 2 * np.pi * np.round((self.q[-1] - self.q[0]) / (2 * np.pi)) * robot.hinges * self.closed
+        turns, size, count = end.turns - begin.turns, float(wind @ wind), len(self.q) - 1
+        rounds = round(float(turns @ wind) / size) if size else 0
+        if np.abs(turns - rounds * wind).max() > 1 or abs(rounds) > ROUNDS:
+            return _hindered(robot.n, Hindrance.TURNS if self.regular else Hindrance.SINGULAR)
+        ends = [end.number + rounds * count]
+        if self.closed and not size:
+            ends.append(ends[0] - np.copysign(count, ends[0] - begin.number))
+        motions: list[StillMotion] = []
+        for number in ends:
+            way = -1 if number < begin.number else 1
+            first, last = np.floor(way * begin.number + CLOSE), np.ceil(way * number - CLOSE)
+            between = way * np.arange(int(first) + 1, int(last))
+            laps = between // max(count, 1) if self.closed else np.zeros(len(between), dtype=int)
+            rows = self.q[np.clip(between - laps * count, 0, count)] + laps[:, None] * wind + begin.turns
+            motions.append(_along(self.task, np.vstack([a, rows, b]), clear))
+        best = min(motions, key=lambda motion: motion.seconds)
+        if best.hindrance is None:
+            return best
+        first = max(motions, key=lambda motion: motion.hindrance is Hindrance.BLOCKED)
+        return _hindered(robot.n, first.hindrance, [end for motion in motions for end in motion.ends])
+
+    def _apart(self) -> tuple[Hindrance, tuple[str, ...]]:
+        """Why it has not both postures, and what is there where it ends."""
+        if not self.regular or (self.a[1] is None and self.b[1] is None):
+            return Hindrance.SINGULAR, ()
+        if self.closed:
+            return Hindrance.APART, ()
+        # It ends at limits of slides, or is singular there.
+        robot, tips = self.task.robot, self.q[[0, -1]]
+        gaps = enumerate((tips - robot.lower, robot.upper - tips))
+        at = [(upper, j) for upper, gap in gaps for _, j in np.argwhere((np.abs(gap) < SAME) & ~robot.hinges).tolist()]
+        return (Hindrance.LIMITS if len(at) > 1 else Hindrance.SINGULAR), tuple(_limit(robot, *end) for end in at)
+
+
+def _curves(task: Task, A: Matrix, B: Matrix) -> list[_Curve]:
+    """The self-motions through postures A (k, n), or through B (k, n) where A is singular."""
+    p, R = task._poses(A)
+    sigma = np.linalg.svd(task.jacobian_batch(np.vstack([A, B]))[0], compute_uv=False).reshape(2, len(A), -1)
+    regular = sigma[:, :, -1] > SINGULAR * sigma[:, :, 0]
+    tracer = CurveTracer(task if task._geometric else task._geometric_twin, p, R)
+    q, number, closed = curve_of_each(tracer.task, p, R, np.where(regular[0][:, None], A, B))
+    first = np.searchsorted(number, np.arange(len(A) + 1))
+    places = zip(*(_places(tracer, q, number, first, Q) for Q in (A, B)), strict=True)
+    return [
+        _Curve(task, q[first[i] : first[i + 1]], bool(closed[i]), bool(regular[:, i].all()), (A[i], a), (B[i], b))
+        for i, (a, b) in enumerate(places)
+    ]
+
+
+def _places(tracer: CurveTracer, q: Matrix, number: Indices, first: Indices, Q: Matrix) -> list[_Place | None]:
+    """Where postures Q (k, n) are on curves, rows q (N, n) of those of `number` (N,), which begin at `first` (k,)."""
+    robot, after = tracer.task.robot, np.minimum(np.arange(len(q)) + 1, first[number + 1] - 1)
+    before = np.maximum(np.arange(len(q)) - 1, first[number])
+    # Steps along the curve from rows that are near, each of the length that is left, lead to a posture or do not.
+    row = np.flatnonzero(np.linalg.norm(joint_gap(robot, Q[number], q), axis=1) < BESIDE)
+    i, posture, length = number[row], q[row], np.zeros(len(row))
+    _, way, _ = tracer.step(posture, q[after[row]] - q[before[row]], i, length)
+    for _ in range(4):
+        left = np.einsum("kn,kn->k", joint_gap(robot, Q[i], posture), way)
+        posture, way, _ = tracer.step(posture, way, i, left)
+        length = length + left
+    on = np.flatnonzero(np.abs(joint_gap(robot, Q[i], posture)).max(axis=1) < SAME)
+    beside = np.where(length > 0, after[row], before[row])
+    step = np.linalg.norm(q[beside] - q[row], axis=1)
+    places: list[_Place | None] = [None] * len(Q)
+    # The nearest row comes last, of those with a row beside them on that side: not the seam of one that is closed.
+    for k in on[np.lexsort((-np.abs(length[on]), step[on] > 0))].tolist():
+        turns = 2 * np.pi * np.round((Q[i[k]] - q[row[k]]) / (2 * np.pi)) * robot.hinges
+        places[i[k]] = _Place(row[k] - first[i[k]] + float(np.clip(length[k] / max(step[k], TINY), -1, 1)), turns)
+    return places
+
+
+def _limit(robot: Robot, upper: int, joint: int) -> str:
+    """A joint at its limit, in words."""
+    return str(ArcEnd(EndKind.LIMIT, robot.joint_names[joint], upper > 0))
+
+
+def _first_limit(robot: Robot, q: Matrix) -> StillMotion | None:
+    """None if postures (k, n) on a way are within the limits; else no motion, and the joint that comes to one first."""
+    beyond = (robot.beyond(q) > TOLERANCES.limit).any(axis=1)
+    if not beyond.any():
+        return None
+    a, b = q[[max(int(beyond.argmax()) - 1, 0), int(beyond.argmax())]]
+    rest, past = np.append(a - robot.lower, robot.upper - a), np.append(robot.lower - b, b - robot.upper)
+    with np.errstate(all="ignore"):
+        share = np.where(past > 0, np.maximum(rest, 0.0) / (rest + past), np.inf)
+    return _hindered(robot.n, Hindrance.LIMITS, [_limit(robot, *divmod(int(share.argmin()), robot.n))])
+
+
+def _along(task: Task, q: Matrix, clear: Clear | Clearances | None) -> StillMotion:
+    """The motion along rows (k, n) of a self-motion, from the first to the last one."""
+    if (ended := _first_limit(task.robot, q)) is not None:
+        return ended
+    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1)))
+    even = np.linspace(0.0, s[-1], 1 + max(LEAST, int(np.ceil(s[-1] / STEP))))[1:-1]
+    way = held(task, np.column_stack([np.interp(even, s, joint) for joint in q.T]), *task._place(q[0]))
+    return _checked_motion(task, np.vstack([q[0], way, q[-1]]), clear)
+
+
+def _projected(task: Task, a: Vector, b: Vector, clear: Clear | Clearances | None) -> StillMotion:
     """The fastest of some motions between two postures (n,): a line, and arcs beside it, held at the pose."""
     rng, gap = np.random.default_rng(0), float(np.linalg.norm(b - a))
     place, motions = task._place(a), []
@@ -176,131 +310,57 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
     return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
 
 
-@dataclass(frozen=True, eq=False)
-class _Line(Value):
-    """A self-motion q (k, n) at arc lengths s (k,), 0 at the posture from which it was traced.
-
-    Of a closed one the last posture is the first, `wind` (n,) whole turns on.
-    """
-
-    task: Task
-    q: Matrix
-    s: Vector
-    wind: Vector
-    closed: bool
-    why: Hindrance
-
-    @classmethod
-    def of(cls, curve: SelfMotionCurve) -> _Line:
-        """That of a self-motion. `why`: what is the matter where a posture is not on it."""
-        ends = {CurveEnd.SINGULAR: Hindrance.SINGULAR, CurveEnd.LENGTH: Hindrance.LENGTH}
-        why = next((ends[ending] for ending in ends if ending in curve.endings), Hindrance.APART)
-        q, s, wind = curve.q, curve.s, np.zeros(curve.q.shape[1])
-        if curve.closed:
-            wind = np.round((q[-1] - q[0]) / (2 * np.pi)) * curve.task.robot.hinges
-            q = np.vstack([q, q[0] + 2 * np.pi * wind])
-            s = np.append(s, s[-1] + np.linalg.norm(q[-1] - q[-2]))
-        return cls(curve.task, q, s, wind, curve.closed, why)
-
-    @property
-    def length(self) -> float:
-        """Of one round."""
-        return float(self.s[-1] - self.s[0])
-
-    def near(self, s: Vector) -> Matrix:
-        """Postures (k, n) at arc lengths (k,), beyond the ends of a closed one as well, on straight lines between its
-        own."""
-        laps = np.floor((s - self.s[0]) / self.length) if self.closed else np.zeros(len(s))
-        q = np.column_stack([np.interp(s - laps * self.length, self.s, joint) for joint in self.q.T])
-        return q + 2 * np.pi * laps[:, None] * self.wind
-
-    def at(self, s: Vector) -> Matrix:
-        """The same with the tool exactly still."""
-        return held(self.task, self.near(s), *self.task._place(self.q[int(np.argmin(np.abs(self.s)))]))
-
-    def places(self, b: Vector) -> list[float]:
-        """Arc lengths, within one round, at which it passes a posture (n,), whole turns of hinges taken off."""
-        robot = self.task.robot
-        d = np.linalg.norm(joint_gap(robot, self.q, b), axis=1)
-        before, after = np.append(np.inf, d[:-1]), np.append(d[1:], np.inf)
-        places: list[float] = []
-        for j in np.flatnonzero((d <= before) & (d <= after) & (d < 2 * STEP)):
-            s = float(self.s[j])
-            for _ in range(NEARER):
-                low, middle, high = self.at(np.array([s - 0.1 * STEP, s, s + 0.1 * STEP]))
-                tangent = (high - low) / (0.2 * STEP)
-                s += float(joint_gap(robot, b, middle) @ tangent / max(float(tangent @ tangent), TINY))
-                if not self.closed:
-                    s = float(np.clip(s, self.s[0], self.s[-1]))
-            known = any(abs(s - other) < SAME or abs(abs(s - other) - self.length) < SAME for other in places)
-            if not known and np.abs(joint_gap(robot, b, self.at(np.array([s]))[0])).max() < SAME:
-                places.append(s)
-        return places
-
-    def ends(self, b: Vector) -> tuple[list[float], Hindrance]:
-        """(arc lengths at which it is the posture b (n,), whole turns included, why there is none)."""
-        ends_found, why = [], self.why
-        for s in self.places(b):
-            why = Hindrance.TURNS
-            turns = np.round((b - self.at(np.array([s]))[0]) / (2 * np.pi)) * self.task.robot.hinges
-            if not self.wind.any():
-                if not turns.any():
-                    ends_found += [s, s - np.copysign(self.length, s)] if self.closed else [s]
-            else:
-                m = round(float(turns @ self.wind / (self.wind @ self.wind)))
-                if abs(m) <= ROUNDS and np.array_equal(turns, m * self.wind):
-                    ends_found.append(s + m * self.length)
-        return ends_found, why
-
-
-def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
-    """The fastest motion along a self-motion from its own posture a (n,) to b (n,)."""
-    ends, why = line.ends(b)
-    motions = []
-    for end in ends:
-        s = np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP))))
-        if (line.task.robot.beyond(line.near(s)) > STEP).any():
-            why = Hindrance.LIMITS
-            continue
-        way = line.at(s)
-        way[[0, -1]] = a, b
-        motion = _checked_motion(line.task, way, clear)
-        why = why if motion.hindrance is None else motion.hindrance
-        if motion.hindrance is None:
-            motions.append(motion)
-    return min(motions, key=lambda motion: motion.seconds) if motions else _hindered(line.task.n, why)
-
-
-def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
+def _checked_motion(task: Task, q: Matrix, clear: Clear | Clearances | None) -> StillMotion:
     """The motion through postures (k, n) of one tool pose, with so many between them that the tool is still.
 
     Splines through them keep the tool still to `STILL`, and within the limits; postures are clear at every one of them.
     """
     robot, (p, R) = task.robot, task._place(q[0])
     speeds = speed_limits(robot)
-    if not np.isfinite(q).all():
-        return _hindered(task.n, Hindrance.SINGULAR)
-    if (robot.beyond(q) > TOLERANCES.limit).any():
-        return _hindered(task.n, Hindrance.LIMITS)
+    if (blocked := _blocked(q, clear)) is not None:
+        return blocked
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
-    for _ in range(FINER):
-        curve = Stretch(_way(q, speeds), q)
-        s = (curve.s[:-1] + curve.s[1:]) / 2
-        middle = curve.derivatives(s, 0)[0]
-        if np.abs(_off(task, middle, p, R)).max() < most:
-            break
-        corrected = held(task, middle, p, R)
-        if not np.isfinite(corrected).all() or np.abs(corrected - middle).max() > STEP:
+    for finer in range(FINER):
+        way = np.linalg.norm(np.diff(q, axis=0) / speeds, axis=1)
+        if not np.isfinite(way).all():
             return _hindered(task.n, Hindrance.SINGULAR)
-        q = np.insert(q, np.arange(1, len(q)), corrected, axis=0)
+        curve = Stretch(np.append(0.0, np.cumsum(way)), q)
+        middle = curve.derivatives((curve.s[:-1] + curve.s[1:]) / 2, 0)[0]
+        off = np.abs(_off(task, middle, p, R)).max(axis=1)
+        if off.max() < most:
+            break
+        wide = np.flatnonzero(off >= (most if finer >= DOUBLED else 0.0))
+        corrected = held(task, middle[wide], p, R)
+        if not np.abs(corrected - middle[wide]).max() < STEP:  # NaN is not
+            return _hindered(task.n, Hindrance.SINGULAR)
+        q = np.insert(q, wide + 1, corrected, axis=0)
     else:
         return _hindered(task.n, Hindrance.SINGULAR)
-    if not _within(robot, curve):
-        return _hindered(task.n, Hindrance.LIMITS)
-    if clear is not None and not clear(_closely(curve)).all():
-        return _hindered(task.n, Hindrance.BLOCKED)
-    rate = float(np.max(np.abs(curve.derivatives(_finely(curve.s), 1)[1]) / speeds))
-    return StillMotion(q, rate * curve.s)
+    # Closely along the curve: the limits, a parabola through three postures has an extremum; what is clear; rates.
+    steps = np.maximum(2, np.ceil(np.abs(np.diff(q, axis=0)).max(axis=1) / LOOK)).astype(int)
+    share = (np.arange(steps.sum()) - np.repeat(np.cumsum(steps) - steps, steps)) / np.repeat(steps, steps)
+    s = np.append(np.repeat(curve.s[:-1], steps) + share * np.repeat(np.diff(curve.s), steps), curve.s[-1])
+    close, slope = curve.derivatives(s, 1)
+    a, b, c = close[:-2], close[1:-1], close[2:]
+    bend, turns = a - 2 * b + c, (b - a) * (c - b) < 0
+    extremes = close.copy()
+    extremes[1:-1] = np.where(turns, b - (c - a) ** 2 / np.where(turns, 8 * bend, 1.0), b)
+    if (ended := _first_limit(robot, extremes)) is not None:
+        return ended
+    if (blocked := _blocked(close, clear)) is not None:
+        return blocked
+    return StillMotion(q, float(np.max(np.abs(slope) / speeds)) * curve.s)
+
+
+def _blocked(q: Matrix, clear: Clear | Clearances | None) -> StillMotion | None:
+    """None if postures (k, n) are clear; else no motion, and what the first one that is not comes near to."""
+    if clear is None:
+        return None
+    free = clear.clear(q) if isinstance(clear, Clearances) else clear(q)
+    if free.all():
+        return None
+    first = q[[int(np.argmin(free))]]
+    return _hindered(q.shape[1], Hindrance.BLOCKED, clear.touching(first) if isinstance(clear, Clearances) else ())
 
 
 def held(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
@@ -314,34 +374,6 @@ def _off(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
     k = len(q)
     e = task._error_function.batch(q, np.broadcast_to(p, (k, *p.shape)), np.broadcast_to(R, (k, *R.shape)))
     return np.asarray(e).reshape(k, -1)
-
-
-def _way(q: Matrix, speeds: Vector) -> Vector:
-    """How long (k,) the way along postures (k, n) is, joints measured by their speeds [s]."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0) / speeds, axis=1))])
-
-
-def _finely(s: Vector) -> Vector:
-    share = np.arange(BETWEEN) / BETWEEN
-    return np.append((s[:-1, None] + share * np.diff(s)[:, None]).ravel(), s[-1])
-
-
-def _closely(curve: Stretch) -> Matrix:
-    """Postures of a curve between which no joint moves by more than `LOOK`."""
-    steps = np.maximum(1, np.ceil(np.abs(np.diff(curve.q, axis=0)).max(axis=1) / LOOK)).astype(int)
-    s = [a + (b - a) * np.arange(k) / k for a, b, k in zip(curve.s[:-1], curve.s[1:], steps.tolist(), strict=True)]
-    return curve.derivatives(np.append(np.concatenate(s), curve.s[-1]), 0)[0]
-
-
-def _within(robot: Robot, curve: Stretch) -> bool:
-    """Whether a curve keeps the limits, between its postures as well: a parabola through three has its extremum."""
-    q = curve.derivatives(_finely(curve.s), 0)[0]
-    a, b, c = q[:-2], q[1:-1], q[2:]
-    bend = a - 2 * b + c
-    turn = ((b - a) * (c - b) < 0) & (bend != 0)
-    top = np.where(turn, b - (c - a) ** 2 / np.where(turn, 8 * bend, 1.0), b)
-    every = np.vstack([q, top])
-    return bool(((every >= robot.lower - TOLERANCES.limit) & (every <= robot.upper + TOLERANCES.limit)).all())
 
 
 # --- Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose between two.

@@ -242,7 +242,7 @@ class SheetFollower:
             key = (q.tobytes(), sheet)
             if key not in self._known:
                 self._known = {k: v for k, v in self._known.items() if k[0] == key[0]}
-                self._known[key] = self_motion_between(sheets.task, q, resting[sheet], sheets.clear)
+                self._known[key] = self_motion_between(sheets.task, q, resting[sheet], sheets.clearances)
             motion = self._known[key]
             if motion.hindrance is None:
                 self._change = _Change(motion, poses, q)
@@ -250,7 +250,7 @@ class SheetFollower:
                 way = f"Goes to sheet {sheet}" if first < 0 else f"Changes from sheet {first} to sheet {sheet}"
                 self._tell(sheet=sheet, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
                 return Move(q, StrategyStatus.STOPPED, self._state.sentence)
-            reason = reason or motion.hindrance.text
+            reason = reason or motion.reason
         fact = f"it would have to change to sheet {wanted}, and no self-motion leads there"
         sentence = f"The arm rests: {fact}: {reason}."
         self._tell(sheet=-1, sentence=sentence, why="")

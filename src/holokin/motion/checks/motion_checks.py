@@ -385,6 +385,14 @@ class Clearances(Value):
         """Which postures (k, n) keep all pairs as far apart as is asked of them (k,)."""
         return np.all(keeps(self.distances(Q, self.wanted), self.limits), axis=1)
 
+    def touching(self, Q: Matrix) -> list[str]:
+        """The pair of which postures (k, n) are too near, in words; of several the nearest, "" where there is none."""
+        words, blocked = [""] * len(Q), np.flatnonzero(~self.clear(Q))
+        gaps = self.distances(Q[blocked], self.wanted) - self.limits
+        for i, row in zip(blocked, gaps, strict=True):
+            words[i] = " and ".join(self.names[int(np.nanargmin(row))])
+        return words
+
     def slopes(self, Q: Matrix, near: float) -> tuple[Matrix, Array]:
         """The distances of pairs that are nearer than `near` (k, P), infinite for others, and their slopes (k, P, n).
 

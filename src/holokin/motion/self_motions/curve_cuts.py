@@ -25,6 +25,10 @@ from .posture_search import spread
 STEP = 0.2
 """Arc length [joint units] between the postures of a curve."""
 
+SHORT, FINER = 16, 8
+"""Closed curves of so few postures are traced again in steps so many times as short: one that bends within a step may
+have been followed for several rounds."""
+
 LONGEST = 500.0
 """Arc length [joint units] up to which a curve is traced each way: most close after 10 to 30, a Sawyer's after 90."""
 
@@ -208,6 +212,16 @@ def curves_through(task: Task, p: Matrix, R: Array, q: Matrix, pose: Indices) ->
     return _in_rows(tracer, curves.chosen(np.argsort(curves.pose, kind="stable")))
 
 
+def curve_of_each(task: Task, p: Matrix, R: Array, q: Matrix) -> tuple[Matrix, Indices, Flags]:
+    """The curve through each of postures q (k, n) with the tool at p (k, 3), R (k, 3, 3).
+
+    Returns: postures (N, n), of which curve each is (N,), and which close (k,), as `curves_by_cuts`.
+    """
+    tracer = CurveTracer(task, p, R)
+    postures, _, curve, closed = _in_rows(tracer, _traced(tracer, q, np.arange(len(q))))
+    return postures, curve, closed
+
+
 @dataclass(frozen=True, eq=False)
 class _Curves(Value):
     """Curves at poses pose (C,): their postures q (N, n) one after another, size (C,) of them each, ends (C, 2).
@@ -240,11 +254,20 @@ def _traced(tracer: CurveTracer, q: Matrix, pose: Indices) -> _Curves:
     own = CurveTracer(task, tracer.p[pose], tracer.R[pose])
     way = {"step": STEP, "length": LONGEST, "limits": ~task.robot.hinges}
     postures, size, _, endings = own.postures(q, null_vectors(task, q), **way)
-    ends = np.array(endings, dtype=object).reshape(-1, 2)
+    ends, curve = np.array(endings, dtype=object).reshape(-1, 2), np.repeat(every, size)
+    short = np.flatnonzero((ends[:, 1] == CurveEnd.CLOSED) & (size <= SHORT))
+    if len(short):
+        beside = CurveTracer(task, own.p[short], own.R[short])
+        finer = beside.postures(q[short], null_vectors(task, q[short]), **way | {"step": STEP / FINER})
+        size[short], ends[short] = finer[1], np.array(finer[3], dtype=object).reshape(-1, 2)
+        others = ~np.isin(curve, short)
+        which = np.append(curve[others], np.repeat(short, finer[1]))
+        order = np.argsort(which, kind="stable")
+        postures, curve = np.concatenate([postures[others], finer[0]])[order], which[order]
     # What is before its first posture, its postures, what is behind its last one.
     last = np.cumsum(size) - 1
     first = last + 1 - size
-    parts = [(postures, np.repeat(every, size))]
+    parts = [(postures, curve)]
     for side, (at, inside) in enumerate([(first, np.minimum(first + 1, last)), (last, np.maximum(last - 1, first))]):
         some = (ends[:, side] == CurveEnd.LIMIT) & (size > 1)
         end, inner = postures[at[some]], postures[inside[some]]
