@@ -9,7 +9,7 @@ from holokin.analysis.coverage.starts import Candidate
 from holokin.analysis.sheets.level_ranges import branches_by_curves
 from holokin.analysis.sheets.sheet import nearby, turn_length
 from holokin.motion.ik import all_postures
-from holokin.motion.ik.self_motions import self_motions_at
+from holokin.motion.self_motions.self_motions import self_motions_at
 from holokin.strategies import HolonomicStrategy
 
 LIMIT = np.radians(150)

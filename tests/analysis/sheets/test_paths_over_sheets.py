@@ -19,7 +19,7 @@ from holokin.analysis.sheets.level_ranges import branches_by_curves
 from holokin.analysis.sheets.sheet import known, nearby
 from holokin.app.job.runner import _strategy
 from holokin.base.errors import ArgumentError, HolokinError, PathError, StartError
-from holokin.motion.ik.self_motions import self_motions_at
+from holokin.motion.self_motions.self_motions import self_motions_at
 
 
 @pytest.fixture(scope="module")

@@ -17,11 +17,11 @@ from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.checks import Clear
-from ...motion.ik.arcs import onto
+from ...motion.self_motions.stretches import onto
 from ...motion.ik.leaf import leaf_step
-from ...motion.ik.pose_reach import at_best_turns
-from ...motion.ik.posture_search import EXACT, newton
-from ...motion.ik.self_motions import SelfMotions
+from ...motion.self_motions.pose_reach import at_best_turns
+from ...motion.self_motions.posture_search import EXACT, newton
+from ...motion.self_motions.self_motions import SelfMotions
 from ...strategies import HolonomicStrategy
 from ...symbolic import wrapped
 from ..coverage.leaf_lines import one_by_one
@@ -303,7 +303,7 @@ class _Look:
                 break
             row = at[left]
             now = self(
-                onto(self.strategy.task, poses[pose[row]], seen.q[row] + share[left, None] * step[left]), pose[row]
+                onto(self.strategy.task, self.curves.p[pose[row]], self.curves.R[pose[row]], seen.q[row] + share[left, None] * step[left]), pose[row]
             )
             good = now.allowed & (now.side == seen.side[row]) & (np.abs(now.q - seen.q[row]).max(axis=1) < SAME)
             has[left[good]], found[left[good]], levels[left[good]] = True, now.q[good], now.c[good]

@@ -14,8 +14,8 @@ from ...base.errors import ArgumentError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ...motion.checks import Clear, Clearances
-from ...motion.ik.curve_cuts import curve_of_each
-from ...motion.ik.pose_curves import ArcEnd, EndKind
+from ...motion.self_motions.curve_cuts import curve_of_each
+from ...motion.self_motions.pose_curves import ArcEnd, EndKind
 from ...motion.timing import Stretch
 from ...motion.trajectory import Measures, Status, Trajectory
 from ...robot import Robot, speed_limits
