@@ -150,11 +150,14 @@ class ArmInverse(Value):
         return engine() if self.map.kernel(self.limits) is not None else "CasADi's virtual machine"
 
     def __str__(self) -> str:
-        robot, k = self._robot, self.map.held
-        rule = "" if k is None else f", on each of which joint {robot.joint_names[k]!r} follows the tool's pose"
+        robot, held = self._robot, self.map.held
+        what = "the spin of the tool" if held.spin is not None else None
+        what = f"joint {robot.joint_names[held.joint]!r}" if held.joint is not None else what
+        rule = "" if what is None else f", on each of which {what} follows the tool's pose"
         limits = "within its joint limits" if self.limits else "whatever its joint limits"
         share = f"they serve {self.map.share:.1%} of what it reaches within its limits"
-        return f"inverse kinematics of {robot.name!r} {limits}: {len(self.map)} sheets{rule}; {share}"
+        early = "" if self.map.complete else "; its map is not complete, since making it was stopped: ask hk.ik again"
+        return f"inverse kinematics of {robot.name!r} {limits}: {len(self.map)} sheets{rule}; {share}{early}"
 
     # --- What is beneath: native code, or the same by CasADi.
 
@@ -237,9 +240,9 @@ class ArmInverse(Value):
         return rows, serves
 
     def _answers(self, T: Matrix, rules: Matrix) -> tuple[Matrix, Vector, Vector]:
-        """Of rules and signs (j, 2 m + 3) at a pose: postures (j, n), how real, and how far within the limits (j,)."""
-        m, poses = 2 * self.map.rules.shape[2], np.repeat(T[None], len(rules), axis=0)
-        given = poses, np.ascontiguousarray(rules[:, :m]), np.ascontiguousarray(rules[:, m:])
+        """Of rules and branches (j, w + b) at a pose: postures (j, n), how real, and how far within the limits (j,)."""
+        w, poses = self.map.held.width, np.repeat(T[None], len(rules), axis=0)
+        given = poses, np.ascontiguousarray(rules[:, :w]), np.ascontiguousarray(rules[:, w:])
         q, share, within, _ = self.map.postures(self.limits).batch(*given)
         return q, np.ravel(share), np.ravel(within)
 
@@ -247,13 +250,13 @@ class ArmInverse(Value):
         """The same of the arcs of a pose at all values, and closer to the largest margins, as sheets.c has it."""
         found, rules = self.map, self.map.grid
         rows = self._answers(T, rules)
-        if found.held is None:
+        if found.held.none:
             return rows
         # Closer to the largest margin if it serves, else to many: at first to peaks.
         count = len(found.values)
         margin = _margin(rows[1], rows[2]).reshape(-1, count)
         before, after = np.roll(margin, 1, axis=1), np.roll(margin, -1, axis=1)
-        if not found.turning:
+        if not found.held.turning:
             before[:, 0], after[:, -1] = margin[:, 0], margin[:, -1]
         peak, margin = ((margin >= before) & (margin >= after)).ravel(), margin.ravel()
         most = TRIES if not (margin > 0).any() else 1 if self.touches is None else BLOCKED
@@ -270,15 +273,15 @@ class ArmInverse(Value):
         return rows
 
     def _closer(self, T: Matrix, rules: Matrix, c: Vector, best: Vector) -> tuple[Matrix, Vector, Vector]:
-        """The same near values c (t,) of the held joint on arcs, ever closer to the largest margins; arc after arc."""
-        values, m, every = self.map.values, self.map.rules.shape[2], list[tuple[Matrix, Vector, Vector]]()
+        """The same near values c (t,) of what is held on arcs, ever closer to the largest margins; arc after arc."""
+        held, values, every = self.map.held, self.map.values, list[tuple[Matrix, Vector, Vector]]()
         step, places = values[1] - values[0], np.delete(np.arange(-4, 5), 4)
-        reach = step if self.map.turning else 0.0
+        reach = step if held.turning else 0.0
         for _ in range(CLOSER):
             step /= 4.5
             near = np.clip(c[:, None] + places * step, values[0] - reach, values[-1] + reach)
             closer = np.repeat(rules, len(places), axis=0)
-            closer[:, 0], closer[:, m] = np.sin(near.ravel()), np.cos(near.ravel())
+            closer[:, : held.width] = held.constant(near.ravel())
             every.append(self._answers(T, closer))
             margins = _margin(*every[-1][1:]).reshape(near.shape)
             for i, row in enumerate(margins.tolist()):
