@@ -64,11 +64,17 @@ SERVED = 0.02
 ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
 """Rounds of a fit: how far off [rad or m] a value stops to count at first, and how that shrinks in each round."""
 
+STEPS, GAIN = 60, 1e-6
+"""The most steps of a round, and the gain at which it ends."""
+
 INSIDE = 0.95
 """Share of an interval of an arc in which a rule's value is to lie."""
 
 STARTS = 24
 """Angles at which each of the first terms of a rule that turns with the tool is tried, to begin with."""
+
+NATIVE_FROM = 2_000
+"""Poses from which native code tells what a rule sees of them: it is built once and asked hundreds of times."""
 
 Progress = Callable[[float, str], None]
 """Hears how far it is, from 0 to 1, and in words."""
@@ -111,10 +117,10 @@ class _HeldArm(Value):
 
     def terms(self, poses: Array) -> Matrix:
         """The monomials (k, m) of poses (k, 4, 4)."""
-        return np.asarray(self.held.seen.batch(poses)[0]).reshape(len(poses), -1)
+        return np.asarray(self.held.seen.batch(poses, native_from=NATIVE_FROM)[0]).reshape(len(poses), -1)
 
     def _turned(self, poses: Array, spins: Vector) -> Array:
-        return np.asarray(self.held.turned.batch(poses, spins[:, None]))
+        return np.asarray(self.held.turned.batch(poses, spins[:, None], native_from=NATIVE_FROM))
 
     def _real(self, rows: Array) -> Flags:
         """Which answers (..., 12) of the closed form are postures within the limits."""
@@ -166,9 +172,9 @@ class _HeldArm(Value):
         """Whether a sheet serves poses (k,), whose monomials are f (k, m)."""
         low, high = self.held.range
         if self.held.slides:
-            value, sound = np.clip(f @ rule, low, high), np.ones(len(f), dtype=bool)
+            value, sound = np.clip(_times(f, rule), low, high), np.ones(len(f), dtype=bool)
         else:
-            sine, cosine = f @ rule[: self.held.terms], f @ rule[self.held.terms :]
+            sine, cosine = _times(f, rule[: self.held.terms]), _times(f, rule[self.held.terms :])
             value, sound = np.arctan2(sine, cosine), np.hypot(sine, cosine) > LEAST
             value = value + 2 * np.pi * np.floor(((low + high) / 2 - value) / (2 * np.pi) + 0.5)
             sound &= (value >= low) & (value <= high)
@@ -207,13 +213,11 @@ def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
     with a d that shrinks from round to round, so that what is far outside counts less and less: by L-BFGS, from the
     best of the `starts`. f: of all poses (k, m).
     """
-    from scipy.optimize import minimize
-
     held, m, basis = arm.held, f.shape[1], arm.held.basis
     low, high = held.range
 
     def value_of(some: Matrix, rule: Vector) -> Vector:
-        return some @ rule if held.slides else np.arctan2(some @ rule[:m], some @ rule[m:])
+        return _times(some, rule) if held.slides else np.arctan2(_times(some, rule[:m]), _times(some, rule[m:]))
 
     # The start that hits the most.
     hits = []
@@ -249,21 +253,69 @@ def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
         def loss(x: Vector) -> tuple[float, Vector]:
             rule = basis @ x
             if held.slides:
-                values, slope = lost(some @ rule - middle)
-                return float(values.sum() + 1e-7 * (x @ x)), some.T @ slope + 2e-7 * x
+                values, slope = lost(_times(some, rule) - middle)
+                return float(values.sum() + 1e-7 * (x @ x)), _onto(some, slope) + 2e-7 * x
             # Beside the misses: the vector is to have length 1, which no angle tells, and coefficients are to be small.
-            sine, cosine = some @ rule[:m], some @ rule[m:]
+            sine, cosine = _times(some, rule[:m]), _times(some, rule[m:])
             square = sine * sine + cosine * cosine + 1e-12
             values, slope = lost(arm.off(np.arctan2(sine, cosine), middle))
             length = 4e-3 * (square - 1) / len(w)
             by_sine = slope * cosine / square + length * sine
             by_cosine = -slope * sine / square + length * cosine
             value = values.sum() + 1e-3 * ((square - 1) ** 2).mean() + 1e-7 * (x @ x)
-            return float(value), basis.T @ np.concatenate([some.T @ by_sine, some.T @ by_cosine]) + 2e-7 * x
+            return float(value), basis.T @ np.concatenate([_onto(some, by_sine), _onto(some, by_cosine)]) + 2e-7 * x
 
-        options = {"maxiter": 60, "ftol": 1e-6, "gtol": 1e-7}
-        x = minimize(loss, x, jac=True, method="L-BFGS-B", options=options).x
+        x = _lowest(loss, x)
     return np.array([float(f"{number:.6g}") for number in basis @ x / scale])
+
+
+def _times(f: Matrix, rule: Vector) -> Vector:
+    """f rule, in the same order of sums however many cores there are: a fit follows the last bit."""
+    return np.einsum("ij,j->i", f, rule)
+
+
+def _onto(f: Matrix, slope: Vector) -> Vector:
+    """f^T slope, likewise."""
+    return np.einsum("ij,i->j", f, slope)
+
+
+def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector:
+    """Where a loss is lowest near x, by L-BFGS: as SciPy's, but on one core, and the same on each number of them."""
+    value, slope = loss(x)
+    pairs: list[tuple[Vector, Vector, float]] = []
+    for _ in range(STEPS):
+        # The direction, by the last steps and how slopes changed over them.
+        direction, shares = -slope, []
+        for move, change, product in reversed(pairs):
+            shares.append(float(move @ direction) / product)
+            direction = direction - shares[-1] * change
+        if pairs:
+            move, change, product = pairs[-1]
+            direction = direction * product / float(change @ change)
+        else:
+            direction = direction * min(1.0, 1 / max(float(np.abs(slope).sum()), 1e-12))
+        for (move, change, product), share in zip(pairs, reversed(shares), strict=True):
+            direction = direction + (share - float(change @ direction) / product) * move
+        # A step that leads down enough, and over which the slope rises enough.
+        descent, low, high, step = float(slope @ direction), 0.0, np.inf, 1.0
+        for _ in range(20):
+            reached, ahead = loss(x + step * direction)
+            if not reached <= value + 1e-4 * step * descent:
+                high = step
+            elif float(ahead @ direction) < 0.9 * descent:
+                low = step
+            else:
+                break
+            step = 0.5 * (low + high) if np.isfinite(high) else 2 * step
+        if not reached < value:
+            break
+        move, change = step * direction, ahead - slope
+        if (product := float(move @ change)) > 0:
+            pairs = [*pairs[-9:], (move, change, product)]
+        x, slope, gain, value = x + move, ahead, value - reached, reached
+        if gain < GAIN:
+            break
+    return x
 
 
 class _Trial(NamedTuple):
