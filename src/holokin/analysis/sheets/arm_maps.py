@@ -338,7 +338,7 @@ class _Trial(NamedTuple):
 
 
 def _fit(
-    arm: _HeldArm, samples: int, most: int, report: Progress, begun: ArmMap | None = None, stops: bool = False
+    arm: _HeldArm, samples: int, most: int, report: Progress, begun: ArmMap | _Trial | None = None, stops: bool = False
 ) -> _Trial:
     """Sheets one after another, each of which serves the most of what those before do not.
 
@@ -357,7 +357,7 @@ def _fit(
         k, share = len(found.rules), found.served
         try:
             report(k / most, f"{k} sheets serve {share:.1%}")
-            if begun is not None and k < len(begun):
+            if begun is not None and k < len(begun.rules):
                 rule, branch = begun.rules[k], begun.branches[k]
                 best = (rule, branch, arm.served(f, poses, rule, branch))
             else:
@@ -442,10 +442,11 @@ def make_arm_map(
             share = 0.3 * i / len(every)
             trials.append(_fit(arm, samples, TRIAL, lambda _share, more: report(share, words + more)))  # noqa: B023
         most = max(trial.reached for trial in trials)
-        arm = max((trial for trial in trials if trial.reached > most - MISSED), key=lambda trial: trial.served).arm
+        trial = max((trial for trial in trials if trial.reached > most - MISSED), key=lambda trial: trial.served)
+        arm, known = trial.arm, trial
     else:
-        arm = next(arm for arm in every if arm.held.joint == begun.held.joint)
-    found = _fit(arm, samples, SHEETS, lambda share, words: report(0.3 + 0.7 * share, words), begun, stops=True)
+        arm, known = next(arm for arm in every if arm.held.joint == begun.held.joint), begun
+    found = _fit(arm, samples, SHEETS, lambda share, words: report(0.3 + 0.7 * share, words), known, stops=True)
     return found.as_map(SIGNS[_possible(arm, poses, rng)])
 
 
