@@ -16,7 +16,7 @@ from ...base.progress import progress
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.checks import Clearances, Scene
 from ...motion.ik.arm_inverse import ArmInverse
-from ...motion.ik.arm_map import ArmMap, classes, digest, map_of_text, map_text, shipped, spin_axis
+from ...motion.ik.arm_map import ArmMap, check_task, classes, digest, map_of_text, map_text, shipped, spin_axis
 from ...motion.ik.closed_leaf import DOUBT
 from ...motion.ik.held_coordinate import LEAST, HeldCoordinate, Spin
 from ...motion.ik.inverse_function import InverseKinematics
@@ -69,6 +69,9 @@ STEPS, GAIN = 60, 1e-6
 
 INSIDE = 0.95
 """Share of an interval of an arc in which a rule's value is to lie."""
+
+LOOKS = 64
+"""Random postures of a robot of which one at least is to keep clear of a scene, or no pair is to touch at all."""
 
 STARTS = 24
 """Angles at which each of the first terms of a rule that turns with the tool is tried, to begin with."""
@@ -332,7 +335,10 @@ class _Trial(NamedTuple):
     complete: bool = True
 
     def as_map(self, choices: Matrix) -> ArmMap:
-        """The map of them."""
+        """The map of them. Raises: ArgumentError: there are none."""
+        if not self.rules:
+            cure = "give wider ones: hk.with_limits(robot, lower=..., upper=...)"
+            raise ArgumentError("the joint limits", f"so narrow that no sheet of {self.arm.held.robot.name!r} was found", cure)
         share = float(f"{self.served:.4g}")
         return ArmMap(self.arm.held, np.array(self.rules), np.array(self.branches), choices, share, self.complete)
 
@@ -420,15 +426,16 @@ def make_arm_map(
     Raises:
         ArgumentError: an arm without closed forms, or without limits.
     """
+    check_task(task)
     arms, robot, axis = classes(task), task.robot, spin_axis(task)
     rng = np.random.default_rng(1)
     poses = robot.pose(rng.uniform(robot.lower, robot.upper, (samples, robot.n)), arms[0].tip)
     if axis is not None:
         below = _arm_map(robot, task.tip)
-        held = HeldCoordinate(below.arm, below.held.length, Spin.of(below.arm, axis), below)
+        held = HeldCoordinate(below.arm, below.held.length, Spin.of(robot, task.tip, axis), below)
         arm = _HeldArm(held)
         found = _fit(arm, samples, SHEETS, report, begun, stops=True)
-        return found.as_map(below.choices if below.held.none else arm.branches)
+        return found.as_map(below.choices if below.held.none else below.rows)
     hand = [HeldCoordinate(arm, 1.0) for arm in arms]
     if hand[0].none:
         return _of_six(arms[0], poses)
@@ -487,19 +494,18 @@ def _known(_robot: Robot) -> dict[tuple[str | None, tuple[float, ...] | None], A
 
 
 def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None) -> ArmMap:
-    task = pose(robot, tip=tip) if axis is None else pose(robot, "axis", tip=tip, axis=axis)
-    arms = classes(task)
-    spin = None if axis is None else Spin.of(arms[0], np.array(axis))
-    found = shipped(arms) if spin is None else None
+    spin = None if axis is None else Spin.of(robot, tip, np.array(axis))
+    found = shipped(robot, tip) if spin is None else None
     if found is not None:
         return found
     path = begun = None
     with suppress(NativeError):
-        path = cache_folder() / f"map-{digest(arms[0], spin)}.json"
+        path = cache_folder() / f"map-{digest(robot, tip, spin)}.json"
         data = kept_bytes(path)
-        begun = None if data is None else map_of_text(data.decode("utf-8", "replace"), arms, spin)
+        begun = None if data is None else map_of_text(data.decode("utf-8", "replace"), robot, tip, spin)
     if begun is not None and begun.complete:
         return begun
+    task = pose(robot, tip=tip) if axis is None else pose(robot, "axis", tip=tip, axis=axis)
     with progress(f"map of {robot.name}", 1.0, words=True) as report:
         found = make_arm_map(task, report=report, begun=begun)
     if path is not None:
@@ -566,12 +572,12 @@ def ik(
         if value is not None:
             cure = "it is of a strategy: hk.ik(strategy, q0); hk.ik(robot) needs none, and its ik.near(pose, q) takes q"
             raise ArgumentError(what, "given", cure)
-    classes(task)
+    check_task(task)
     axis = spin_axis(task)
     found = _arm_map(task.robot, task.tip, None if axis is None else tuple(axis.tolist()))
     touching = None if scene is None else _Touching(task.robot, scene)
     if touching is not None:
-        _ = touching.clearances  # which says what the scene lacks
+        touching.look()
     return ArmInverse(task, found, limits, touching)
 
 
@@ -586,6 +592,17 @@ class _Touching(Value):
     def clearances(self) -> Clearances:
         """Of the robot in the scene."""
         return Clearances.of(self.robot, self.scene)
+
+    def look(self) -> None:
+        """Raises: ArgumentError: the scene lacks something, or one pair of bodies touches at all random postures."""
+        robot, rng = self.robot, np.random.default_rng(0)
+        Q = rng.uniform(robot.lower, robot.upper, (LOOKS, robot.n))
+        if not self.clearances.clear(Q).any():
+            gaps = self.clearances.distances(Q, self.clearances.wanted) - self.clearances.limits
+            if (always := np.flatnonzero((gaps < 0).all(axis=0))).size:
+                pair = " and ".join(self.clearances.names[int(always[0])])
+                fact = f"one in which {pair} touch, or are too near, at each of {LOOKS} random postures"
+                raise ArgumentError("the scene", fact, "move the obstacle, or allow the pair: hk.Scene(allowed=[...])")
 
     def __call__(self, Q: Matrix) -> list[str]:
         words, clear = [""] * len(Q), self.clearances.clear(Q)

@@ -46,6 +46,9 @@ others from LAST_HOPE on."""
 ON_SHEET = 0.01
 """Distance [joint units] of a posture from that of a sheet up to which it is on it: measured joints are not exact."""
 
+NARROW = 1e-3
+"""Range [joint units] up to which a joint is as if it were fixed."""
+
 TIE = 1e-6
 """Difference of margins up to which the first of two is taken: round-off is not to choose."""
 
@@ -146,38 +149,49 @@ def spin_axis(task: Task) -> Vector | None:
     return None if direction is None or direction[1] else direction[0]
 
 
+INSTEAD = "give a strategy and a start: hk.ik(strategy, q0), or a workspace: hk.sheets(task, workspace)"
+
+
+def check_task(task: Task) -> None:
+    """Raises: ArgumentError: a task or a number of joints of which there is no map."""
+    robot = task.robot
+    if not asks_whole_pose(task) and spin_axis(task) is None:
+        kinds = "whole poses of one tip, hk.pose(robot), or of an axis of it, hk.pose(robot, 'axis')"
+        raise ArgumentError("the task", task.name, f"a map is of {kinds}; or {INSTEAD}")
+    if robot.n not in (6, 7):
+        raise ArgumentError("the number of joints of a map", robot.n, f"give an arm of six or seven; or {INSTEAD}")
+
+
 def classes(task: Task) -> list[ArmClass]:
     """The arms that one held joint leaves, of those whose signs tell postures apart; of six joints the arm itself.
 
-    Raises: ArgumentError: there are none, with the reason.
+    Raises: ArgumentError: there are none, with the reason, or joints have no limits, or no range.
     """
     robot = task.robot
-    cure = "give a strategy and a start: hk.ik(strategy, q0), or a workspace: hk.sheets(task, workspace)"
-    if not asks_whole_pose(task) and spin_axis(task) is None:
-        kinds = "whole poses of one tip, hk.pose(robot), or of an axis of it, hk.pose(robot, 'axis')"
-        raise ArgumentError("the task", task.name, f"a map is of {kinds}; or {cure}")
-    if robot.n not in (6, 7):
-        raise ArgumentError("the number of joints of a map", robot.n, f"give an arm of six or seven; or {cure}")
     tries = [arm_class(robot, held, task.tip) for held in ([()] if robot.n == 6 else [(k,) for k in range(7)])]
     found = [c for c in tries if isinstance(c, ArmClass) and c.proven]
     if not found:
         reasons = [c.reason for c in tries if isinstance(c, NoClass)]
         why = reasons[0] if reasons else "its inverse has steps of degree four"
         fact = f"{robot.name!r}, which has no closed form with signs, whatever joint is held ({why})"
-        raise ArgumentError("the arm of a map", fact, cure)
-    if not np.isfinite(robot.upper - robot.lower).all():
-        free = next(i for i in range(robot.n) if not np.isfinite(robot.upper[i] - robot.lower[i]))
-        bounds = "hk.with_limits(robot, lower=..., upper=...), such as +-pi"
-        raise ArgumentError(f"the limits of joint {robot.joint_names[free]!r}", None, f"give some: {bounds}; or {cure}")
+        raise ArgumentError("the arm of a map", fact, INSTEAD)
+    room = robot.upper - robot.lower
+    widen = "hk.with_limits(robot, lower=..., upper=...)"
+    if not np.isfinite(room).all():
+        free = robot.joint_names[int(np.flatnonzero(~np.isfinite(room))[0])]
+        cure = f"give some: {widen}, such as +-pi; or {INSTEAD}"
+        raise ArgumentError(f"the limits of joint {free!r}", None, cure)
+    if not (room > NARROW).all():
+        fact = f"{robot.joint_names[int(np.argmin(room))]!r}, whose limits leave it no range"
+        raise ArgumentError("a joint of a map", fact, f"widen them: {widen}; or {INSTEAD}")
     return found
 
 
-def digest(arm: ArmClass, spin: Spin | None = None) -> str:
+def digest(robot: Robot, tip: str | None, spin: Spin | None = None) -> str:
     """A short text that differs where the joints of two arms differ, or their limits, or the line about which the tool
     may spin: SHA-256 of all their numbers."""
-    links, robot = links_of(arm.robot, arm.tip), arm.robot
     numbers = [np.round([robot.lower, robot.upper], 9) + 0.0]
-    for i, link in enumerate(links[:-1]):
+    for i, link in enumerate(links_of(robot, tip)[:-1]):
         numbers += [
             np.round(link.axis, 9) + 0.0,
             np.array([link.coordinate, link.multiplier, link.offset, link.slides]),
@@ -195,7 +209,7 @@ def map_text(found: ArmMap) -> str:
     """A map as JSON; its numbers have six digits."""
     held = found.held
     joint = held.arm.held[0] if held.arm.held else None
-    about: dict[str, Any] = {"format": FORMAT, "robot": held.robot.name, "arm": digest(held.arm, held.spin)}
+    about: dict[str, Any] = {"format": FORMAT, "robot": held.robot.name, "arm": digest(held.robot, held.arm.tip, held.spin)}
     about |= {"held": joint, "spin": held.spin, "length": held.length, "share": found.share}
     about |= {"complete": found.complete, "choices": [_short(row) for row in found.choices]}
     about["below"] = None if held.below is None else json.loads(map_text(held.below))
@@ -212,40 +226,41 @@ def _short(row: Vector) -> list[float]:
     return [int(x) if x.is_integer() else x for x in (float(f"{x:.6g}") for x in row)]
 
 
-def map_of_text(text: str, arms: list[ArmClass], spin: Spin | None = None) -> ArmMap | None:
-    """The map of a text, where it is of one of these arms and spin, and of this version; else None."""
+def map_of_text(text: str, robot: Robot, tip: str | None, spin: Spin | None = None) -> ArmMap | None:
+    """The map of a text, where it is of a robot's arm to a tip and of this version; else None."""
     try:
-        return _map_of(json.loads(text), arms, spin)
+        return _map_of(json.loads(text), robot, tip, spin)
     except (KeyError, TypeError, ValueError, LookupError):
         return None
 
 
-def _map_of(about: Mapping[str, Any], arms: list[ArmClass], spin: Spin | None) -> ArmMap | None:
+def _map_of(about: Mapping[str, Any], robot: Robot, tip: str | None, spin: Spin | None) -> ArmMap | None:
+    if about["format"] != FORMAT or about["arm"] != digest(robot, tip, spin):
+        return None
     joints = () if about["held"] is None else (int(about["held"]),)
-    arm = next((a for a in arms if a.held == joints), None)
-    if about["format"] != FORMAT or arm is None or about["arm"] != digest(arm, spin):
+    arm, length = arm_class(robot, joints, tip), float(about["length"])
+    below = None if spin is None else _map_of(about["below"], robot, tip, None)
+    if not (isinstance(arm, ArmClass) and arm.proven) or (spin is not None and (below is None or below.arm.held != joints)):
         return None
-    below = None if spin is None else _map_of(about["below"], arms, None)
-    if spin is not None and (below is None or below.held.joint != (joints or (None,))[0]):
-        return None
-    held, length = HeldCoordinate(arm, float(about["length"]), spin, below), float(about["length"])
+    held = HeldCoordinate(arm, length, spin, below)
     rules, branches = (np.array([row[key] for row in about["sheets"]], dtype=float) for key in ("rule", "branch"))
-    found = ArmMap(
-        held, rules, branches, np.array(about["choices"], dtype=float), float(about["share"]), bool(about["complete"])
-    )
-    shapes = {branches.shape[1:], found.choices.shape[1:]} == {(held.branch,)} and rules.shape[1:] == (held.width,)
-    numbers = all(np.isfinite(x).all() for x in (rules, branches, found.choices))
-    signs = np.abs(np.vstack([branches, found.choices])[:, -3:]) == 1
-    return found if len(branches) and shapes and numbers and signs.all() and 0 < length < np.inf else None
+    choices = np.array(about["choices"], dtype=float)
+    shapes = {branches.shape[1:], choices.shape[1:]} == {(held.branch,)} and rules.shape[1:] == (held.width,)
+    if not (len(branches) and shapes and np.isfinite(rules).all() and 0 < length < np.inf):
+        return None
+    every = np.vstack([branches, choices])
+    if not (np.isfinite(every).all() and (np.abs(every[:, -3:]) == 1).all()):
+        return None
+    return ArmMap(held, rules, branches, choices, float(about["share"]), bool(about["complete"]))
 
 
-def shipped(arms: list[ArmClass]) -> ArmMap | None:
+def shipped(robot: Robot, tip: str | None) -> ArmMap | None:
     """The map of an arm of the catalogue; None where there is none of these joints and limits."""
-    folder = files("holokin.robot").joinpath("data", "maps")
+    folder, own = files("holokin.robot").joinpath("data", "maps"), digest(robot, tip)
     entries = sorted(folder.iterdir(), key=lambda entry: entry.name) if folder.is_dir() else []
-    first = f"{arms[0].robot.name}.json"
+    first = f"{robot.name}.json"
     for entry in sorted(entries, key=lambda entry: entry.name != first):
         text = entry.read_text("utf-8")
-        if digest(arms[0]) in text and (found := map_of_text(text, arms)) is not None:
+        if own in text and (found := map_of_text(text, robot, tip)) is not None:
             return found
     return None

@@ -71,9 +71,9 @@ class Spin(NamedTuple):
     point: tuple[float, float, float]
 
     @staticmethod
-    def of(arm: ArmClass, axis: Vector) -> Spin:
-        """The line through the tool's origin along an axis (3,)."""
-        tool = links_of(arm.robot, arm.tip)[-1]
+    def of(robot: Robot, tip: str | None, axis: Vector) -> Spin:
+        """The line through the origin of a tip along an axis (3,)."""
+        tool = links_of(robot, tip)[-1]
         joint = -tool.rotation.T @ tool.position
         direction, point = ([float(f"{x:.9g}") + 0.0 for x in v] for v in (axis, axis * (axis @ joint)))
         return Spin((direction[0], direction[1], direction[2]), (point[0], point[1], point[2]))
