@@ -3,7 +3,7 @@
 Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`, `arm_map.py`.
 """
 
-from .arm_inverse import ArmAnswers, ArmInverse, NearAnswer
+from .arm_inverse import ArmAnswers, ArmInverse, NearAnswer, SheetPostures
 from .arm_map import ArmMap
 from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
@@ -26,6 +26,7 @@ __all__ = [
     "SelfMotion",
     "SelfMotionArc",
     "ServedLevels",
+    "SheetPostures",
     "Solutions",
     "all_postures",
     "ik",
