@@ -18,15 +18,19 @@ def extra_module(module: str, extra: str, package: str = "") -> Any:
         raise MissingExtraError(package or module, extra) from None
 
 
-def loads(package: str, *parts: str) -> Callable[[str], ModuleType]:
-    """The `__getattr__` of a folder: a folder in it is loaded when it is first asked for.
+def loads(package: str, *parts: str, **files: str) -> Callable[[str], Any]:
+    """The `__getattr__` of a folder: a folder in it is loaded when it is first asked for, and a file, file="NAME NAME",
+    when one of its names is.
 
     Raises (when called): NoAttributeError: another name.
     """
+    homes = {name: file for file, names in files.items() for name in names.split()}
 
-    def part(name: str) -> ModuleType:
+    def part(name: str) -> Any:
+        if name in homes:
+            return getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
         if name not in parts:
-            raise NoAttributeError(package, name, parts)
+            raise NoAttributeError(package, name, (*parts, *homes))
         return importlib.import_module(f"{package}.{name}")
 
     return part

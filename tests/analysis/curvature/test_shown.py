@@ -167,7 +167,7 @@ NO_QUESTION = {
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
-    "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer",
+    "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer", "SheetPostures",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
     "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotionCurve",
     "SelfMotionArc", "ArcEnd", "EndKind", "LevelInterval",

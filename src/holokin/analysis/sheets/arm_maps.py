@@ -1,4 +1,4 @@
-"""Maps of whole arms: rules for a joint, fitted to the exact arcs of poses all over the workspace; the verb `ik`."""
+"""Maps of whole arms: rules for what is held, fitted to the exact arcs of poses all over the workspace; the verb `ik`."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, NativeError
+from ...base.progress import progress
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.checks import Clearances, Scene
 from ...motion.ik.arm_inverse import ArmInverse
-from ...motion.ik.arm_map import LEAST, ArmMap, classes, digest, map_of_text, map_text, monomials, seen, shipped
+from ...motion.ik.arm_map import ArmMap, check_task, classes, digest, map_of_text, map_text, shipped, spin_axis
 from ...motion.ik.closed_leaf import DOUBT
+from ...motion.ik.held_coordinate import LEAST, HeldCoordinate, Spin
 from ...motion.ik.inverse_function import InverseKinematics
 from ...motion.ik.inverse_function import ik as leaf_ik
 from ...motion.ik.solutions import PoseSet
@@ -38,8 +40,8 @@ DRAWN = 40
 TRIAL = 2
 """Sheets by which the joint to hold is chosen."""
 
-DEGREE = 2
-"""Of a rule's monomials, 28. With degree 3, 84, eight sheets of a Panda serve 97.7 % and not 97.3 %."""
+BELOW = 4
+"""Sheets of an arm of seven joints, of those that its map has, with which a free spin is combined."""
 
 SHEETS = 16
 """The most of a map: two calls of eight side by side."""
@@ -48,26 +50,41 @@ WANTED = 0.997
 """Share of the poses from which no more sheets are looked for."""
 
 MISSED = 0.002
-"""Share of the poses whose arcs within the limits may be missed between two values of the held joint."""
+"""Share of the poses whose arcs within the limits may be missed between two values of what is held."""
 
 VALUES = 96
-"""Values of the held joint at which the arcs of a pose are looked at."""
+"""Values of what is held at which the arcs of a pose are looked at."""
 
 TRIED = 3
-"""Choices of signs for which a rule is fitted, of which one becomes the next sheet: those with most poses to gain."""
+"""Branches for which a rule is fitted, of which one becomes the next sheet: those with most poses to gain."""
 
 SERVED = 0.02
 """Weight of a pose that a sheet before serves: more sheets that serve it let `near` stay longer."""
 
 ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
-"""Rounds of a fit: how far off [rad] an angle stops to count at first, and how that shrinks in each round."""
+"""Rounds of a fit: how far off [rad or m] a value stops to count at first, and how that shrinks in each round."""
+
+STEPS, GAIN = 60, 1e-6
+"""The most steps of a round, and the gain at which it ends."""
 
 INSIDE = 0.95
-"""Share of an interval of an arc in which a rule's angle is to lie."""
+"""Share of an interval of an arc in which a rule's value is to lie."""
+
+LOOKS = 64
+"""Random postures of a robot of which one at least is to keep clear of a scene, or no pair is to touch at all."""
+
+STARTS = 24
+"""Angles at which each of the first terms of a rule that turns with the tool is tried, to begin with."""
+
+NATIVE_FROM = 2_000
+"""Poses from which native code tells what a rule sees of them: it is built once and asked hundreds of times."""
+
+Progress = Callable[[float, str], None]
+"""Hears how far it is, from 0 to 1, and in words."""
 
 
 class _Arcs(NamedTuple):
-    """The intervals of the held joint in which an arc is within the limits: pose (N,), middle and half of each (N,)."""
+    """The intervals of what is held in which an arc is within the limits: pose (N,), middle and half of each (N,)."""
 
     pose: Indices
     middle: Vector
@@ -76,58 +93,72 @@ class _Arcs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _HeldArm(Value):
-    """An arm with one joint held; poses are told apart by which arcs serve them where."""
+    """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where."""
 
-    arm: ArmClass
-    length: float
+    held: HeldCoordinate
 
     @cached_property
     def inverse(self) -> ClosedInverse:
         """The closed form."""
-        return ClosedInverse(self.arm, limits=True)
+        return ClosedInverse(self.held.arm, limits=True)
 
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Of the held joint."""
-        k, robot = self.arm.held[0], self.arm.robot
-        return float(robot.lower[k]), float(robot.upper[k])
-
-    @property
-    def turning(self) -> bool:
-        """Whether they leave all of a turn."""
-        low, high = self.limits
-        return high - low >= 2 * np.pi
+    @cached_property
+    def below(self) -> _HeldArm | None:
+        """That of whole poses, where the spin is held."""
+        return None if self.held.below is None else _HeldArm(self.held.below.held)
 
     @cached_property
     def values(self) -> Vector:
-        """Values of the held joint, evenly."""
-        ends = (-np.pi, np.pi) if self.turning else self.limits
-        return np.linspace(*ends, VALUES, endpoint=not self.turning)
+        """Values of what is held, evenly."""
+        return self.held.values(VALUES)
 
-    def monomials(self, poses: Array) -> Matrix:
-        """Of poses (k, 4, 4): (k, m)."""
-        return np.array(monomials(list(seen(self.arm, poses, self.length).T), DEGREE)).T
+    @cached_property
+    def branches(self) -> Matrix:
+        """What may choose a posture (B, b): all signs, or sheets of the map for whole poses."""
+        found = self.held.below
+        return SIGNS if found is None or found.held.none else found.rows[:BELOW]
+
+    def terms(self, poses: Array) -> Matrix:
+        """The monomials (k, m) of poses (k, 4, 4)."""
+        return np.asarray(self.held.seen.batch(poses, native_from=NATIVE_FROM)[0]).reshape(len(poses), -1)
+
+    def _turned(self, poses: Array, spins: Vector) -> Array:
+        return np.asarray(self.held.turned.batch(poses, spins[:, None], native_from=NATIVE_FROM))
+
+    def _real(self, rows: Array) -> Flags:
+        """Which answers (..., 12) of the closed form are postures within the limits."""
+        return (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)
 
     def arcs(self, poses: Array) -> Flags:
-        """Whether a posture is within the limits (k, C, 8) at poses, values and signs."""
-        held = [self.inverse.at(value) for value in self.values]
-        chain, own = (np.array([getattr(one, name) for one in held]) for name in ("chain", "own"))
-        serves = np.zeros((len(poses), len(self.values), len(SIGNS)), dtype=bool)
+        """Whether a posture is within the limits (k, C, B) at poses, values and branches."""
+        serves = np.zeros((len(poses), len(self.values), len(self.branches)), dtype=bool)
         for first in range(0, len(poses), 500):
             some = poses[first : first + 500]
-            each = np.repeat(some, len(self.values), axis=0)
-            rows = self.inverse.answers_of(
-                *(np.tile(x, (len(some), 1)) for x in (chain, own)), poses=each, threads=None
-            )
-            rows = rows.reshape(*serves[first : first + 500].shape, -1)
-            serves[first : first + 500] = (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)
+            each, values = np.repeat(some, len(self.values), axis=0), np.tile(self.values, len(some))
+            flags = self._real(self._at(each, len(some))) if self.below is None else self._below(each, values)
+            serves[first : first + 500] = flags.reshape(serves[first : first + 500].shape)
         return serves
 
+    def _at(self, poses: Array, count: int) -> Array:
+        """The answers (k, 8, 12) of the closed form at poses, each of `count` at all values of the joint."""
+        every = [self.inverse.at(value) for value in self.values]
+        chain, own = (np.array([getattr(one, name) for one in every]) for name in ("chain", "own"))
+        return self.inverse.answers_of(*(np.tile(x, (count, 1)) for x in (chain, own)), poses=poses, threads=None)
+
+    def _below(self, poses: Array, spins: Vector) -> Flags:
+        """Which branches (k, B) serve poses with the tool turned."""
+        assert self.below is not None
+        below, poses = self.below, self._turned(poses, spins)
+        if below.held.none:
+            return self._real(below.inverse.answers(poses, np.zeros((len(poses), 0))))
+        f, w = below.terms(poses), below.held.width
+        return np.column_stack([below.served(f, poses, row[:w], row[w:]) for row in self.branches])
+
     def intervals(self, flags: Flags) -> _Arcs:
-        """Those in which arcs of one choice of signs serve (k, C)."""
+        """Those in which arcs of one branch serve (k, C)."""
         # A turn begins behind a value that does not serve.
         k, count = flags.shape
-        begin = flags.argmin(axis=1) if self.turning else np.zeros(k, dtype=int)
+        begin = flags.argmin(axis=1) if self.held.turning else np.zeros(k, dtype=int)
         flags = np.take_along_axis(flags, (begin[:, None] + np.arange(count)) % count, axis=1)
         edge, step = np.zeros((k, 1), dtype=bool), self.values[1] - self.values[0]
         change = np.diff(np.hstack([edge, flags, edge]).astype(int), axis=1)
@@ -135,170 +166,304 @@ class _HeldArm(Value):
         middle = self.values[0] + step * (begin[pose_] + 0.5 * (first + after - 1))
         return _Arcs(pose_, middle, 0.5 * step * (after - 1 - first) + 0.2 * step)
 
-    def served(self, f: Matrix, poses: Array, rule: Matrix, sign: int) -> Flags:
+    def off(self, value: Array, middle: Array) -> Array:
+        """From a middle to a value, of an angle the shorter way."""
+        gap = value - middle
+        return gap if self.held.slides else (gap + np.pi) % (2 * np.pi) - np.pi
+
+    def served(self, f: Matrix, poses: Array, rule: Vector, branch: Vector) -> Flags:
         """Whether a sheet serves poses (k,), whose monomials are f (k, m)."""
-        low, high = self.limits
-        sine, cosine = f @ rule[0], f @ rule[1]
-        angle = np.arctan2(sine, cosine)
-        angle = angle + 2 * np.pi * np.floor(((low + high) / 2 - angle) / (2 * np.pi) + 0.5)
-        rows = self.inverse.answers(poses, angle[:, None])[:, sign]
-        return (
-            (rows[:, 9] > DOUBT)
-            & (rows[:, 10] >= 0)
-            & (angle >= low)
-            & (angle <= high)
-            & (np.hypot(sine, cosine) > LEAST)
-        )
+        low, high = self.held.range
+        if self.held.slides:
+            value, sound = np.clip(_times(f, rule), low, high), np.ones(len(f), dtype=bool)
+        else:
+            sine, cosine = _times(f, rule[: self.held.terms]), _times(f, rule[self.held.terms :])
+            value, sound = np.arctan2(sine, cosine), np.hypot(sine, cosine) > LEAST
+            value = value + 2 * np.pi * np.floor(((low + high) / 2 - value) / (2 * np.pi) + 0.5)
+            sound &= (value >= low) & (value <= high)
+        sign = int(np.flatnonzero((SIGNS == branch[-3:]).all(axis=1))[0])
+        if self.below is None:
+            return sound & self._real(self.inverse.answers(poses, value[:, None])[:, sign])
+        poses, below, w = self._turned(poses, value), self.below, self.below.held.width
+        if below.held.none:
+            return sound & self._real(below.inverse.answers(poses, np.zeros((len(poses), 0)))[:, sign])
+        return sound & below.served(below.terms(poses), poses, branch[:w], branch[w:])
+
+    @cached_property
+    def starts(self) -> Matrix:
+        """Numbers (j, p) of rules with which a fit may begin: constants; the first terms that turn with the tool, each
+        turned by some angles; of a slide also its place and constants."""
+        held, count = self.held, self.held.basis.shape[1]
+        if held.spin is not None:
+            c, starts = np.linspace(-np.pi, np.pi, STARTS, endpoint=False), []
+            for term in (0, count // 4):
+                some = np.zeros((STARTS, count))
+                some[:, term], some[:, count // 2 + term] = np.cos(c), np.sin(c)
+                starts.append(some)
+            return np.vstack(starts)
+        if not held.slides:
+            return held.constant(self.values)
+        beside = held.constant(np.linspace(-held.length, held.length, 49))
+        beside[:, -1] = held.length
+        return np.vstack([held.constant(self.values), beside])
 
 
-def _off(angle: Vector, middle: Vector) -> Vector:
-    """From a middle to an angle, the shorter way."""
-    return (angle - middle + np.pi) % (2 * np.pi) - np.pi
+def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
+    """The rule (w,) whose value lies in an interval of the arcs at most of the poses' weight.
 
-
-def _fitted(f: Matrix, arcs: _Arcs, weights: Vector, values: Vector) -> Matrix:
-    """The rule a, b (2, m) whose angle atan2(a f, b f) lies in an interval of the arcs at most of the poses' weight.
-
-        min   sum  w  z^2 / (z^2 + d^2),     z: how far the angle is outside the interval that is nearest to it
+        min   sum  w  z^2 / (z^2 + d^2),     z: how far the value is outside the interval that is nearest to it
 
     with a d that shrinks from round to round, so that what is far outside counts less and less: by L-BFGS, from the
-    best constant angle. f: of all poses (k, m).
+    best of the `starts`. f: of all poses (k, m).
     """
-    from scipy.optimize import minimize
+    held, m, basis = arm.held, f.shape[1], arm.held.basis
+    low, high = held.range
 
-    m = f.shape[1]
-    hits = [weights[np.unique(arcs.pose[np.abs(_off(c, arcs.middle)) <= arcs.half])].sum() for c in values]
-    c = values[int(np.argmax(hits))]
-    scale = np.abs(f).max(axis=0)
-    rule, f = np.zeros(2 * m), f / scale
-    rule[0], rule[m] = np.sin(c) * scale[0], np.cos(c) * scale[0]
+    def value_of(some: Matrix, rule: Vector) -> Vector:
+        return _times(some, rule) if held.slides else np.arctan2(_times(some, rule[:m]), _times(some, rule[m:]))
+
+    # The start that hits the most.
+    hits = []
+    for x in arm.starts:
+        value = value_of(f[arcs.pose], basis @ x)
+        value = np.clip(value, low, high) if held.slides else value
+        hits.append(weights[np.unique(arcs.pose[np.abs(arm.off(value, arcs.middle)) <= arcs.half])].sum())
+    size = np.abs(f).max(axis=0)
+    scale = np.tile(size, held.width // m)
+    # Terms of one pair of those that turn with the tool are scaled alike.
+    if held.spin is not None:
+        size[1:] = np.tile(np.maximum(*size[1:].reshape(2, -1)), 2)
+        scale = np.tile(size, 2)
+    x = np.linalg.lstsq(basis, scale * (basis @ arm.starts[int(np.argmax(hits))]), rcond=None)[0]
+    f = f / size
     for round_ in range(ROUNDS):
-        angle = np.arctan2(f @ rule[:m], f @ rule[m:])
-        outside = np.abs(_off(angle[arcs.pose], arcs.middle)) - arcs.half
+        value = value_of(f, basis @ x)
+        value = np.clip(value, low, high) if held.slides else value
+        outside = np.abs(arm.off(value[arcs.pose], arcs.middle)) - arcs.half
         order = np.lexsort((outside, arcs.pose))
         nearest = order[np.unique(arcs.pose[order], return_index=True)[1]]
         some, middle, half = f[arcs.pose[nearest]], arcs.middle[nearest], INSIDE * arcs.half[nearest]
         w, d = weights[arcs.pose[nearest]] / len(nearest), FIRST * CLOSER**round_
+        # A slide may be asked to go on beyond its limits where an arc is served at these.
+        ends = [held.slides & (np.abs(end - middle) <= arcs.half[nearest]) for end in (low, high)]
+
+        def lost(off: Vector) -> tuple[Vector, Vector]:
+            z = np.sign(off) * np.maximum(np.abs(off) - half, 0)
+            z[(ends[0] & (off < 0)) | (ends[1] & (off > 0))] = 0.0
+            bound = z * z + d * d
+            return w * z * z / bound, w * 2 * z * d * d / bound**2
 
         def loss(x: Vector) -> tuple[float, Vector]:
+            rule = basis @ x
+            if held.slides:
+                values, slope = lost(_times(some, rule) - middle)
+                return float(values.sum() + 1e-7 * (x @ x)), _onto(some, slope) + 2e-7 * x
             # Beside the misses: the vector is to have length 1, which no angle tells, and coefficients are to be small.
-            sine, cosine = some @ x[:m], some @ x[m:]
+            sine, cosine = _times(some, rule[:m]), _times(some, rule[m:])
             square = sine * sine + cosine * cosine + 1e-12
-            off = _off(np.arctan2(sine, cosine), middle)
-            z = np.sign(off) * np.maximum(np.abs(off) - half, 0)
-            bound = z * z + d * d
-            slope, length = w * 2 * z * d * d / bound**2, 4e-3 * (square - 1) / len(w)
+            values, slope = lost(arm.off(np.arctan2(sine, cosine), middle))
+            length = 4e-3 * (square - 1) / len(w)
             by_sine = slope * cosine / square + length * sine
             by_cosine = -slope * sine / square + length * cosine
-            value = (w * z * z / bound).sum() + 1e-3 * ((square - 1) ** 2).mean() + 1e-7 * (x @ x)
-            return float(value), np.concatenate([some.T @ by_sine, some.T @ by_cosine]) + 2e-7 * x
+            value = values.sum() + 1e-3 * ((square - 1) ** 2).mean() + 1e-7 * (x @ x)
+            return float(value), basis.T @ np.concatenate([_onto(some, by_sine), _onto(some, by_cosine)]) + 2e-7 * x
 
-        options = {"maxiter": 60, "ftol": 1e-6, "gtol": 1e-7}
-        rule = minimize(loss, rule, jac=True, method="L-BFGS-B", options=options).x
-    return np.array([float(f"{x:.6g}") for x in (rule.reshape(2, m) / scale).ravel()]).reshape(2, m)
+        x = _lowest(loss, x)
+    return np.array([float(f"{number:.6g}") for number in basis @ x / scale])
+
+
+def _times(f: Matrix, rule: Vector) -> Vector:
+    """f rule, in the same order of sums however many cores there are: a fit follows the last bit."""
+    return np.einsum("ij,j->i", f, rule)
+
+
+def _onto(f: Matrix, slope: Vector) -> Vector:
+    """f^T slope, likewise."""
+    return np.einsum("ij,i->j", f, slope)
+
+
+def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector:
+    """Where a loss is lowest near x, by L-BFGS: as SciPy's, but on one core, and the same on each number of them."""
+    value, slope = loss(x)
+    pairs: list[tuple[Vector, Vector, float]] = []
+    for _ in range(STEPS):
+        # The direction, by the last steps and how slopes changed over them.
+        direction, shares = -slope, []
+        for move, change, product in reversed(pairs):
+            shares.append(float(move @ direction) / product)
+            direction = direction - shares[-1] * change
+        if pairs:
+            move, change, product = pairs[-1]
+            direction = direction * product / float(change @ change)
+        else:
+            direction = direction * min(1.0, 1 / max(float(np.abs(slope).sum()), 1e-12))
+        for (move, change, product), share in zip(pairs, reversed(shares), strict=True):
+            direction = direction + (share - float(change @ direction) / product) * move
+        # A step that leads down enough, and over which the slope rises enough.
+        descent, low, high, step = float(slope @ direction), 0.0, np.inf, 1.0
+        for _ in range(20):
+            reached, ahead = loss(x + step * direction)
+            if not reached <= value + 1e-4 * step * descent:
+                high = step
+            elif float(ahead @ direction) < 0.9 * descent:
+                low = step
+            else:
+                break
+            step = 0.5 * (low + high) if np.isfinite(high) else 2 * step
+        if not reached < value:
+            break
+        move, change = step * direction, ahead - slope
+        if (product := float(move @ change)) > 0:
+            pairs = [*pairs[-9:], (move, change, product)]
+        x, slope, gain, value = x + move, ahead, value - reached, reached
+        if gain < GAIN:
+            break
+    return x
 
 
 class _Trial(NamedTuple):
-    """Sheets of an arm with a joint held: rules and their signs; the share of poses that they serve.
+    """Sheets of an arm: their rules and branches; the share of poses that they serve.
 
-    reached: share of poses that have an interval of any arc.
+    reached: share of poses that have an interval of any arc. complete: False where Ctrl-C ended it.
     """
 
-    held: _HeldArm
-    rules: list[Matrix]
-    signs: list[int]
+    arm: _HeldArm
+    rules: list[Vector]
+    branches: list[Vector]
     served: float
     reached: float
+    complete: bool = True
+
+    def as_map(self, choices: Matrix) -> ArmMap:
+        """The map of them. Raises: ArgumentError: there are none."""
+        if not self.rules:
+            cure = "give wider ones: hk.with_limits(robot, lower=..., upper=...)"
+            raise ArgumentError("the joint limits", f"so narrow that no sheet of {self.arm.held.robot.name!r} was found", cure)
+        share = float(f"{self.served:.4g}")
+        return ArmMap(self.arm.held, np.array(self.rules), np.array(self.branches), choices, share, self.complete)
 
 
 def _fit(
-    held: _HeldArm, draw: Callable[[int], Array], samples: int, most: int, progress: Callable[[str], None]
+    arm: _HeldArm, samples: int, most: int, report: Progress, begun: ArmMap | _Trial | None = None, stops: bool = False
 ) -> _Trial:
     """Sheets one after another, each of which serves the most of what those before do not.
 
     Beside so many poses of all of them, it is fitted to as many that no sheet serves: they are drawn anew for each.
+    begun: sheets that are known already. stops: Ctrl-C ends it, and what is found stays.
     """
-    robot, poses = held.arm.robot, draw(samples)
-    f, arcs, left = held.monomials(poses), held.arcs(poses), np.ones(samples, dtype=bool)
-    reached = float(arcs.any(axis=(1, 2)).mean())
-    rules: list[Matrix] = []
-    signs: list[int] = []
-    share = 0.0
-    while len(rules) < most and share < WANTED:
-        progress(f"{robot.name}, joint {robot.joint_names[held.arm.held[0]]}: {len(rules)} sheets serve {share:.1%}")
-        # The sheet that serves the most of the weight, of those with the signs that could.
-        weights = np.where(left, 1.0, SERVED)
-        gains = [float(weights @ arcs[:, :, sign].any(axis=1)) for sign in range(len(SIGNS))]
-        best, gain = None, 0.0
-        for sign in np.argsort(gains)[::-1][:TRIED].tolist():
-            if not gains[sign] > 0:
+    robot, rng, tip = arm.held.robot, np.random.default_rng(0), arm.held.arm.tip
+
+    def draw(count: int) -> Array:
+        return robot.pose(rng.uniform(robot.lower, robot.upper, (count, robot.n)), tip)
+
+    poses = draw(samples)
+    f, arcs, left = arm.terms(poses), arm.arcs(poses), np.ones(samples, dtype=bool)
+    found = _Trial(arm, [], [], 0.0, float(arcs.any(axis=(1, 2)).mean()))
+    while len(found.rules) < most and found.served < WANTED:
+        k, share = len(found.rules), found.served
+        try:
+            report(k / most, f"{k} sheets serve {share:.1%}")
+            if begun is not None and k < len(begun.rules):
+                rule, branch = begun.rules[k], begun.branches[k]
+                best = (rule, branch, arm.served(f, poses, rule, branch))
+            else:
+                best = _next_sheet(arm, f, poses, arcs, np.where(left, 1.0, SERVED))
+            if best is None or not (best[2] & left).any():
                 break
-            rule = _fitted(f, held.intervals(arcs[:, :, sign]), weights, held.values)
-            serves = held.served(f, poses, rule, sign)
-            if weights @ serves > gain:
-                best, gain = (rule, sign, serves), float(weights @ serves)
-        if best is None or not (best[2] & left).any():
-            break
-        rule, sign, serves = best
-        rules.append(rule)
-        signs.append(sign)
-        # Poses that are left, and others that are.
-        left &= ~serves
-        stay = left.copy()
-        stay[:samples] = True
-        poses, f, arcs, left = poses[stay], f[stay], arcs[stay], left[stay]
-        drawn = missed = 0
-        while (few := samples - int(left.sum())) > 0 and drawn < DRAWN * samples:
-            more = draw(4 * samples)
-            drawn += len(more)
-            g = held.monomials(more)
-            for one, other in zip(rules, signs, strict=True):
-                rest = ~held.served(g, more, one, other)
-                more, g = more[rest], g[rest]
-            missed += len(more)
-            more, g = more[:few], g[:few]
-            poses, f = np.concatenate([poses, more]), np.concatenate([f, g])
-            arcs, left = np.concatenate([arcs, held.arcs(more)]), np.append(left, np.ones(len(more), dtype=bool))
+            rule, branch, serves = best
+            # Poses that are left, and others that are.
+            left &= ~serves
+            stay = left.copy()
+            stay[:samples] = True
+            poses, f, arcs, left = poses[stay], f[stay], arcs[stay], left[stay]
+            sheets = [*zip(found.rules, found.branches, strict=True), (rule, branch)]
+            drawn = missed = 0
+            while (few := samples - int(left.sum())) > 0 and drawn < DRAWN * samples:
+                more = draw(4 * samples)
+                drawn += len(more)
+                g = arm.terms(more)
+                for one, other in sheets:
+                    rest = ~arm.served(g, more, one, other)
+                    more, g = more[rest], g[rest]
+                missed += len(more)
+                more, g = more[:few], g[:few]
+                poses, f = np.concatenate([poses, more]), np.concatenate([f, g])
+                arcs, left = np.concatenate([arcs, arm.arcs(more)]), np.append(left, np.ones(len(more), dtype=bool))
+        except KeyboardInterrupt:
+            if not (stops and found.rules):
+                raise
+            return found._replace(complete=False)
         share = 1 - missed / drawn if drawn else 1 - float(left[:samples].mean())
-    return _Trial(held, rules, signs, share, reached)
+        found = found._replace(rules=[*found.rules, rule], branches=[*found.branches, branch], served=share)
+    return found
 
 
-def make_arm_map(task: Task, samples: int = SAMPLES, progress: Callable[[str], None] = lambda _text: None) -> ArmMap:
+def _next_sheet(
+    arm: _HeldArm, f: Matrix, poses: Array, arcs: Flags, weights: Vector
+) -> tuple[Vector, Vector, Flags] | None:
+    """(rule, branch, which poses it serves) of the sheet that serves the most of the weight, of those that could."""
+    gains = weights @ arcs.any(axis=1)
+    best, gain = None, 0.0
+    for i in np.argsort(-gains, kind="stable")[:TRIED].tolist():
+        if not gains[i] > 0:
+            break
+        rule, branch = _fitted(arm, f, arm.intervals(arcs[:, :, i]), weights), arm.branches[i]
+        serves = arm.served(f, poses, rule, branch)
+        if weights @ serves > gain:
+            best, gain = (rule, branch, serves), float(weights @ serves)
+    return best
+
+
+def make_arm_map(
+    task: Task, samples: int = SAMPLES, report: Progress = lambda _share, _words: None, begun: ArmMap | None = None
+) -> ArmMap:
     """The map of an arm, made anew: the same of the same joints and limits.
 
     Args:
-        samples: poses to which each rule is fitted, and as many of those that are left. progress: hears how far it is.
+        samples: poses to which each rule is fitted, and as many of those that are left. report: hears how far it is.
+        begun: one that Ctrl-C stopped, which is completed.
 
     Raises:
         ArgumentError: an arm without closed forms, or without limits.
     """
-    arms, robot, rng = classes(task), task.robot, np.random.default_rng(0)
-
-    def draw(count: int) -> Array:
-        return robot.pose(rng.uniform(robot.lower, robot.upper, (count, robot.n)), arms[0].tip)
-
-    poses = draw(samples)
-    length = float(f"{np.abs(seen(arms[0], poses, 1.0)[:, :3]).max():.6g}")
-    if not arms[0].held:
-        return _of_six(arms[0], poses, length)
+    check_task(task)
+    arms, robot, axis = classes(task), task.robot, spin_axis(task)
+    rng = np.random.default_rng(1)
+    poses = robot.pose(rng.uniform(robot.lower, robot.upper, (samples, robot.n)), arms[0].tip)
+    if axis is not None:
+        below = _arm_map(robot, task.tip)
+        held = HeldCoordinate(below.arm, below.held.length, Spin.of(robot, task.tip, axis), below)
+        arm = _HeldArm(held)
+        found = _fit(arm, samples, SHEETS, report, begun, stops=True)
+        return found.as_map(below.choices if below.held.none else below.rows)
+    hand = [HeldCoordinate(arm, 1.0) for arm in arms]
+    if hand[0].none:
+        return _of_six(arms[0], poses)
     # The joint to hold: a few sheets of each. Then as many as it takes.
-    trials = [_fit(_HeldArm(arm, length), draw, samples, TRIAL, progress) for arm in arms]
-    most = max(trial.reached for trial in trials)
-    best = max((trial for trial in trials if trial.reached > most - MISSED), key=lambda trial: trial.served)
-    trial = _fit(best.held, draw, samples, SHEETS, progress)
-    choices = SIGNS[_possible(best.held, poses, rng)]
-    rules, share = np.array(trial.rules), float(f"{trial.served:.4g}")
-    return ArmMap(best.held.arm, DEGREE, length, rules, SIGNS[trial.signs], choices, share)
+    lengths = [float(f"{np.abs(_HeldArm(one).terms(poses)[:, 1:4]).max():.6g}") for one in hand]
+    every = [_HeldArm(HeldCoordinate(one, length)) for one, length in zip(arms, lengths, strict=True)]
+    if begun is None:
+        trials = []
+        for i, arm in enumerate(every):
+            words = f"whether to hold {robot.joint_names[arm.held.arm.held[0]]}: "
+            share = 0.3 * i / len(every)
+            trials.append(_fit(arm, samples, TRIAL, lambda _share, more: report(share, words + more)))  # noqa: B023
+        most = max(trial.reached for trial in trials)
+        trial = max((trial for trial in trials if trial.reached > most - MISSED), key=lambda trial: trial.served)
+        arm, known = trial.arm, trial
+    else:
+        arm, known = next(arm for arm in every if arm.held.joint == begun.held.joint), begun
+    found = _fit(arm, samples, SHEETS, lambda share, words: report(0.3 + 0.7 * share, words), known, stops=True)
+    return found.as_map(SIGNS[_possible(arm, poses, rng)])
 
 
-def _possible(held: _HeldArm, poses: Array, rng: np.random.Generator) -> Flags:
+def _possible(arm: _HeldArm, poses: Array, rng: np.random.Generator) -> Flags:
     """Which choices of signs (8,) postures within the limits have, at random values of the held joint."""
-    values = rng.uniform(*held.limits, (8 * len(poses), 1))
-    rows = held.inverse.answers(np.repeat(poses, 8, axis=0), values)
+    rows = arm.inverse.answers(np.repeat(poses, 8, axis=0), rng.uniform(*arm.held.range, (8 * len(poses), 1)))
     return np.asarray(((rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)).any(axis=0))
 
 
-def _of_six(arm: ArmClass, poses: Array, length: float) -> ArmMap:
+def _of_six(arm: ArmClass, poses: Array) -> ArmMap:
     """The map of an arm of six joints: its signs, those first which serve the most of what those before do not."""
     rows = ClosedInverse(arm, limits=True).answers(poses, np.zeros((len(poses), 0)))
     serves, signs, left = (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0), [], np.ones(len(poses), dtype=bool)
@@ -307,25 +472,42 @@ def _of_six(arm: ArmClass, poses: Array, length: float) -> ArmMap:
         left &= ~serves[:, signs[-1]]
     rest = [s for s in np.flatnonzero(serves.any(axis=0)).tolist() if s not in signs]
     chosen = SIGNS[signs + rest]
-    return ArmMap(arm, 0, length, np.zeros((len(chosen), 2, 0)), chosen, chosen, float(1 - left.mean()))
+    length = float(f"{np.linalg.norm(poses[:, :3, 3] - poses[:, :3, 3].mean(axis=0), axis=1).max():.6g}")
+    return ArmMap(HeldCoordinate(arm, length), np.zeros((len(chosen), 0)), chosen, chosen, float(1 - left.mean()))
+
+
+def _arm_map(robot: Robot, tip: str | None, axis: tuple[float, ...] | None = None) -> ArmMap:
+    """The map of an arm, with an axis (3,) of the tool about which it may spin: of the package, or kept from an earlier
+    call, or made and kept. What Ctrl-C leaves is kept, too, and completed by the next call."""
+    known = _known(robot)
+    if (tip, axis) not in known:
+        found = _kept_or_made(robot, tip, axis)
+        if not found.complete:
+            return found
+        known[tip, axis] = found
+    return known[tip, axis]
 
 
 @kept
-def _arm_map(robot: Robot, tip: str | None) -> ArmMap:
-    """The map of an arm: of the package, or kept from an earlier call, or made and kept."""
-    task = pose(robot, tip=tip)
-    arms = classes(task)
-    found = shipped(arms)
+def _known(_robot: Robot) -> dict[tuple[str | None, tuple[float, ...] | None], ArmMap]:
+    return {}
+
+
+def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None) -> ArmMap:
+    spin = None if axis is None else Spin.of(robot, tip, np.array(axis))
+    found = shipped(robot, tip) if spin is None else None
     if found is not None:
         return found
-    path = None
+    path = begun = None
     with suppress(NativeError):
-        path = cache_folder() / f"map-{digest(arms[0])}.json"
+        path = cache_folder() / f"map-{digest(robot, tip, spin)}.json"
         data = kept_bytes(path)
-        found = None if data is None else map_of_text(data.decode("utf-8", "replace"), arms)
-    if found is not None:
-        return found
-    found = make_arm_map(task)
+        begun = None if data is None else map_of_text(data.decode("utf-8", "replace"), robot, tip, spin)
+    if begun is not None and begun.complete:
+        return begun
+    task = pose(robot, tip=tip) if axis is None else pose(robot, "axis", tip=tip, axis=axis)
+    with progress(f"map of {robot.name}", 1.0, words=True) as report:
+        found = make_arm_map(task, report=report, begun=begun)
     if path is not None:
         with suppress(NativeError):
             keep(path, map_text(found).encode())
@@ -390,11 +572,12 @@ def ik(
         if value is not None:
             cure = "it is of a strategy: hk.ik(strategy, q0); hk.ik(robot) needs none, and its ik.near(pose, q) takes q"
             raise ArgumentError(what, "given", cure)
-    classes(task)
-    found = _arm_map(task.robot, task.tip)
+    check_task(task)
+    axis = spin_axis(task)
+    found = _arm_map(task.robot, task.tip, None if axis is None else tuple(axis.tolist()))
     touching = None if scene is None else _Touching(task.robot, scene)
     if touching is not None:
-        _ = touching.clearances  # which says what the scene lacks
+        touching.look()
     return ArmInverse(task, found, limits, touching)
 
 
@@ -409,6 +592,17 @@ class _Touching(Value):
     def clearances(self) -> Clearances:
         """Of the robot in the scene."""
         return Clearances.of(self.robot, self.scene)
+
+    def look(self) -> None:
+        """Raises: ArgumentError: the scene lacks something, or one pair of bodies touches at all random postures."""
+        robot, rng = self.robot, np.random.default_rng(0)
+        Q = rng.uniform(robot.lower, robot.upper, (LOOKS, robot.n))
+        if not self.clearances.clear(Q).any():
+            gaps = self.clearances.distances(Q, self.clearances.wanted) - self.clearances.limits
+            if (always := np.flatnonzero((gaps < 0).all(axis=0))).size:
+                pair = " and ".join(self.clearances.names[int(always[0])])
+                fact = f"one in which {pair} touch, or are too near, at each of {LOOKS} random postures"
+                raise ArgumentError("the scene", fact, "move the obstacle, or allow the pair: hk.Scene(allowed=[...])")
 
     def __call__(self, Q: Matrix) -> list[str]:
         return self.clearances.touching(Q)

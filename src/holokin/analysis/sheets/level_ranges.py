@@ -180,6 +180,13 @@ def branches_by_curves(
     ]
 
 
+def widest(strategy: HolonomicStrategy, curves: SelfMotions) -> Vector:
+    """The length of the longest interval of levels of each pose (k,); 0 where there is none."""
+    stretches, lengths = _stretches(strategy, curves, None), np.zeros(len(curves.p))
+    np.maximum.at(lengths, stretches.pose, stretches.high - stretches.low)
+    return lengths
+
+
 # --- Stretches of self-motions along which a level rises.
 
 

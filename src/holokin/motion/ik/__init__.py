@@ -12,7 +12,7 @@ from ..self_motions.pose_curves import (
     ServedLevels,
     self_motion,
 )
-from .arm_inverse import ArmAnswers, ArmInverse, NearAnswer
+from .arm_inverse import ArmAnswers, ArmInverse, NearAnswer, SheetPostures
 from .arm_map import ArmMap
 from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
@@ -34,6 +34,7 @@ __all__ = [
     "SelfMotion",
     "SelfMotionArc",
     "ServedLevels",
+    "SheetPostures",
     "Solutions",
     "all_postures",
     "ik",

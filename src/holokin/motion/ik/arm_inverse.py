@@ -22,6 +22,9 @@ from .inverse_function import AGREE
 BLOCKED = 16
 """Places of the arcs that are looked at more closely where all that serve touch something."""
 
+LOOKED = 4
+"""Spins of a tool, the best of some, at which it is looked why no posture serves."""
+
 Obstructed = Callable[[Matrix], Sequence[str]]
 """Of postures (k, n): what each of them touches, "" for nothing."""
 
@@ -36,6 +39,17 @@ class NearAnswer(NamedTuple):
     q: Vector
     sheet: int | None
     changed: bool
+
+
+class SheetPostures(NamedTuple):
+    """All sheets at a pose: the posture of each q (S, n), NaN where it does not serve, and its margin (S,).
+
+    The margin is how far the posture is from the next joint limit [joint units], or from where the closed form or the
+    rule ends, if that is less: on the way to where a sheet ends it falls to 0, and beyond it is negative.
+    """
+
+    q: Matrix
+    margin: Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +146,17 @@ class ArmInverse(Value):
         serves = self._served(self._pose(pose))[1]
         return int(serves.argmax()) if serves.any() else None
 
+    def sheets(self, pose: PoseLike) -> SheetPostures:
+        """The postures of all sheets at a tool pose (4, 4), and how far each is from where it ends.
+
+        Two of them are joined while the tool stands still where `hk.motion.ik.self_motion(task, pose)` has an arc
+        with both.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        """
+        rows, serves = self._served(self._pose(pose))
+        return SheetPostures(np.where(serves[:, None], rows[:, :-1], np.nan), rows[:, -1].copy())
+
     def why(self, pose: PoseLike) -> str:
         """What becomes of a tool pose (4, 4), in words: its sheet, or "off the map", or why it has no answer.
 
@@ -149,12 +174,30 @@ class ArmInverse(Value):
         """One line that says what runs; it is built, or loaded, if it is not yet there: ask before a loop begins."""
         return engine() if self.map.kernel(self.limits) is not None else "CasADi's virtual machine"
 
+    @property
+    def theorem(self) -> str:
+        """What is proven of each sheet, and how to have the proof."""
+        robot, arm = self._robot, self.map.arm
+        name, held = robot.joint_names[arm.held[0]] if arm.held else "", self.map.held
+        followers = [f"joint {name!r}"] * bool(name) + ["the spin of the tool"] * (held.spin is not None)
+        rule = f"with {' and '.join(followers)} a function of the tool's pose, " if followers else ""
+        strategy = f"hk.holonomic(task, hk.lock({name!r}))" if name else "hk.moore_penrose(task)"
+        exact = f"an exact model, {arm.angle:.1e} rad and {arm.distance:.1e} m from the robot"
+        return (
+            f"On the whole arm, {rule}two postures of one sheet that have the same tool pose are the same but for whole "
+            f"turns of joints. It is about {'the robot as it is' if arm.exact else exact}. The rule does not matter: "
+            f"hk.certify({strategy}) writes the proof, task = hk.pose(robot)."
+        )
+
     def __str__(self) -> str:
-        robot, k = self._robot, self.map.held
-        rule = "" if k is None else f", on each of which joint {robot.joint_names[k]!r} follows the tool's pose"
+        robot, held = self._robot, self.map.held
+        what = "the spin of the tool" if held.spin is not None else None
+        what = f"joint {robot.joint_names[held.joint]!r}" if held.joint is not None else what
+        rule = "" if what is None else f", on each of which {what} follows the tool's pose"
         limits = "within its joint limits" if self.limits else "whatever its joint limits"
         share = f"they serve {self.map.share:.1%} of what it reaches within its limits"
-        return f"inverse kinematics of {robot.name!r} {limits}: {len(self.map)} sheets{rule}; {share}"
+        early = "" if self.map.complete else "; its map is not complete, since making it was stopped: ask hk.ik again"
+        return f"inverse kinematics of {robot.name!r} {limits}: {len(self.map)} sheets{rule}; {share}{early}"
 
     # --- What is beneath: native code, or the same by CasADi.
 
@@ -199,7 +242,26 @@ class ArmInverse(Value):
 
     def _place(self, T: Matrix) -> Vector:
         """Posture, margin and sheet (n + 2,) of a pose (4, 4); a margin below 0 where there is none."""
-        return self._calls[2](T) if self.touches is None else self._slow_place(T)
+        row = self._calls[2](T) if self.touches is None else self._slow_place(T)
+        return row if row[-2] >= 0 or self._whole is None else self._best_spin(T)
+
+    @cached_property
+    def _whole(self) -> ArmInverse | None:
+        """The arm's own answers to whole poses, where it has a redundant joint beside a free spin."""
+        below = self.map.held.below
+        return None if below is None or below.held.none else ArmInverse(self.task, below, self.limits, self.touches)
+
+    def _spins(self, T: Matrix) -> Array:
+        """The pose with the tool at some spins (C, 4, 4)."""
+        return np.asarray(self.map.held.turned.batch(T, self.map.values[:, None]))
+
+    def _best_spin(self, T: Matrix) -> Vector:
+        """What the arm answers to the pose turned about its axis by some spins: the largest margin."""
+        assert self._whole is not None
+        rows = self._whole._places(self._spins(T), 1)
+        best = rows[_largest(rows[:, -2])]
+        best[-1] = len(self.map)
+        return best
 
     def _places(self, T: Array, threads: int | None) -> Matrix:
         """Those (k, n + 2) of poses (k, 4, 4)."""
@@ -211,6 +273,8 @@ class ArmInverse(Value):
             off = rows[:, -1] == len(self.map)
             for i in np.flatnonzero((rows[:, -2] >= 0) & (off | ~self._free(rows[:, :-2]))):
                 rows[i] = self._slow_place(T[i])
+        for i in np.flatnonzero(~(rows[:, -2] >= 0) if self._whole is not None else []):
+            rows[i] = self._place(T[i])
         return rows
 
     def _slow_place(self, T: Matrix) -> Vector:
@@ -237,9 +301,9 @@ class ArmInverse(Value):
         return rows, serves
 
     def _answers(self, T: Matrix, rules: Matrix) -> tuple[Matrix, Vector, Vector]:
-        """Of rules and signs (j, 2 m + 3) at a pose: postures (j, n), how real, and how far within the limits (j,)."""
-        m, poses = 2 * self.map.rules.shape[2], np.repeat(T[None], len(rules), axis=0)
-        given = poses, np.ascontiguousarray(rules[:, :m]), np.ascontiguousarray(rules[:, m:])
+        """Of rules and branches (j, w + b) at a pose: postures (j, n), how real, and how far within the limits (j,)."""
+        w, poses = self.map.held.width, np.repeat(T[None], len(rules), axis=0)
+        given = poses, np.ascontiguousarray(rules[:, :w]), np.ascontiguousarray(rules[:, w:])
         q, share, within, _ = self.map.postures(self.limits).batch(*given)
         return q, np.ravel(share), np.ravel(within)
 
@@ -247,13 +311,13 @@ class ArmInverse(Value):
         """The same of the arcs of a pose at all values, and closer to the largest margins, as sheets.c has it."""
         found, rules = self.map, self.map.grid
         rows = self._answers(T, rules)
-        if found.held is None:
+        if found.held.none:
             return rows
         # Closer to the largest margin if it serves, else to many: at first to peaks.
         count = len(found.values)
         margin = _margin(rows[1], rows[2]).reshape(-1, count)
         before, after = np.roll(margin, 1, axis=1), np.roll(margin, -1, axis=1)
-        if not found.turning:
+        if not found.held.turning:
             before[:, 0], after[:, -1] = margin[:, 0], margin[:, -1]
         peak, margin = ((margin >= before) & (margin >= after)).ravel(), margin.ravel()
         most = TRIES if not (margin > 0).any() else 1 if self.touches is None else BLOCKED
@@ -269,16 +333,23 @@ class ArmInverse(Value):
                 break
         return rows
 
+    def _arcs_of(self, poses: Array) -> tuple[Matrix, Vector, Vector]:
+        """The same of some poses (k, 4, 4), of those with the largest margins."""
+        margins = self._places(poses, 1)[:, -2]
+        parts = [self._arcs(poses[i]) for i in np.argsort(-margins, kind="stable")[:LOOKED]]
+        q, share, within = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return q, share, within
+
     def _closer(self, T: Matrix, rules: Matrix, c: Vector, best: Vector) -> tuple[Matrix, Vector, Vector]:
-        """The same near values c (t,) of the held joint on arcs, ever closer to the largest margins; arc after arc."""
-        values, m, every = self.map.values, self.map.rules.shape[2], list[tuple[Matrix, Vector, Vector]]()
+        """The same near values c (t,) of what is held on arcs, ever closer to the largest margins; arc after arc."""
+        held, values, every = self.map.held, self.map.values, list[tuple[Matrix, Vector, Vector]]()
         step, places = values[1] - values[0], np.delete(np.arange(-4, 5), 4)
-        reach = step if self.map.turning else 0.0
+        reach = step if held.turning else 0.0
         for _ in range(CLOSER):
             step /= 4.5
             near = np.clip(c[:, None] + places * step, values[0] - reach, values[-1] + reach)
             closer = np.repeat(rules, len(places), axis=0)
-            closer[:, 0], closer[:, m] = np.sin(near.ravel()), np.cos(near.ravel())
+            closer[:, : held.width] = held.constant(near.ravel())
             every.append(self._answers(T, closer))
             margins = _margin(*every[-1][1:]).reshape(near.shape)
             for i, row in enumerate(margins.tolist()):
@@ -323,7 +394,7 @@ class ArmInverse(Value):
         """Why a pose has no answer, in short, and as an error."""
         robot, p = self._robot, T[:3, 3]
         where = f"the pose at {posture_text(p)}"
-        q, share, within = self._arcs(T)
+        q, share, within = self._arcs(T) if self._whole is None else self._whole._arcs_of(self._spins(T))
         if not (share > 0).any():
             fact = f"{where} is out of reach of {robot.name!r}: no posture has it"
             return "out of reach", OutOfReachError(fact, "give a pose nearer to the base", position=p)

@@ -25,12 +25,13 @@ _FEW = 256
 
 
 class SheetsKernel:
-    """The doors of sheets.c, about (pose (4, 4), rule (w,), signs (3,)) -> (posture (n,), real, within, fault).
+    """The doors of sheets.c, about (pose (4, 4), rule (w,), branch (b,)) -> (posture (n,), real, within, fault).
 
     Args:
         tool: posture (n,) -> pose (4, 4). joints: lower and upper limits (n,), and which turn (n,).
-        rows: of the sheets (S, w + 3), rule and signs. choices: of signs (K, 3). values: of the held joint (C,).
-        turning: whether the last value's neighbour is the first one.
+        rows: of the sheets (S, w + b), rule and branch. choices: branches (K, b). values: of what is held (C,).
+        slides: whether a rule is that value, not a vector along an angle. turning: whether the last value's neighbour
+            is the first one.
         constants: by their names, of sheets.c.
     """
 
@@ -44,12 +45,13 @@ class SheetsKernel:
         rows: Matrix,
         choices: Matrix,
         values: Vector,
+        slides: bool,
         turning: bool,
         constants: Mapping[str, float],
     ) -> None:
-        n, w = outputs[0][0], inputs[1][0]
-        sizes = {"N": n, "W": w, "NX": 16 + w + 3, "NY": n + 3, "SHEETS": len(rows)}
-        sizes |= {"CHOICES": len(choices), "VALUES": len(values)}
+        n, w, b = outputs[0][0], inputs[1][0], inputs[2][0]
+        sizes = {"N": n, "W": w, "B": b, "NX": 16 + w + b, "NY": n + 3, "SHEETS": len(rows)}
+        sizes |= {"CHOICES": len(choices), "VALUES": len(values), "SLIDE": int(slides)}
         head = "".join(f"#define HK_{key} {value}\n" for key, value in sizes.items())
         head += "".join(f"#define HK_{key} {value!r}\n" for key, value in constants.items())
         low, high, turn = joints

@@ -604,6 +604,12 @@ class InverseKernel:
         found, place = self._library.hk_call_nowhere, self._library
         return bound_call(found, (self._pose,), ((),), lambda _pose: None, (place, context), context)
 
+    def led(self, context: Vector, rows: int) -> Callable[..., Any] | None:
+        """(pose, q, leaf and the sign of det at q (rows + 1,)) -> the posture to which q is led straight by
+        continuation, None where that is not reached; None without headers."""
+        shapes, place = (self._pose, (self._joints,), (rows + 1,)), (self._library, context)
+        return bound_call(self._library.hk_call_led, shapes, ((self._joints,),), lambda *_: None, place, context)
+
     def __call__(
         self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None, shown: bool = False
     ) -> Indices:

@@ -1,10 +1,11 @@
-/* The sheets of an arm at a tool pose, HK_LANES rows side by side. hk_body: (pose (16), rule (HK_W), signs (3)) -> (posture
-   (HK_N), how real it is, how far within the limits, by how much the pose is none). hk_tool: posture -> pose (16).
+/* The sheets of an arm at a tool pose, HK_LANES rows side by side. hk_body: (pose (16), rule (HK_W), branch (HK_B)) ->
+   (posture (HK_N), how real it is, how far within the limits, by how much the pose is none). hk_tool: posture -> pose (16).
+   HK_W is 0 where nothing is held; HK_SLIDE: the rule is a value, not a vector along an angle.
 
-   A table is what `table_of` of Python makes: for each eight rows the numbers of rule and signs, one number of all eight
-   after another. The context: HK_SHEETS sheets, then HK_CHOICES choices of signs, then HK_VALUES values of the held joint. */
+   A table has for each eight rows the numbers of rule and branch, one number of all eight after another. The context:
+   HK_SHEETS sheets, then HK_CHOICES branches, then HK_VALUES values of what is held. */
 
-#define HK_ROW (HK_W + 3)
+#define HK_ROW (HK_W + HK_B)
 #define HK_BLOCKS(rows) (((rows) + 7) / 8)
 
 /* The lesser of how real a posture is and how far within the limits; of what is not real the latter says nothing. */
@@ -48,15 +49,19 @@ static int hk_first(const double *table, hk_t *x, double *q) {
 }
 
 #if HK_W > 0
-/* The rule of one value of the held joint, whose cosine and sine are given: its first monomial is 1. */
-static void hk_held(hk_t *x, int l, double c, const double *signs) {
+/* The rule of one value of what is held: its first monomial is 1. */
+static void hk_held(hk_t *x, int l, double c, const double *branch) {
+#if HK_SLIDE
+  x[16][l] = c;
+#else
   x[16][l] = sin(c);
   x[16 + HK_W / 2][l] = cos(c);
-  for (int i = 0; i < 3; i++) x[16 + HK_W + i][l] = signs[i];
+#endif
+  for (int i = 0; i < HK_B; i++) x[16 + HK_W + i][l] = branch[i];
 }
 
 /* The margin of an arc at eight values between two others, the best of which is kept with its posture. */
-static void hk_closer(hk_t *x, const double *signs, double *c, double *step, double low, double high, double *q) {
+static void hk_closer(hk_t *x, const double *branch, double *c, double *step, double low, double high, double *q) {
   hk_t y[HK_NY];
   const double centre = *c, part = *step / 4.5;
   for (int i = 0; i < 8; i += HK_LANES) {
@@ -64,7 +69,7 @@ static void hk_closer(hk_t *x, const double *signs, double *c, double *step, dou
     for (int l = 0; l < HK_LANES; l++) {
       const double value = centre + (i + l - (i + l < 4 ? 4 : 3)) * part;
       values[l] = value < low ? low : value > high ? high : value;
-      hk_held(x, l, values[l], signs);
+      hk_held(x, l, values[l], branch);
     }
     hk_body(x, y);
     for (int l = 0; l < HK_LANES; l++)
@@ -83,11 +88,11 @@ static void hk_closer(hk_t *x, const double *signs, double *c, double *step, dou
 static void hk_widest(const double *context, hk_t *x, double *q) {
   hk_t y[HK_NY];
   q[HK_N] = -HUGE_VAL;
-  const double *signs = context + 8 * HK_ROW * HK_BLOCKS(HK_SHEETS);
+  const double *branches = context + 8 * HK_ROW * HK_BLOCKS(HK_SHEETS);
 #if HK_W == 0
   for (int k = 0; k < HK_CHOICES; k += HK_LANES) {
     for (int l = 0; l < HK_LANES; l++)
-      for (int i = 0; i < 3; i++) x[16 + i][l] = signs[3 * (k + l < HK_CHOICES ? k + l : 0) + i];
+      for (int i = 0; i < HK_B; i++) x[16 + i][l] = branches[HK_B * (k + l < HK_CHOICES ? k + l : 0) + i];
     hk_body(x, y);
     for (int l = 0; l < HK_LANES; l++)
       if (hk_margin(y, l) > q[HK_N] + HK_TIE) {
@@ -97,13 +102,13 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
   }
 #else
   /* Each arc at each value. */
-  const double *values = signs + 3 * HK_CHOICES, low = values[0], high = values[HK_VALUES - 1];
+  const double *values = branches + HK_B * HK_CHOICES, low = values[0], high = values[HK_VALUES - 1];
   double margin[HK_CHOICES * HK_VALUES];
   for (int j = 0; j < HK_ROW; j++) x[16 + j] = hk_all(0.0);
   for (int i = 0; i < HK_CHOICES * HK_VALUES; i += HK_LANES) {
     for (int l = 0; l < HK_LANES; l++) {
       const int at = i + l < HK_CHOICES * HK_VALUES ? i + l : 0;
-      hk_held(x, l, values[at % HK_VALUES], signs + 3 * (at / HK_VALUES));
+      hk_held(x, l, values[at % HK_VALUES], branches + HK_B * (at / HK_VALUES));
     }
     hk_body(x, y);
     for (int l = 0; l < HK_LANES && i + l < HK_CHOICES * HK_VALUES; l++) margin[i + l] = hk_margin(y, l);
@@ -130,11 +135,11 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
       double c = values[top % HK_VALUES], width = step, here[HK_N + 1];
       for (int j = 0; j < HK_ROW; j++) x[16 + j] = hk_all(0.0);
       here[HK_N] = -HUGE_VAL;
-      for (int l = 0; l < HK_LANES; l++) hk_held(x, l, c, signs + 3 * (top / HK_VALUES));
+      for (int l = 0; l < HK_LANES; l++) hk_held(x, l, c, branches + HK_B * (top / HK_VALUES));
       hk_body(x, y);
       hk_take(y, 0, here);
       here[HK_N] = hk_margin(y, 0);
-      for (int k = 0; k < HK_STEPS; k++) hk_closer(x, signs + 3 * (top / HK_VALUES), &c, &width, begin, end, here);
+      for (int k = 0; k < HK_STEPS; k++) hk_closer(x, branches + HK_B * (top / HK_VALUES), &c, &width, begin, end, here);
       if (here[HK_N] > q[HK_N] + HK_TIE)
         for (int j = 0; j <= HK_N; j++) q[j] = here[j];
     }
