@@ -82,7 +82,7 @@ POSES = 256
 DESIGNED = 128
 """Poses that strategies are designed for by a search."""
 
-TRIED = 4
+TRIED = 3
 """Strategies whose leaves are followed to all poses, besides the best proven one and those designed."""
 
 MOST = 3
@@ -177,25 +177,30 @@ class Case:
             leaves = ranked(leaves)
             proven = [leaf for leaf in leaves if is_proven(leaf)]
             others = [leaf for leaf in leaves if not is_proven(leaf) and leaf.candidate.kind != "stationary"]
-            designs = [d for leaf in (*proven[:2], *others[:1]) if (d := self._designed_on(curves, leaf)) is not None]
+            # Of the designs over joints held, of which all are proven, the one of the least cost; and one over the best
+            designs = sorted(
+                filter(None, (self._designed_on(curves, leaf) for leaf in proven[:2])), key=lambda d: d[2]
+            )[:1]
+            designs += filter(None, (self._designed_on(curves, leaf) for leaf in others[:1]))
             for leaf in dict.fromkeys([*leaves[:TRIED], *proven[:1]]):
                 self.progress(f"{leaf.candidate.name}, on its leaf")
                 trials += tried(leaf.candidate, leaf.q[None], self.poses)
-            for candidate, q in designs:
+            for candidate, q, _ in designs:
                 self.progress(f"{candidate.name}, on its leaf")
                 trials += tried(candidate, q[None], self.poses)
         return trials
 
-    def _designed_on(self, curves: ServedCurves, leaf: Leaf) -> tuple[Candidate, Vector] | None:
-        """A strategy whose level is a polynomial of the pose, on the branch of a leaf, and a posture to begin at."""
+    def _designed_on(self, curves: ServedCurves, leaf: Leaf) -> tuple[Candidate, Vector, float] | None:
+        """A strategy whose level is a polynomial of the pose, on the branch of a leaf; a posture to begin at, the cost."""
         base = leaf.candidate.strategy
         name = f"designed from {leaf.candidate.name}"
         self.progress(name)
-        h = designed_on(curves, leaf, degree=2)
-        if base is None or h is None:
+        made = designed_on(curves, leaf, degree=2)
+        if base is None or made is None:
             return None
+        h, cost = made
         strategy = holonomic(self.task, tilted(base.constraint, h, chart=h.chart), name=name)
-        return Candidate(name, h.keys_over(leaf.candidate.keys), self.task, strategy, level=0.0), leaf.q
+        return Candidate(name, h.keys_over(leaf.candidate.keys), self.task, strategy, level=0.0), leaf.q, cost
 
     @contextmanager
     def _to_be_kept(self, found: Sequence[Trial]) -> Iterator[None]:
@@ -374,7 +379,7 @@ class Case:
             trials = tried(candidate, rated.q0[None], Poses(T, still, self.costs.joints, self.apart))
             return bool(trials[0].served.all())
 
-        part = largest_part(self.workspace, serves)
+        part = largest_part(self.workspace, self.poses.T, rated.served, serves)
         return None if part is None else Part(rated, *part)
 
 

@@ -7,16 +7,17 @@ and which polynomial of the pose, is read off these intervals: no path is follow
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.ik.pose_reach import at_best_turns
 from ...motion.ik.self_motions import SelfMotions
+from ...strategies import HolonomicStrategy
 from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task
 from ...symbolic import Function, symbol, vertcat
@@ -58,8 +59,17 @@ WALLS = 1.0, 20.0
 """Cost of a level that is beyond a piece by the mean length of pieces, at first and in the end, beside
 log(1 + squared joint speed / least)."""
 
+DESCENTS = 60
+"""Steps of that search at most."""
+
+EDGE = 0.05
+"""Share of a piece at its ends that a design keeps off: there the strategy is singular, or a limit or a shape is near."""
+
 SMOOTH = 0.01
 """Share of the mean length of pieces within which that cost is rounded off."""
+
+UNSURE = 10.0
+"""Squared joint speed, in medians of a leaf, that counts as so much and not more."""
 
 FASTEST = 1e6
 """Greatest |dq/dg|^2 that is told: where it is infinite the strategy is singular."""
@@ -143,6 +153,13 @@ class ServedCurves(Value):
         np.minimum.at(floor, self.pose, self.speed)
         return np.where(np.isfinite(floor), floor, np.nan)
 
+    @cached_property
+    def away(self) -> Flags:
+        """Which postures keep away from the joint limits (N,)."""
+        robot = self.task.robot
+        spans = np.where(np.isfinite(robot.upper - robot.lower), robot.upper - robot.lower, 0.0)
+        return np.asarray((np.minimum(self.q - robot.lower, robot.upper - self.q) >= ROOM * spans).all(axis=1))
+
     def levels(self, candidates: Sequence[Candidate]) -> Matrix:
         """The levels g (N, c) of candidates with a constraint of one row."""
         q = symbol("q", self.task.n)
@@ -155,9 +172,7 @@ class ServedCurves(Value):
         J_g J^+ P (k, d): a strategy g = h(x) has as squared joint speed the first and the second times
         |D_P h - J_g J^+ P|^2.
         """
-        q, strategy = symbol("q", self.task.n), candidate.strategy
-        rows = strategy.constraint.slopes(self.task, self.task.kinematics(q), q)
-        J_g = Function("rows", {"q": q}, {"rows": rows}).batch(self.q[which]).reshape(len(which), -1)
+        J_g = _rows(candidate.strategy).batch(self.q[which]).reshape(len(which), -1)
         along = self.along(which)
         with np.errstate(divide="ignore"):
             metric = np.sum(self.costs.joints * along**2, axis=1) / np.sum(J_g * along, axis=1) ** 2
@@ -169,6 +184,13 @@ class ServedCurves(Value):
         other = np.where(self.linked[which], which + 1, which - 1)
         way = self.q[other] - self.q[which]
         return way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
+
+
+@kept
+def _rows(strategy: HolonomicStrategy) -> Function:
+    """q -> J_g (1, n)."""
+    task, q = strategy.task, symbol("q", strategy.task.n)
+    return Function("rows", {"q": q}, {"rows": strategy.constraint.slopes(task, task.kinematics(q), q)})
 
 
 def served_curves(
@@ -275,9 +297,6 @@ def pieces_of(curves: ServedCurves, candidate: Candidate, g: Vector) -> Pieces:
 
 def _branches(curves: ServedCurves, pieces: Pieces, side: Vector) -> Indices:
     """Numbers (k,) of branches: pieces of neighbouring poses are of one where each is the other's nearest."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     # Every piece of the one pose with every one of the other, on the same side of singular postures
     order = np.argsort(pieces.pose, kind="stable")
     first, last = (np.searchsorted(pieces.pose[order], curves.pairs, side=s) for s in ("left", "right"))
@@ -312,8 +331,20 @@ def _branches(curves: ServedCurves, pieces: Pieces, side: Vector) -> Indices:
         np.minimum.at(least, group, apart)
         best &= apart <= least[group]
     best &= near
-    graph = coo_array((np.ones(int(best.sum())), (a[best], b[best])), shape=(len(side), len(side)))
-    return connected_components(graph, directed=False)[1]
+    return _connected(len(side), a[best], b[best])
+
+
+def _connected(count: int, a: Indices, b: Indices) -> Indices:
+    """The least number (k,) among those that pairs a, b connect with each of `count` numbers."""
+    label = np.arange(count)
+    while True:
+        before = label.copy()
+        least = np.minimum(label[a], label[b])
+        np.minimum.at(label, a, least)
+        np.minimum.at(label, b, least)
+        label = label[label]
+        if np.array_equal(label, before):
+            return np.unique(label, return_inverse=True)[1]
 
 
 # --- The leaf of a strategy that serves most, on one branch.
@@ -362,11 +393,13 @@ def best_leaf(curves: ServedCurves, pieces: Pieces) -> Leaf | None:
     np.add.at(counts, group // len(curves.u), has)
     # Of the leaves that serve nearly as many as the best, some of each branch, looked at closely
     enough = counts.max() - EQUAL * len(curves.u)
-    leaves: list[Leaf] = []
-    for branch in np.argsort(-counts.max(axis=1), kind="stable")[:BRANCHES]:
+    options: list[tuple[int, float]] = []
+    for branch in np.argsort(-counts.max(axis=1), kind="stable")[:BRANCHES].tolist():
         near = np.flatnonzero(counts[branch] >= max(enough, 1))
-        for i in near[np.unique(np.linspace(0, len(near) - 1, CLOSELY).astype(int))] if len(near) else ():
-            leaves.append(_leaf(curves, pieces, int(branch), float(levels[i])))
+        if len(near):
+            some = near[np.unique(np.linspace(0, len(near) - 1, CLOSELY).astype(int))]
+            options += [(branch, c) for c in levels[some].tolist()]
+    leaves = _leaves(curves, pieces, options)
     easy = max((leaf.easy for leaf in leaves), default=0.0) - EASY
     return min((leaf for leaf in leaves if leaf.easy >= easy), key=lambda leaf: leaf.squared_speed, default=None)
 
@@ -385,22 +418,29 @@ def leaf_through(curves: ServedCurves, pieces: Pieces, q0: Vector) -> Leaf | Non
     u = curves.coordinates.at(q0[None])[0]
     poses = np.argsort(np.linalg.norm(curves.u[pieces.pose[which]] - u, axis=1), kind="stable")[: 4 * NEIGHBOURS]
     best = poses[int(np.argmin(np.linalg.norm(curves.q[rows[poses]] - q0, axis=1)))]
-    return replace(_leaf(curves, pieces, int(pieces.branch[which[best]]), level), q=q0)
+    return replace(_leaves(curves, pieces, [(int(pieces.branch[which[best]]), level)])[0], q=q0)
 
 
-def _leaf(curves: ServedCurves, pieces: Pieces, branch: int, level: float) -> Leaf:
-    """The leaf of a branch on a level."""
-    which, rows = _on(pieces, np.flatnonzero(pieces.branch == branch), level)
-    pose, first = np.unique(pieces.pose[which], return_index=True)
-    rows, robot, count = rows[first], curves.task.robot, len(curves.u)
-    spans = robot.upper - robot.lower
-    with np.errstate(invalid="ignore"):
-        margins = np.minimum(curves.q[rows] - robot.lower, robot.upper - curves.q[rows]) / spans
-    away = np.where(np.isfinite(spans), margins, np.inf).min(axis=1) >= ROOM
-    floor, metric, wanted = curves.terms(pieces.candidate, rows)
-    speed = float(np.mean(floor + metric * np.sum(wanted**2, axis=1)))
-    nearest = int(np.argmin(np.linalg.norm(curves.u[pose], axis=1)))
-    return Leaf(pieces, branch, level, curves.q[rows[nearest]], len(pose) / count, away.sum() / count, speed)
+def _leaves(curves: ServedCurves, pieces: Pieces, options: Sequence[tuple[int, float]]) -> list[Leaf]:
+    """The leaves of some branches on some levels."""
+    count, found = len(curves.u), []
+    for branch, level in options:
+        which, rows = _on(pieces, np.flatnonzero(pieces.branch == branch), level)
+        pose, first = np.unique(pieces.pose[which], return_index=True)
+        found.append((pose, rows[first]))
+    if not found:
+        return []
+    every = np.concatenate([rows for _, rows in found])
+    floor, metric, wanted = curves.terms(pieces.candidate, every)
+    speed = floor + metric * np.sum(wanted**2, axis=1)
+    away, leaves, last = curves.away[every], [], 0
+    for (branch, level), (pose, rows) in zip(options, found, strict=True):
+        own, last = slice(last, last + len(rows)), last + len(rows)
+        q = curves.q[rows[int(np.argmin(np.linalg.norm(curves.u[pose], axis=1)))]]
+        # Rows lie beside the postures of the leaf: where these are nearly singular, the speed there is not known
+        size = float(np.minimum(speed[own], UNSURE * np.median(speed[own])).mean())
+        leaves.append(Leaf(pieces, branch, level, q, len(pose) / count, float(away[own].sum()) / count, size))
+    return leaves
 
 
 def _on(pieces: Pieces, own: Indices, level: float) -> tuple[Indices, Indices]:
@@ -425,11 +465,16 @@ def _on(pieces: Pieces, own: Indices, level: float) -> tuple[Indices, Indices]:
 
 class _Tables(NamedTuple):
     """Of each pose (k,) the levels low to high of its piece, and at TABLE levels between them the least squared joint
-    speed (k, t), |z|^2 (k, t) and J_g J^+ P (k, t, d)."""
+    speed (k, t), |z|^2 (k, t) and J_g J^+ P (k, t, d).
+
+    inner_low, inner_high (k,): the levels between which the joints keep away from their limits, if there are any.
+    """
 
     pose: Indices
     low: Vector
     high: Vector
+    inner_low: Vector
+    inner_high: Vector
     floor: Matrix
     metric: Matrix
     wanted: Array
@@ -452,38 +497,64 @@ class _Tables(NamedTuple):
         return floor + metric * square, np.where(beyond, 0.0, by_h), 2 * metric[:, None] * off
 
 
-def designed_on(curves: ServedCurves, leaf: Leaf, degree: int) -> Polynomial | None:
-    """The polynomial h(x) for which g = h(x), on the branch of a leaf, serves most poses with the least joint speed;
-    None where there are too few poses."""
-    from scipy.optimize import minimize
-
+def designed_on(curves: ServedCurves, leaf: Leaf, degree: int) -> tuple[Polynomial, float] | None:
+    """The polynomial h(x) for which g = h(x), on the branch of a leaf, serves most poses with the least joint speed, and
+    its cost; None where there are too few poses."""
     tables = _tables(curves, leaf)
     coordinates, terms = curves.coordinates, monomials_up_to(curves.coordinates.d, degree)
     values, slopes = values_and_slopes(curves.u[tables.pose], terms)
-    slopes = slopes * (curves.costs.columns / coordinates.scale)
+    slopes = np.ascontiguousarray(np.swapaxes(slopes * (curves.costs.columns / coordinates.scale), 1, 2))
     if len(tables.pose) < len(terms):
         return None
-    # Off the ends of a piece, where a joint is at a limit or the strategy singular, by a share of its length
-    room = np.minimum(0.1 * (tables.high - tables.low), 0.05 * np.median(tables.high - tables.low))
-    low, high, scale = tables.low + room, tables.high - room, float(np.mean(tables.high - tables.low))
+    least, scale = tables.floor.min(axis=1).mean(), float(np.mean(tables.high - tables.low))
 
     def cost(x: Vector, wall: float) -> tuple[float, Vector]:
-        h, Dh = values @ x, np.einsum("ktd,t->kd", slopes, x)
+        h, Dh = values @ x, slopes @ x
         speed, by_h, by_slopes = tables.at(h, Dh)
-        least = tables.floor.min(axis=1).mean()
         # The logarithm: a pose at which a joint must be fast does not outweigh the others
-        size = np.log1p(speed / least)
         inner = 1 / (least + speed)
-        past = np.where(h < low, h - low, np.where(h > high, h - high, 0.0)) / scale
-        root = np.sqrt(past**2 + SMOOTH**2)
-        gradient = values.T @ (by_h * inner + wall * past / root / scale)
-        gradient += np.einsum("ktd,kd->t", slopes, by_slopes * inner[:, None])
-        return float(np.mean(size + wall * (root - SMOOTH))), gradient / len(h)
+        past = np.minimum(h - tables.inner_low, 0.0) + np.maximum(h - tables.inner_high, 0.0)
+        root = np.sqrt((past / scale) ** 2 + SMOOTH**2)
+        value = np.log(speed / least + 1) + wall * (root - SMOOTH)
+        gradient = values.T @ (by_h * inner + wall * past / root / scale**2)
+        gradient += np.tensordot(by_slopes * inner[:, None], slopes, axes=2)
+        return float(np.mean(value)), gradient / len(h)
 
-    x = np.linalg.lstsq(values, np.clip(leaf.level, low, high), rcond=None)[0]
+    x = np.linalg.lstsq(values, np.clip(leaf.level, tables.inner_low, tables.inner_high), rcond=None)[0]
+    scaled = 1 / np.sqrt(np.mean(values**2, axis=0) + np.mean(np.sum(slopes**2, axis=1), axis=0))
     for wall in WALLS:
-        x = minimize(cost, x, args=(wall,), jac=True, method="L-BFGS-B", options={"maxiter": 150}).x
-    return Polynomial(coordinates, x[None])
+        x = scaled * _descended(lambda y, wall=wall: _scaled(cost(scaled * y, wall), scaled), x / scaled)
+    unserved = len(curves.u) - len(tables.pose)
+    return Polynomial(coordinates, x[None]), cost(x, WALLS[-1])[0] + WALLS[-1] * unserved / len(curves.u)
+
+
+def _scaled(value: tuple[float, Vector], scale: Vector) -> tuple[float, Vector]:
+    """A value and its gradient by scaled numbers."""
+    return value[0], value[1] * scale
+
+
+def _descended(cost: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector:
+    """Where a cost with its gradient is least, from x, by the method of Broyden, Fletcher, Goldfarb and Shanno."""
+    value, slope = cost(x)
+    inverse = np.eye(len(x)) / max(float(np.linalg.norm(slope)), 1e-12)
+    for _ in range(DESCENTS):
+        way = -inverse @ slope
+        fall, size = float(slope @ way), 1.0
+        if not fall < 0:
+            break
+        while (trial := cost(x + size * way))[0] > value + 1e-4 * size * fall and size > 1e-6:
+            size /= 2
+        if size <= 1e-6 or value - trial[0] < 1e-7 * abs(value):
+            break
+        step, change = size * way, trial[1] - slope
+        x, value, slope = x + step, *trial
+        if (curving := float(step @ change)) > 0:
+            turned = inverse @ change
+            outer = np.outer(step, turned)
+            inverse = (
+                inverse + (1 + change @ turned / curving) * np.outer(step, step) / curving - (outer + outer.T) / curving
+            )
+    return x
 
 
 def _tables(curves: ServedCurves, leaf: Leaf) -> _Tables:
@@ -498,12 +569,18 @@ def _tables(curves: ServedCurves, leaf: Leaf) -> _Tables:
     order = np.lexsort((off, pieces.pose[own]))
     pose, first = np.unique(pieces.pose[own][order], return_index=True)
     chosen = order[first]
-    table = np.empty((len(chosen), TABLE, 2 + curves.coordinates.d))
+    table, inner = np.empty((len(chosen), TABLE, 2 + curves.coordinates.d)), np.empty((len(chosen), 2))
+    # The rows of all these pieces, then each piece at even levels
     rows, levels = zip(*(pieces.levels(piece) for piece in own[chosen]), strict=True)
-    parts = np.column_stack(
-        [part.reshape(sum(map(len, rows)), -1) for part in curves.terms(pieces.candidate, np.concatenate(rows))]
-    )
-    for k, (g, part) in enumerate(zip(levels, np.split(parts, np.cumsum([len(r) for r in rows])[:-1]), strict=True)):
+    parts = curves.terms(pieces.candidate, np.concatenate(rows))
+    columns = np.column_stack([part.reshape(sum(map(len, rows)), -1) for part in parts])
+    ends = np.cumsum([len(own_rows) for own_rows in rows])[:-1]
+    for k, (i, g, part) in enumerate(zip(rows, levels, np.split(columns, ends), strict=True)):
+        g, away = g + turn[chosen[k]], curves.away[i]
         even = np.linspace(g[0], g[-1], TABLE)
         table[k] = np.column_stack([np.interp(even, g, column) for column in part.T])
-    return _Tables(pose, low[chosen], high[chosen], table[..., 0], table[..., 1], table[..., 2:])
+        inside = g[away] if away.any() else g
+        edge = EDGE * (g[-1] - g[0])
+        inner[k] = np.sort([min(inside[0] + edge, g[-1]), max(inside[-1] - edge, g[0])])
+    inner_low, inner_high = inner.T
+    return _Tables(pose, low[chosen], high[chosen], inner_low, inner_high, table[..., 0], table[..., 1], table[..., 2:])
