@@ -48,6 +48,7 @@ from .obstructions import Obstructions, near_words, obstructions
 from .served_curves import (
     EQUAL,
     ROOM,
+    ROWS,
     Leaf,
     ServedCurves,
     Within,
@@ -88,6 +89,12 @@ TRIED = 3
 MOST = 3
 """Strategies whose cusps are looked for at most."""
 
+ROWS_BESIDE = 12_000
+"""Postures of all poses that are looked at, about, where their clearance is asked for, which takes most of the time."""
+
+PARTLY = 0.5
+"""Share of the workspace from which on the largest part that is served from end to end is looked for."""
+
 SEARCHED = 16
 """Poses at which it is looked what is in the way, where postures are searched for."""
 
@@ -106,7 +113,8 @@ class Case:
         check_metres(task.robot, T, task.tip)
         # The postures of the poses: all, as curves, or those that a search finds
         progress("which poses can be reached")
-        within = _all_within(task, T) if one_redundant(task) and all_known(task) else None
+        most = ROWS if self.apart is None else ROWS_BESIDE
+        within = _all_within(task, T, most) if one_redundant(task) and all_known(task) else None
         self.reach = reached(task, T, q0) if within is None else _reach(task, T, within)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
@@ -191,7 +199,7 @@ class Case:
         return trials
 
     def _designed_on(self, curves: ServedCurves, leaf: Leaf) -> tuple[Candidate, Vector, float] | None:
-        """A strategy whose level is a polynomial of the pose, on the branch of a leaf; a posture to begin at, the cost."""
+        """A strategy whose level is a polynomial of the pose, on the branch of a leaf; where to begin, and the cost."""
         base = leaf.candidate.strategy
         name = f"designed from {leaf.candidate.name}"
         self.progress(name)
@@ -316,7 +324,7 @@ class Case:
             name=c.name, same=trial.same, keys=c.keys, strategy=strategy_of(trial), q0=trial.q0,
             coverage=trial.coverage, served=served, easy=trial.easy, margin=float(margins[joint]),
             joint=self.task.robot.joint_names[joint], rcond=rcond, squared_speed=trial.squared_speed,
-            speed=ratio(trial, self.floor), clearance=_least(trial.clearance), clear=trial.clear,
+            speed=ratio(trial, self.floor), clearance=_least(trial.clearance, served), clear=trial.clear,
         )  # fmt: skip
 
     def _looked_at(self, rated: RatedStrategy) -> RatedStrategy:
@@ -327,9 +335,10 @@ class Case:
             clearance, wanted = np.full(len(covered), np.nan), self.apart.wanted
             distances = counted(self.apart.distances(covered.q[covered.reached], wanted), self.apart.limits, wanted)
             clearance[covered.reached] = least = distances.min(axis=1, initial=np.inf)
-            if np.isfinite(least).any():
-                closest = self.apart.names[int(distances.min(axis=0).argmin())]
-            covered = covered.blocked(lambda _: keeps(least, wanted))
+            served = keeps(least, wanted)
+            covered = covered.blocked(lambda _: served)
+            if served.any() and np.isfinite(least[served]).any():
+                closest = self.apart.names[int(distances[served].min(axis=0).argmin())]
         self.checked[rated.name] = covered
         served = covered.reached
         return replace(
@@ -338,7 +347,7 @@ class Case:
             served=served,
             easy=rated.easy + covered.share - rated.coverage,
             rcond=float(covered.rcond[served].min()) if served.any() else 0.0,
-            clearance=_least(clearance),
+            clearance=_least(clearance, served),
             closest=closest,
             clear=clear_share(served, clearance, wanted),
         )
@@ -359,7 +368,7 @@ class Case:
                 (f"{near_words(self.apart.names[p], self.apart.limits[p])} on this leaf", k)
                 for p, k in pairs.most_common()
             ]
-        return causes
+        return sorted(causes, key=lambda cause: -cause[1])
 
     def floor_of(self, rated: RatedStrategy) -> float:
         """The mean of the floor where a strategy serves; NaN where it serves nothing."""
@@ -368,7 +377,7 @@ class Case:
 
     def part(self, rated: RatedStrategy) -> Part | None:
         """The largest part of the workspace that a strategy serves."""
-        if not isinstance(self.workspace, PoseRange) or not rated.served.any():
+        if not isinstance(self.workspace, PoseRange) or rated.coverage < PARTLY:
             return None
         self.progress(f"the part of the workspace that {rated.name} serves")
         strategy = None if rated.keys["kind"] == "radial" else rated.strategy
@@ -376,8 +385,8 @@ class Case:
 
         def serves(T: Array) -> bool:
             still = np.zeros((len(T), self.task.m, 0))
-            trials = tried(candidate, rated.q0[None], Poses(T, still, self.costs.joints, self.apart))
-            return bool(trials[0].served.all())
+            (trial,) = tried(candidate, rated.q0[None], Poses(T, still, self.costs.joints))
+            return bool(trial.served.all()) and (self.apart is None or bool(self.apart.clear(trial.q).all()))
 
         part = largest_part(self.workspace, self.poses.T, rated.served, serves)
         return None if part is None else Part(rated, *part)
@@ -393,10 +402,10 @@ def _check_clear(apart: Clearances, q0: Vector) -> None:
         raise ArgumentError(what, float(distances[worst]), cure)
 
 
-def _all_within(task: Task, T: Array) -> Within:
-    """All postures of poses (k, 4, 4) within the joint limits."""
+def _all_within(task: Task, T: Array, most: int) -> Within:
+    """The postures of poses (k, 4, 4) within the joint limits."""
     p, R = (np.ascontiguousarray(part) for part in (T[:, :3, 3], T[:, :3, :3]))
-    return within_limits(self_motions_at(task, p, R))
+    return within_limits(self_motions_at(task, p, R), most)
 
 
 def _reach(task: Task, T: Array, within: Within) -> Reach:
@@ -421,9 +430,9 @@ def _some_within(task: Task, T: Array, reach: Reach) -> Within:
     return Within(np.concatenate(found), pose, np.zeros(len(pose), dtype=bool))
 
 
-def _least(clearance: Vector | None) -> float:
-    """The least of clearances (k,), those not looked at left out; infinite where there are none."""
-    return np.inf if clearance is None else float(np.min(clearance[~np.isnan(clearance)], initial=np.inf))
+def _least(clearance: Vector | None, served: Flags) -> float:
+    """The least of clearances (k,) at the poses that are served; infinite where there are none."""
+    return np.inf if clearance is None else float(np.min(clearance[served], initial=np.inf))
 
 
 def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
@@ -441,7 +450,7 @@ def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
 
 def _blocked(task: Task, workspace: Workspace, blocked: Obstructions, which: Flags) -> OutOfReachError:
     """Why no pose of a workspace has a posture that is clear."""
-    few = "" if which.all() else f" that were looked at"
+    few = "" if which.all() else " that were looked at"
     causes = "; ".join(f"{cause}: {k}" for cause, k in blocked.causes(which))
     fact = f"no strategy can serve the workspace of {task.robot.name!r}, {workspace}: of {int(which.sum())} poses{few}"
     cure = (

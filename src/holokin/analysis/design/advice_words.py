@@ -8,10 +8,13 @@ import numpy as np
 
 from .nearby_cusps import NearbyCusps
 from .served_curves import EASY, EQUAL
-from .trials import Part, RatedStrategy, alike, is_proven
+from .trials import Part, RatedStrategy, alike, is_proven, more_speed
 
 SLOWER = 0.02
-"""Difference of joint speed up to which two strategies are said to be as fast."""
+"""Share of mean squared joint speed up to which two strategies are as fast."""
+
+CAUSES = 4
+"""Reasons why poses are not served that are told one by one, those of most poses."""
 
 
 def lines(
@@ -26,7 +29,9 @@ def lines(
         cusps: of those that were looked at. causes: why poses are not served by the best, and how many.
     """
     best, many = strategies[0], len(strategies[0].served)
-    why = "; ".join(f"{cause}: {count}" for cause, count in causes)
+    why = "; ".join(f"{cause}: {count}" for cause, count in causes[:CAUSES])
+    if len(causes) > CAUSES:
+        why += f"; other reasons: {sum(count for _, count in causes[CAUSES:])}"
     if not best.served.any():
         return (f"No strategy that was tried serves any of the {many} poses. With {best.name!r}, {why}.",)
     told = [f"Take {best.name!r}: {_code(best)}", _served(best), _nearest(best), _whole(best, cusps), _speed(best)]
@@ -38,12 +43,12 @@ def lines(
 
 def _code(best: RatedStrategy) -> str:
     """The line of code that makes it."""
-    keys = best.keys
+    keys, where = best.keys, "from the posture advice.q0; in a job it is [strategies.advised]."
     rule = {"lock": "hk.lock({})", "linear": "hk.linear({})"}.get(keys["kind"])
-    if rule is None or "follows" in keys:
-        return "advice.best.strategy in Python, from the posture advice.q0; the job has it as 'advised'."
+    if rule is None:
+        return f"advice.best.strategy, {where}"
     given = ", ".join(f'"{name}"' for name in keys["joints"]) if keys["kind"] == "lock" else str(keys["matrix"])
-    return f"hk.holonomic(task, {rule.format(given)}), from the posture advice.q0; the job has it as 'advised'."
+    return f"hk.holonomic(task, {rule.format(given)}), {where}"
 
 
 def _served(best: RatedStrategy) -> str:
@@ -69,10 +74,7 @@ def _nearest(best: RatedStrategy) -> str:
 def _whole(best: RatedStrategy, cusps: Mapping[str, NearbyCusps]) -> str:
     """Whether it is one function of the pose on the whole arm, or where the nearest cusp is."""
     if is_proven(best):
-        return (
-            "It is one function of the tool pose on the whole arm, proven by the signs of its closed form: on every closed "
-            "path along which it is regular the joints come back."
-        )
+        return "It is one function of the tool pose on the whole arm, proven by the signs of its closed form."
     return f"It is not proven on the whole arm: {cusps[best.name].sentence}."
 
 
@@ -80,17 +82,7 @@ def _speed(best: RatedStrategy) -> str:
     """What it costs in joint speed against the least, in words."""
     if not np.isfinite(best.speed):
         return ""
-    return f"It needs {_more(best.speed)} the least possible there, as root mean square over the poses."
-
-
-def _more(ratio: float) -> str:
-    """A ratio of mean squares as joint speed in words: "14 % more joint speed than"."""
-    more = float(np.sqrt(ratio)) - 1
-    if abs(more) < 0.005:
-        return "no more joint speed than"
-    if more > 1:
-        return f"{1 + more:.1f} times as much joint speed as"
-    return f"{abs(more):.0%} {'more' if more > 0 else 'less'} joint speed than"
+    return f"It needs {more_speed(best.speed)} the least possible there (root mean square over the poses)."
 
 
 def _alternative(strategies: Sequence[RatedStrategy], cusps: Mapping[str, NearbyCusps]) -> str:
@@ -100,20 +92,22 @@ def _alternative(strategies: Sequence[RatedStrategy], cusps: Mapping[str, Nearby
         return ""
     proven = [s for s in others if is_proven(s)]
     faster = [s for s in others if alike(s, best) and s.squared_speed < (1 - SLOWER) * best.squared_speed]
+    plain = [s for s in others if alike(s, best) and s.keys["kind"] != "designed"]
     if is_proven(best) and faster:
         other = min(faster, key=lambda s: s.squared_speed)
-        when = "joint speed counts more than a proof"
+        when = "joint speed counts more than that proof"
     elif not is_proven(best) and proven:
         other, when = proven[0], "it has to be one function on the whole arm, which is proven of it"
+    elif best.keys["kind"] == "designed" and plain:
+        other, when = plain[0], "you prefer a rule without a polynomial"
     else:
         other, when = others[0], "the first does not suit you"
-    ratio = other.squared_speed / best.squared_speed
     facts = [f"serves {other.coverage:.1%}"]
     if best.clear > other.clear + EQUAL or best.clear == 1 > other.clear:
         facts.append(f"keeps well clear at {1 - other.clear / other.coverage:.0%} less of that")
     elif best.easy > other.easy + EASY:
         facts.append(f"is near limits or singular postures at {1 - other.easy / other.coverage:.0%} of that")
-    facts.append(f"needs {_more(ratio)} the first")
+    facts.append(f"needs {more_speed(float(np.sqrt(other.squared_speed / best.squared_speed)))} the first")
     return f"The alternative is {other.name!r}, if {when}: it {', '.join(facts[:-1])} and {facts[-1]}."
 
 
@@ -121,4 +115,4 @@ def _part(part: Part | None) -> str:
     """The largest part that it serves."""
     if part is None:
         return "No part round the centre was found that it serves from end to end."
-    return f"The largest part round the centre that it serves is {part.workspace}: {part.share:.0%} of the sizes."
+    return f"Round the centre it serves all of a part of {part.share:.0%} of the sizes: {part.workspace.solid}."

@@ -63,7 +63,7 @@ DESCENTS = 60
 """Steps of that search at most."""
 
 EDGE = 0.05
-"""Share of a piece at its ends that a design keeps off: there the strategy is singular, or a limit or a shape is near."""
+"""Share of a piece at its ends that a design keeps off: it is singular there, or a limit or a shape is near."""
 
 SMOOTH = 0.01
 """Share of the mean length of pieces within which that cost is rounded off."""
@@ -86,10 +86,11 @@ class Within(NamedTuple):
     linked: Flags
 
 
-def within_limits(motions: SelfMotions) -> Within:
+def within_limits(motions: SelfMotions, most: int = ROWS) -> Within:
     """The postures of self-motions within the joint limits, and those where a limit cuts a curve.
 
-    Each hinge is at the turn that is farthest within its limits: a curve is cut where that changes.
+    Each hinge is at the turn that is farthest within its limits: a curve is cut where that changes. Where there are
+    more than `most`, some are left out.
     """
     robot = motions.task.robot
     q = at_best_turns(robot, motions.q)
@@ -113,7 +114,7 @@ def within_limits(motions: SelfMotions) -> Within:
     linked[:-1] = (place[1:] <= first[:-1] + 1) & follows[np.minimum(first[:-1], len(follows) - 1)]
     # Where there are many, some of each run of those that follow each other, and its ends
     ends = ~linked | ~np.concatenate([[False], linked[:-1]])
-    rows = np.flatnonzero(ends | (np.arange(len(place)) % (1 + len(place) // ROWS) == 0))
+    rows = np.flatnonzero(ends | (np.arange(len(place)) % (1 + len(place) // most) == 0))
     return Within(postures[rows], motions.pose[first[rows]], linked[rows])
 
 
@@ -237,10 +238,9 @@ def _neighbours(known: Indices, places: Matrix) -> Indices:
 class Pieces(Value):
     """Pieces of self-motions on which levels g rise or fall: rows `first` to `last` (k,) of `ServedCurves`.
 
-    start, end (k,): their levels there, of angles counted on from the first row, and travel (N,) how far g has come, from
-    row to row. branch (k,): numbers of the
-    branches that they are of; two poses next to each other have pieces of one branch where a short motion leads from
-    the one to the other.
+    start, end (k,): their levels there, of angles counted on from the first row; travel (N,): how far g has come, from
+    row to row. branch (k,): numbers of the branches that they are of: two poses next to each other have pieces of one
+    branch where a short motion leads from the one to the other.
     """
 
     candidate: Candidate
@@ -498,8 +498,8 @@ class _Tables(NamedTuple):
 
 
 def designed_on(curves: ServedCurves, leaf: Leaf, degree: int) -> tuple[Polynomial, float] | None:
-    """The polynomial h(x) for which g = h(x), on the branch of a leaf, serves most poses with the least joint speed, and
-    its cost; None where there are too few poses."""
+    """The polynomial h(x) for which g = h(x), on the branch of a leaf, serves most poses with the least joint speed, and its
+    cost; None where there are too few poses."""
     tables = _tables(curves, leaf)
     coordinates, terms = curves.coordinates, monomials_up_to(curves.coordinates.d, degree)
     values, slopes = values_and_slopes(curves.u[tables.pose], terms)

@@ -32,8 +32,8 @@ PROVABLE = 0.01
 centimetre less than the least at many poses."""
 
 DEARER = 1.3
-"""Mean squared joint speed, over that of the fastest of strategies alike, up to which one that is proven on the whole arm
-comes first: 14 % of speed."""
+"""Mean squared joint speed, over that of the fastest of strategies alike, up to which one that is proven on the whole
+arm comes first: 14 % of speed."""
 
 
 Entry = TypeVar("Entry", "Leaf", "Trial", "RatedStrategy")
@@ -93,6 +93,15 @@ def _alike(entries: list[Entry], share: Callable[[Entry], float], tolerance: flo
         entries = [entry for entry in entries if share(entry) < least]
 
 
+def more_speed(ratio: float) -> str:
+    """A ratio of joint speeds in words: "14% more joint speed than"."""
+    if abs(ratio - 1) < 0.005:
+        return "no more joint speed than"
+    if ratio > 2:
+        return f"{ratio:.1f} times as much joint speed as"
+    return f"{abs(ratio - 1):.0%} {'more' if ratio > 1 else 'less'} joint speed than"
+
+
 @dataclass(frozen=True, eq=False)
 class RatedStrategy(Result, Value):
     """A strategy on one leaf, and what it does in the workspace.
@@ -101,9 +110,10 @@ class RatedStrategy(Result, Value):
     it. q0: the posture that its leaf goes through (n,). coverage: share of the poses that it reaches within the joint
     limits, `served` (k,); easy: of these, those away from limits and singular postures. margin: the least distance to
     a limit over the joint's range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not
-    looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found
-    there. clearance: the least distance of two shapes [m] at the poses that it reaches within the joint limits, and
-    closest, their names where that was looked at; inf where nothing was asked of it. clear: share of the poses that are served with 0.01 m more of it than was asked for.
+    looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: the root of that over the least of the
+    postures found there, within the limits. clearance: the least distance of two shapes [m] at the poses that it
+    serves, inf where nothing was asked of it; closest: their names, where that was looked at. clear: share of the poses
+    that are served with 0.01 m more of it than was asked for.
     """
 
     name: str
@@ -126,19 +136,16 @@ class RatedStrategy(Result, Value):
     @property
     def sentence(self) -> str:
         """What it does, in words."""
-        facts = [f"it reaches {self.coverage:.1%} of the workspace within the joint limits"]
+        facts = [f"it serves {self.coverage:.1%} of the workspace within the joint limits"]
         if not self.served.any():
             return facts[0]
         if np.isfinite(self.margin):
-            facts.append(
-                f"the joint nearest to a limit is {self.joint}, at a distance of {self.margin:.1%} of its range"
-            )
-        if np.isfinite(self.rcond):
-            facts.append(f"rcond is {self.rcond:.2g} at least")
+            facts.append(f"{self.joint} is the joint nearest to a limit, with {self.margin:.1%} of its range left")
         if np.isfinite(self.clearance):
             facts.append(f"shapes come to {self.clearance:.3f} m of each other")
-        speed = f"its mean squared joint speed is {self.speed - 1:.1%} above the least found there"
-        return f"{', '.join(facts)}, and {speed}"
+        if np.isfinite(self.speed):
+            facts.append(f"it needs {more_speed(self.speed)} the least possible there")
+        return ", ".join([*facts[:-1], f"and {facts[-1]}"]) if len(facts) > 1 else facts[0]
 
     def __str__(self) -> str:
         return f"{self.name}: {self.sentence}"
@@ -455,6 +462,6 @@ def distinct(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def ratio(trial: Trial, floor: Vector) -> float:
-    """The mean squared speed of a strategy over the least (k,), where it serves."""
+    """The root mean square joint speed of a strategy over that of the least squares (k,), where it serves."""
     known = trial.served & np.isfinite(trial.speed) & np.isfinite(floor)
-    return float(trial.speed[known].mean() / floor[known].mean()) if known.any() else np.nan
+    return float(np.sqrt(trial.speed[known].mean() / floor[known].mean())) if known.any() else np.nan
