@@ -48,7 +48,6 @@ from .obstructions import Obstructions, near_words, obstructions
 from .served_curves import (
     EQUAL,
     ROOM,
-    ROWS,
     Leaf,
     ServedCurves,
     Within,
@@ -83,17 +82,18 @@ POSES = 256
 DESIGNED = 128
 """Poses that strategies are designed for by a search."""
 
-TRIED = 3
+TRIED = 2
 """Strategies whose leaves are followed to all poses, besides the best proven one and those designed."""
 
 MOST = 3
 """Strategies whose cusps are looked for at most."""
 
-ROWS_BESIDE = 12_000
-"""Postures of all poses that are looked at, about, where their clearance is asked for, which takes most of the time."""
-
 PARTLY = 0.5
 """Share of the workspace from which on the largest part that is served from end to end is looked for."""
+
+CHEAPER = 0.3
+"""Difference of what designs cost, see `designed_on`, from which on one that is not proven is looked at, too: log 1.3 of
+squared joint speed, or 1.5 % of the poses."""
 
 SEARCHED = 16
 """Poses at which it is looked what is in the way, where postures are searched for."""
@@ -113,8 +113,7 @@ class Case:
         check_metres(task.robot, T, task.tip)
         # The postures of the poses: all, as curves, or those that a search finds
         progress("which poses can be reached")
-        most = ROWS if self.apart is None else ROWS_BESIDE
-        within = _all_within(task, T, most) if one_redundant(task) and all_known(task) else None
+        within = _all_within(task, T) if one_redundant(task) and all_known(task) else None
         self.reach = reached(task, T, q0) if within is None else _reach(task, T, within)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
@@ -185,11 +184,12 @@ class Case:
             leaves = ranked(leaves)
             proven = [leaf for leaf in leaves if is_proven(leaf)]
             others = [leaf for leaf in leaves if not is_proven(leaf) and leaf.candidate.kind != "stationary"]
-            # Of the designs over joints held, of which all are proven, the one of the least cost; and one over the best
+            # The design over a joint held, which is proven, of the least cost; and another one that costs less by far
             designs = sorted(
                 filter(None, (self._designed_on(curves, leaf) for leaf in proven[:2])), key=lambda d: d[2]
             )[:1]
-            designs += filter(None, (self._designed_on(curves, leaf) for leaf in others[:1]))
+            for other in filter(None, (self._designed_on(curves, leaf) for leaf in others[:1])):
+                designs += [other] if not designs or other[2] < designs[0][2] - CHEAPER else []
             for leaf in dict.fromkeys([*leaves[:TRIED], *proven[:1]]):
                 self.progress(f"{leaf.candidate.name}, on its leaf")
                 trials += tried(leaf.candidate, leaf.q[None], self.poses)
@@ -402,10 +402,10 @@ def _check_clear(apart: Clearances, q0: Vector) -> None:
         raise ArgumentError(what, float(distances[worst]), cure)
 
 
-def _all_within(task: Task, T: Array, most: int) -> Within:
+def _all_within(task: Task, T: Array) -> Within:
     """The postures of poses (k, 4, 4) within the joint limits."""
     p, R = (np.ascontiguousarray(part) for part in (T[:, :3, 3], T[:, :3, :3]))
-    return within_limits(self_motions_at(task, p, R), most)
+    return within_limits(self_motions_at(task, p, R))
 
 
 def _reach(task: Task, T: Array, within: Within) -> Reach:

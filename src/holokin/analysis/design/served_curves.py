@@ -49,8 +49,8 @@ the one pose to the other: at most so much, and such a share of that motion. Bra
 ALONG = 0.3
 """What a difference along the self-motion counts in that: there a strategy moves as it likes."""
 
-ROWS = 30_000
-"""Postures that are looked at, about: those of a Panda's limits are 0.1 apart, and then not thinned out."""
+ROWS = 12_000
+"""Postures of all poses that are looked at, about: those of a Panda are then 0.2 apart."""
 
 TABLE = 33
 """Levels of a piece at which a design looks its cost up."""
@@ -86,11 +86,11 @@ class Within(NamedTuple):
     linked: Flags
 
 
-def within_limits(motions: SelfMotions, most: int = ROWS) -> Within:
+def within_limits(motions: SelfMotions) -> Within:
     """The postures of self-motions within the joint limits, and those where a limit cuts a curve.
 
     Each hinge is at the turn that is farthest within its limits: a curve is cut where that changes. Where there are
-    more than `most`, some are left out.
+    many, some are left out.
     """
     robot = motions.task.robot
     q = at_best_turns(robot, motions.q)
@@ -114,7 +114,7 @@ def within_limits(motions: SelfMotions, most: int = ROWS) -> Within:
     linked[:-1] = (place[1:] <= first[:-1] + 1) & follows[np.minimum(first[:-1], len(follows) - 1)]
     # Where there are many, some of each run of those that follow each other, and its ends
     ends = ~linked | ~np.concatenate([[False], linked[:-1]])
-    rows = np.flatnonzero(ends | (np.arange(len(place)) % (1 + len(place) // most) == 0))
+    rows = np.flatnonzero(ends | (np.arange(len(place)) % (1 + len(place) // ROWS) == 0))
     return Within(postures[rows], motions.pose[first[rows]], linked[rows])
 
 

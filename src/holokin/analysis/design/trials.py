@@ -373,7 +373,7 @@ def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
         ends = along_radial(task, starts, poses.T)
         speeds, rcond = _radial_speeds(task, starts, poses), np.full(ends.share.shape, np.nan)
     else:
-        ends = along_leaf(strategy, starts, poses.T)
+        ends = along_leaf(strategy, starts, poses.T, first=0.5)
         G, rcond, _ = strategy.gain.batch(ends.q.reshape(-1, task.n))
         speeds, rcond = poses.squared_speed(G.reshape(*ends.q.shape, task.m)), rcond.reshape(ends.share.shape)
     # Which poses are served: within the joint limits, and, where it is asked for, with the clearance

@@ -135,6 +135,8 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     name_bars(panels[0], laws)
     served = [law.served.any() for law in laws]
     left_over = [100 * law.margin if known else np.nan for law, known in zip(laws, served, strict=True)]
+    for panel in panels[1:]:
+        panel.set_yticks([])
     _bars(panels[0], laws, [100 * (1 - law.coverage) for law in laws], "workspace not served [%]")
     _bars(panels[1], laws, left_over, "nearest limit [% of range]")
     _bars(panels[2], laws, [100 * (law.speed - 1) for law in laws], "joint speed above least [%]")
@@ -190,29 +192,32 @@ def _rows(laws: tuple[RatedStrategy, ...]) -> tuple[Vector, float]:
 
 def name_bars(axes: Any, laws: tuple[RatedStrategy, ...]) -> Any:
     """The names of strategies at the left of their bars, the best on top."""
-    axes.set_yticks(_rows(laws)[0], [_label(law) for law in laws], fontsize=8, linespacing=1.0)
+    rows, end = _rows(laws)
+    axes.set_yticks(rows, [_label(law) for law in laws], fontsize=8, linespacing=1.0)
+    axes.set_ylim(end, 0)
     return axes
 
 
 def _bars(axes: Any, laws: tuple[RatedStrategy, ...], values: list[float], words: str) -> None:
-    """A bar for each strategy with its number, those in colour that are proven; of one far longer than the others the
-    end is left out."""
-    rows, end = _rows(laws)
-    known = np.nan_to_num(np.array(values), nan=0.0, posinf=0.0)
-    most = max(1.0, min(float(known.max()), LONGEST * float(np.median(known[known > 0])) if known.any() else 1.0))
-    colors = [HOLONOMIC if is_proven(law) else GREY for law in laws]
-    axes.barh(rows, np.minimum(known, most), color=colors, height=THICK)
-    if not axes.get_yticklabels() or not axes.get_yticklabels()[0].get_text():
-        axes.set_yticks(rows, [])
+    """A bar for each strategy with its number, those in colour that are proven; of one far longer than the others a
+    part is left out, and a stroke through it shows it."""
+    (rows, end), known = _rows(laws), np.nan_to_num(np.array(values), nan=0.0, posinf=0.0)
+    usual = float(np.median(known[known > 0])) if known.any() else 1.0
+    most = min(float(known.max(initial=1.0)), LONGEST * usual)
+    axes.barh(
+        rows, np.minimum(known, most), color=[HOLONOMIC if is_proven(law) else GREY for law in laws], height=THICK
+    )
     axes.set_ylim(end, 0)
     axes.set_xlim(0, 1.35 * most)
     axes.set_xticks([])
-    axes.set_xlabel(words, fontsize=8.5)
+    axes.set_xlabel(words, fontsize=8)
     axes.grid(visible=False)
     for row, value, shown in zip(rows, values, known, strict=True):
         text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
-        cut = " >" if shown > most else ""
-        axes.text(min(shown, most) + 0.03 * most, row, text + cut, va="center", fontsize=8, color=INK)
+        axes.text(min(shown, most) + 0.03 * most, row, text, va="center", fontsize=8, color=INK)
+        if shown > most:
+            strokes = [row + 0.6 * THICK, row - 0.6 * THICK]
+            axes.plot(np.array([0.86, 0.92]) * most, strokes, color="white", linewidth=2)
 
 
 def _legend(figure: Any, advice: Advice) -> None:
