@@ -499,4 +499,6 @@ def error_form(name: str) -> str:
 
 
 def __getattr__(name: str) -> Any:
+    if name.startswith("__"):  # each import asks for __path__
+        raise AttributeError(name)
     raise NoAttributeError("holokin.base.errors", name, sorted(n for n in globals() if error_form(n)), error_form(name))

@@ -51,15 +51,54 @@ EXAMPLES = {
 """One of each, as it is typed."""
 
 
+BITS = 30
+"""Binary digits of the points of a Sobol sequence."""
+
+DIRECTIONS = (
+    (1,), (1,), (1, 3), (1, 3, 1), (1, 1, 1), (1, 1, 3, 3), (1, 3, 5, 13), (1, 1, 5, 5, 17), (1, 1, 5, 5, 5),
+    (1, 1, 7, 11, 19),
+)  # fmt: skip
+POLYNOMIALS = 1, 3, 7, 11, 13, 19, 25, 37, 41, 47
+"""First direction numbers of each dimension, and the binary digits of its primitive polynomial. [JK08]"""
+
+
 def sobol(dimension: int, count: int, seed: int) -> Matrix:
     """`count` points (count, dimension) of [0, 1)^dimension, a scrambled Sobol sequence, the same for the same seed.
 
-    More points of one seed begin with the fewer ones.
+    More points of one seed begin with the fewer ones. They are those of SciPy's `qmc.Sobol`, which takes half a second
+    to import.
     """
-    from scipy.stats import qmc  # here, because it triples the time to import holokin
+    if dimension > len(DIRECTIONS):
+        from scipy.stats import qmc
 
-    power = int(np.ceil(np.log2(max(count, 2))))
-    return qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)[:count]
+        power = int(np.ceil(np.log2(max(count, 2))))
+        return qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)[:count]
+    rng, digits = np.random.default_rng(seed).spawn(1)[0], 2 ** np.arange(BITS, dtype=np.uint32)
+    # A shift, and lower triangles by which the digits of the direction numbers are mixed, most significant first
+    shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32) @ digits
+    mix = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32), -1) + np.eye(BITS, dtype=np.uint32)
+    numbers = np.array([_direction_numbers(d) for d in range(dimension)], dtype=np.uint32)
+    bits = (numbers[:, None, :] >> np.arange(BITS - 1, -1, -1, dtype=np.uint32)[:, None]) & 1
+    numbers = np.einsum("dpj,p->dj", mix @ bits % 2, digits[::-1]).astype(np.uint32)
+    # Each point from those digits of its number's Gray code that are 1
+    gray = np.arange(count) ^ (np.arange(count) >> 1)
+    points = np.tile(shift.astype(np.uint32), (count, 1))
+    for j in range(int(count).bit_length()):
+        points[gray >> j & 1 == 1] ^= numbers[:, j]
+    return points * 2.0**-BITS
+
+
+def _direction_numbers(dimension: int) -> list[int]:
+    """The direction numbers (BITS,) of a dimension, as whole numbers of BITS digits."""
+    numbers, polynomial = list(DIRECTIONS[dimension]), POLYNOMIALS[dimension]
+    m = len(numbers) if dimension else 0
+    for j in range(len(numbers), BITS):
+        number = numbers[j - m] if m else 1
+        for k in range(m):
+            if polynomial >> (m - 1 - k) & 1:
+                number ^= numbers[j - k - 1] << (k + 1)
+        numbers.append(number)
+    return [number << (BITS - 1 - j) for j, number in enumerate(numbers)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -512,29 +512,33 @@ def _cuts(strategy: HolonomicStrategy, inside: Flags, covered: Coverage) -> Indi
 # --- The largest part of a workspace, round its centre, that a strategy serves from end to end.
 
 
-def largest_part(workspace: PoseRange, serves: Callable[[Array], bool]) -> tuple[float, PoseRange] | None:
+def largest_part(
+    workspace: PoseRange, poses: Array, known: Flags, serves: Callable[[Array], bool]
+) -> tuple[float, PoseRange] | None:
     """(share of its sizes, the part): positions shrunk about the centre, turns kept; both shrunk if these do not allow
     any positions. None where not even that leaves a part.
 
     Args:
-        serves: whether all of some poses (k, 4, 4) are served.
+        known: which of some of its poses (k, 4, 4) are served (k,). serves: whether all of other poses are.
     """
     corners = np.array(list(product((0.0, 1.0), repeat=3)))
 
-    def served(part: PoseRange, seed: int) -> bool:
+    def drawn(part: PoseRange, seed: int) -> bool:
         """Whether 128 even poses are served, and the corners of a box with the middle orientation."""
         return serves(np.concatenate([part.poses(128, seed), part.at(part.solid.points(corners))]))
 
     for turns_too in (False, True):
-        # Seven halvings make the share right to 1 %
+        # Seven halvings make the share right to 1 %: by the poses that are known, which say nothing of fewer turns
         low, high = 0.0, 1.0
         for _ in range(7):
             middle = (low + high) / 2
-            low, high = (middle, high) if served(_shrunk(workspace, middle, turns_too), 0) else (low, middle)
+            part = _shrunk(workspace, middle, turns_too)
+            fits = drawn(part, 0) if turns_too else known[part.solid.contains(poses[:, :3, 3])].all()
+            low, high = (middle, high) if fits else (low, middle)
         # Poses drawn anew confirm it, or it shrinks; below a twentieth of the sides a part is of no use
         while low > 0.05:
             part = _shrunk(workspace, low, turns_too)
-            if served(part, 1):
+            if drawn(part, 1):
                 return low, part
             low *= 0.95
     return None

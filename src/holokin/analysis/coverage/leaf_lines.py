@@ -43,14 +43,16 @@ def along_leaf(
     levels: Vector | None = None,
     native_from: int | None = None,
     shortest: float = 1 / 256,
+    first: float = 0.125,
 ) -> LineEnds:
     """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,).
 
     native_from: lines side by side from which on native code runs, which takes a second to build; see `Function.batch`.
     shortest: share of a line below which a step is given up: the leaf ends there, or bends too sharply to be of use.
+    first: share that the first step tries.
     """
     lines = _Lines.each_to_each(strategy.task, starts, poses)
-    q, share = _followed(strategy, lines, levels, native_from, first=0.125, shortest=shortest)
+    q, share = _followed(strategy, lines, levels, native_from, first=first, shortest=shortest)
     return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
 
 

@@ -365,8 +365,16 @@ def proposed_workspace(task: Task, q0: Vector) -> PoseRange:
         half = side * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
         return pose_range(box=(tool[:3, 3].round(3), half.round(3)), rotation=tool[:3, :3], tilt=tilt, spin=spin)
 
+    def served(space: PoseRange) -> float:
+        """Share of 64 poses that some posture within the limits has."""
+        T = space.poses(64)
+        p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+        if (every := every_posture(task, p, R)) is None:
+            return float(reached(task, T, q0).within.mean())
+        return len(np.unique(every.pose[robot.within(at_best_turns(robot, every.q))])) / len(T)
+
     # Half sides over the length of the arm; 97 % of 64 poses are nearly all
-    sides = (side for side in (0.15, 0.1, 0.07) if reached(task, box(side).poses(64), q0).within.mean() >= 0.97)
+    sides = (side for side in (0.15, 0.1, 0.07) if served(box(side)) >= 0.97)
     return box(next(sides, 0.05))
 
 

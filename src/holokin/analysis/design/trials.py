@@ -22,42 +22,27 @@ from ..coverage.leaf_lines import along_leaf, along_radial
 from ..coverage.pose_coordinates import Coordinates
 from ..coverage.starts import Candidate, kinds_that_fit
 from ..coverage.tool_chain import Chain
-from .least_costs import (
-    least_on_curves,
-    least_on_lines,
-    least_slopes,
-    one_redundant,
-    postures_found,
-    traced_through,
-)
+from .least_costs import least_slopes
 from .nearby_cusps import LevelRange, NearbyCusps
 from .objectives import Costs
-
-EQUAL = 0.02
-"""Difference of coverage up to which two strategies cover alike: five of 256 poses, which other poses would decide
-otherwise."""
-
-EASY = 0.05
-"""Difference of the share that is served away from limits and singular postures up to which it counts as alike."""
-
-ROOM = 0.02
-"""Share of a joint's range to its limit from which on a posture keeps away from limits: 6 degrees of 300."""
+from .served_curves import EASY, EQUAL, ROOM, Leaf
 
 PROVABLE = 0.01
 """Clearance [m] beyond that asked for from which on a posture keeps well clear: what `certify` proves of a Panda was a
 centimetre less than the least at many poses."""
 
-CLOSE = 0.03
-"""Excess of mean squared joint speed over the least possible that is called close: 1.5 % of speed."""
+DEARER = 1.3
+"""Mean squared joint speed, over that of the fastest of strategies alike, up to which one that is proven on the whole
+arm comes first: 14 % of speed."""
 
 
-Entry = TypeVar("Entry", "Trial", "RatedStrategy")
+Entry = TypeVar("Entry", "Leaf", "Trial", "RatedStrategy")
 
 
 def ranked(entries: Iterable[Entry]) -> list[Entry]:
     """The best first: by coverage; of those that cover alike, by the share that is served well clear of what stands
     round; of those alike in this, too, by the share that is served away from limits and singular postures; of those
-    alike in all this by joint speed, but of those whose speed is close to the least that which is proven.
+    alike in all this by joint speed, but first those that are proven on the whole arm and not much slower.
     """
     groups = [list(entries)]
     for share, tolerance in _SHARES:
@@ -66,21 +51,19 @@ def ranked(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def _by_speed(entries: list[Entry]) -> list[Entry]:
-    """The fastest first, but of those close to it one that is proven."""
+    """The fastest first, but before it those that are proven and not much slower."""
     least = min(entry.squared_speed for entry in entries)
 
     def rank(entry: Entry) -> tuple[bool, float]:
-        close = entry.squared_speed <= (1 + CLOSE) * least
-        return not (close and _is_proven(entry)), entry.squared_speed
+        return not (entry.squared_speed <= DEARER * least and is_proven(entry)), entry.squared_speed
 
     return sorted(entries, key=rank)
 
 
-def _is_proven(entry: Trial | RatedStrategy) -> bool:
-    """Whether a strategy that was looked at is one function of the tool pose on the whole arm, proven."""
-    if not isinstance(entry, RatedStrategy):
-        return False
-    found = leaf_class(entry.strategy)
+def is_proven(entry: Leaf | Trial | RatedStrategy) -> bool:
+    """Whether a strategy is one function of the tool pose on the whole arm, proven by the signs of its closed form."""
+    strategy = entry.strategy if isinstance(entry, RatedStrategy) else entry.candidate.strategy
+    found = None if strategy is None else leaf_class(strategy)
     return isinstance(found, ArmClass) and found.proven
 
 
@@ -110,6 +93,15 @@ def _alike(entries: list[Entry], share: Callable[[Entry], float], tolerance: flo
         entries = [entry for entry in entries if share(entry) < least]
 
 
+def more_speed(ratio: float) -> str:
+    """A ratio of joint speeds in words: "14% more joint speed than"."""
+    if abs(ratio - 1) < 0.005:
+        return "no more joint speed than"
+    if ratio > 2:
+        return f"{ratio:.1f} times as much joint speed as"
+    return f"{abs(ratio - 1):.0%} {'more' if ratio > 1 else 'less'} joint speed than"
+
+
 @dataclass(frozen=True, eq=False)
 class RatedStrategy(Result, Value):
     """A strategy on one leaf, and what it does in the workspace.
@@ -118,9 +110,10 @@ class RatedStrategy(Result, Value):
     it. q0: the posture that its leaf goes through (n,). coverage: share of the poses that it reaches within the joint
     limits, `served` (k,); easy: of these, those away from limits and singular postures. margin: the least distance to
     a limit over the joint's range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not
-    looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found
-    there. clearance: the least distance of two shapes [m] at the poses that it reaches within the joint limits; inf
-    where nothing was asked of it. clear: share of the poses that are served with 0.01 m more of it than was asked for.
+    looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: the root of that over the least of the
+    postures found there, within the limits. clearance: the least distance of two shapes [m] at the poses that it
+    serves, inf where nothing was asked of it; closest: their names, where that was looked at. clear: share of the poses
+    that are served with 0.01 m more of it than was asked for.
     """
 
     name: str
@@ -137,24 +130,22 @@ class RatedStrategy(Result, Value):
     squared_speed: float
     speed: float
     clearance: float = np.inf
+    closest: tuple[str, str] | None = None
     clear: float = 1.0
 
     @property
     def sentence(self) -> str:
         """What it does, in words."""
-        facts = [f"it reaches {self.coverage:.1%} of the workspace within the joint limits"]
+        facts = [f"it serves {self.coverage:.1%} of the workspace within the joint limits"]
         if not self.served.any():
             return facts[0]
         if np.isfinite(self.margin):
-            facts.append(
-                f"the joint nearest to a limit is {self.joint}, at a distance of {self.margin:.1%} of its range"
-            )
-        if np.isfinite(self.rcond):
-            facts.append(f"rcond is {self.rcond:.2g} at least")
+            facts.append(f"{self.joint} is the joint nearest to a limit, with {self.margin:.1%} of its range left")
         if np.isfinite(self.clearance):
             facts.append(f"shapes come to {self.clearance:.3f} m of each other")
-        speed = f"its mean squared joint speed is {self.speed - 1:.1%} above the least found there"
-        return f"{', '.join(facts)}, and {speed}"
+        if np.isfinite(self.speed):
+            facts.append(f"it needs {more_speed(self.speed)} the least possible there")
+        return ", ".join([*facts[:-1], f"and {facts[-1]}"]) if len(facts) > 1 else facts[0]
 
     def __str__(self) -> str:
         return f"{self.name}: {self.sentence}"
@@ -382,7 +373,7 @@ def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
         ends = along_radial(task, starts, poses.T)
         speeds, rcond = _radial_speeds(task, starts, poses), np.full(ends.share.shape, np.nan)
     else:
-        ends = along_leaf(strategy, starts, poses.T)
+        ends = along_leaf(strategy, starts, poses.T, first=0.5)
         G, rcond, _ = strategy.gain.batch(ends.q.reshape(-1, task.n))
         speeds, rcond = poses.squared_speed(G.reshape(*ends.q.shape, task.m)), rcond.reshape(ends.share.shape)
     # Which poses are served: within the joint limits, and, where it is asked for, with the clearance
@@ -432,110 +423,6 @@ def _radial_speeds(task: Task, starts: Matrix, poses: Poses) -> Matrix:
     return speeds
 
 
-# --- What keeps the best strategy's joint speed above the least: joint limits, or that the least lies elsewhere.
-
-NEAR = 1.0
-"""Way along a self-motion [joint units] that is called near: valleys of a Panda's joint speed are 3 apart."""
-
-PARTLY = 0.5
-"""Share of the workspace that a strategy serves at least which is named beside the best."""
-
-Beyond = tuple[tuple[str, str, int], ...]
-"""(joint, "lower" or "upper", poses at which it is beyond that limit), most first."""
-
-
-@dataclass(frozen=True, eq=False)
-class Free(Value):
-    """The best strategy designed again without joint limits: its mean squared speed over the least, and what is beyond
-    its limits then.
-    """
-
-    speed: float
-    beyond: Beyond
-    poses: int
-
-
-@dataclass(frozen=True, eq=False)
-class Rival(Value):
-    """A strategy that comes closer to the least than the best one, where it serves, but serves less: `ends` poses at
-    which its leaf ends.
-    """
-
-    name: str
-    speed: float
-    coverage: float
-    beyond: Beyond
-    ends: int
-
-
-@dataclass(frozen=True, eq=False)
-class Excess(Value):
-    """What is known of the reasons. near: the least mean squared speed of postures within the joint limits, near those
-    of the strategy, over the least anywhere; from whole walks (traced), or with several redundant joints from a search.
-    """
-
-    near: float
-    traced: bool
-    free: Free | None
-    rival: Rival | None
-
-
-def beyond_limits(trial: Trial, which: Flags) -> Beyond:
-    """The limits that a strategy is beyond at some of its poses (k,)."""
-    robot = trial.candidate.task.robot
-    counts = [
-        (name, side, int(count))
-        for side, over in (("lower", trial.q < robot.lower), ("upper", trial.q > robot.upper))
-        for name, count in zip(robot.joint_names, over[which].sum(axis=0), strict=True)
-        if count
-    ]
-    return tuple(sorted(counts, key=lambda entry: -entry[2]))
-
-
-def rival_of(best: Trial, trials: Sequence[Trial], floor: Vector, within: Flags) -> Rival | None:
-    """The strategy that comes closest to the least where it serves, of those that serve less but more than `PARTLY`.
-
-    Args:
-        floor: the least squared speed (k,), NaN where it is not known. within: poses (k,) that any posture within the
-            limits reaches.
-    """
-    less = [t for t in trials if t.coverage < best.coverage - EQUAL or t.easy < best.easy - EASY]
-    speeds = {i: ratio(trial, floor) for i, trial in enumerate(less) if trial.coverage > PARTLY}
-    closer = [i for i, speed in speeds.items() if speed < ratio(best, floor) - CLOSE / 2]
-    if not closer:
-        return None
-    rival = less[nearest := min(closer, key=lambda i: speeds[i])]
-    lost = within & ~rival.served
-    ends = int((lost & ~rival.reached).sum())
-    beyond = beyond_limits(rival, lost & rival.reached)
-    return Rival(rival.candidate.name, speeds[nearest], rival.coverage, beyond, ends)
-
-
-def ratio(trial: Trial, floor: Vector, *, limits: bool = True) -> float:
-    """The mean squared speed of a strategy over the least, where it serves, or, limits aside, where it gets."""
-    known = (trial.served if limits else trial.reached) & np.isfinite(trial.speed) & np.isfinite(floor)
-    return float(trial.speed[known].mean() / floor[known].mean()) if known.any() else np.nan
-
-
-def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array) -> Vector:
-    """The least squared joint speed (S,) of postures within the joint limits and near those given (S, n), over all
-    slopes, at tool poses p (S, 3), R (S, 3, 3).
-    """
-    task = coordinates.chart
-
-    def over(Q: Matrix) -> Vector:
-        return (np.abs(Q - costs.middle) - costs.half).max(axis=1)
-
-    def least(Q: Matrix) -> Vector:
-        G = least_slopes(task.jacobian_batch(Q)[0], coordinates.P, costs.joints)
-        speed = np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2))
-        return np.where((over(Q) > 0) | ~np.isfinite(speed), np.inf, speed)
-
-    if one_redundant(task):
-        return least_on_curves(traced_through(task, Q, p, R, step=0.1, length=NEAR), least, over)
-    return least_on_lines(postures_found(task, Q, p, R, starts=0), least, over, step=NEAR / 10)
-
-
 # --- Strategies of different names that are one: the same joint rates at every pose of a workspace.
 
 
@@ -574,119 +461,7 @@ def distinct(trials: Sequence[Trial]) -> list[Trial]:
     return [replace(trials[i], same=(*trials[i].same, *names)) for i, names in first.items()]
 
 
-def reasons(
-    strategies: Sequence[RatedStrategy], coverage: Coverage, part: Part | None, excess: Excess | None
-) -> tuple[str, ...]:
-    """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
-    best = strategies[0]
-    if not best.served.any():
-        causes = "; ".join(f"{cause}: {count}" for cause, count in coverage.causes())
-        return (f"No strategy that was tried serves any of the {len(coverage)} poses. With {best.name!r}, {causes}.",)
-    sentences = [f"Take {best.name!r}: {best.sentence}."]
-    if len(strategies) > 1:
-        sentences.append(_next(best, strategies[1]))
-    if proven := _proven(strategies):
-        sentences.append(proven)
-    if not best.served.all():
-        sentences.append(_not_served(coverage, part, best))
-    return (*sentences, *_speed(best, excess))
-
-
-def _proven(strategies: Sequence[RatedStrategy]) -> str:
-    """Which strategy is proven on the whole arm, and what it costs in coverage; empty where none serves anything."""
-    best, one = strategies[0], next((entry for entry in strategies if _is_proven(entry) and entry.served.any()), None)
-    if one is None:
-        return ""
-    whole = "is one function of the tool pose on the whole arm, which hk.certify(strategy) proves"
-    if one is best:
-        return f"It {whole}."
-    costs = f"{one.coverage:.1%} of the workspace, {best.coverage:.1%} with {best.name!r}"
-    return f"{one.name!r} {whole}; it reaches {costs}."
-
-
-def _next(best: RatedStrategy, other: RatedStrategy) -> str:
-    """What speaks against the strategy after the best."""
-    if best.coverage > other.coverage + EQUAL:
-        return f"Next comes {other.name!r}, which reaches {other.coverage:.1%}."
-    if best.clear > other.clear + EQUAL or best.clear == 1 > other.clear:
-        rest = 1 - other.clear / other.coverage
-        return f"Next comes {other.name!r}, which covers as much, but keeps well clear at {rest:.1%} less of it."
-    if best.easy > other.easy + EASY:
-        share = 1 - other.easy / other.coverage
-        where = f"{share:.1%} of it near limits or singular postures"
-        return f"Next comes {other.name!r}, which covers as much, but {where}."
-    more = other.squared_speed / best.squared_speed - 1
-    needs = f"but it needs {more:.1%} more squared joint speed"
-    if more < 0:
-        needs = f"and it needs {-more:.1%} less squared joint speed, but nothing is proven of it on the whole arm"
-    return f"Next comes {other.name!r}: its coverage and margins are as good, {needs}."
-
-
-def _not_served(coverage: Coverage, part: Part | None, best: RatedStrategy) -> str:
-    """Why the rest is not served, and what is."""
-    causes = "; ".join(f"{cause}: {count}" for cause, count in coverage.causes() if cause != "reached")
-    missed = f"Of {len(coverage)} poses {best.name!r} does not serve {int((~best.served).sum())} ({causes})."
-    if part is None:
-        return f"{missed} No box round the centre was found that a strategy serves from end to end."
-    whose = "it serves" if part.strategy.name == best.name else f"{part.strategy.name!r} serves"
-    sizes = f"its sizes {part.share:.0%} of those of the workspace"
-    return f"{missed} The largest part round the centre that {whose} is {part.workspace}, {sizes}."
-
-
-def _speed(best: RatedStrategy, excess: Excess | None) -> list[str]:
-    """What keeps its joint speed above the least."""
-    if not np.isfinite(best.speed):
-        return ["Its joint speed was not compared."]
-    if excess is None:
-        least = f"at least {1 / best.speed:.1%} of the mean squared joint speed of {best.name!r}"
-        any_strategy = "even a strategy that took the best of the postures found at each pose"
-        return [f"Lower bound: {any_strategy} would have {least}."]
-    sentences = [_limits(best, excess.free)]
-    if excess.free is not None and excess.free.speed <= 1 + CLOSE:
-        return sentences
-    if excess.near > 1 + CLOSE:
-        which = f"this one's postures ({NEAR:g} rad of self-motion)"
-        least = f"to the least than {excess.near - 1:.1%}"
-        near = f"a search within the joint limits near {which} came no closer {least}"
-        if excess.traced:
-            near = f"no strategy within the joint limits that stays near {which} comes closer {least}"
-        sentences.append(f"The least lies at other postures of the same tool poses: {near}.")
-    if excess.rival is not None:
-        sentences.append(_rival(excess.rival))
-    elif excess.near > 1 + CLOSE:
-        sentences.append("Of the strategies that were tried none comes closer, also of those that serve less.")
-    if best.speed > excess.near + CLOSE:
-        clear = "keeping clear and " if np.isfinite(best.clearance) else ""
-        sentences.append(
-            f"The rest is what {clear}one smooth strategy for all poses needs, as far as those tried tell."
-        )
-    return sentences
-
-
-def _limits(best: RatedStrategy, free: Free | None) -> str:
-    """What the joint limits near its postures cost."""
-    if free is None:
-        return "Joint limits near its postures are not the reason: it keeps away from them."
-    aside = f"the same strategy designed without limits is {free.speed - 1:.1%} above the least"
-    beyond = _beyond(free.beyond, f" of {free.poses}")
-    if free.speed <= 1 + CLOSE:
-        return f"Joint limits keep it from the least: {aside}, but {beyond}."
-    if free.speed < best.speed - CLOSE / 2 and free.beyond:
-        return f"Joint limits are part of the reason: {aside}, but {beyond}."
-    return f"Joint limits near its postures are not the reason: {aside}."
-
-
-def _rival(rival: Rival) -> str:
-    """What keeps a strategy that is closer to the least from being the best."""
-    why = [_beyond(rival.beyond)] if rival.beyond else []
-    why += [f"its leaf ends before {rival.ends} poses"] if rival.ends else []
-    return (
-        f"Closer to the least comes {rival.name!r}, {rival.speed - 1:.1%} above it where it serves; but it serves only "
-        f"{rival.coverage:.1%}: {' and '.join(why) or 'it comes too near to limits or singular postures'}."
-    )
-
-
-def _beyond(beyond: Beyond, of: str = "") -> str:
-    """Which limits are exceeded, and at how many poses; the three that are most often."""
-    limits = [f"{joint} is beyond its {side} limit at {count}" for joint, side, count in beyond[:3]]
-    return f"{', '.join(limits)}{of} poses" if limits else "within its limits all the same"
+def ratio(trial: Trial, floor: Vector) -> float:
+    """The root mean square joint speed of a strategy over that of the least squares (k,), where it serves."""
+    known = trial.served & np.isfinite(trial.speed) & np.isfinite(floor)
+    return float(np.sqrt(trial.speed[known].mean() / floor[known].mean())) if known.any() else np.nan

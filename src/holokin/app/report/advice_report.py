@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.design import Advice, RatedStrategy
+from ...analysis.design.trials import is_proven
 from ...base.errors import brief
 from ...base.types import Vector
 from ...robot import Coordinate, Robot, Tip, knows_masses, reach
@@ -58,12 +59,17 @@ def _tip(robot: Robot, tip: Tip) -> str:
     return f"{tip.name}: on {where}, xyz [{xyz}] m, rpy [{rpy}] deg"
 
 
+SHOWN = 6
+"""Strategies in the table and in the picture at most."""
+
+
 def print_advice(advice: Advice, console: Any) -> None:
-    """Print the strategies as a table, the best first, and the reasons below."""
+    """Print the advice in lines, and below it the best strategies as a table."""
+    Section(brief(advice.subject, 600), notes=advice.reasons).rich(console)
     clear = right("clearance\nmin [m]") if advice.scene else []
-    head = ["strategy", *right("workspace\nreached", "nearest limit\n[of its range]"), "joint", *right("rcond\nmin")]
+    head = ["strategy", *right("workspace\nserved", "nearest limit\n[of its range]"), "joint", *right("rcond\nmin")]
     rows = []
-    for k, law in enumerate(advice.strategies):
+    for k, law in enumerate(advice.strategies[:SHOWN]):
         cells = _cells(law)
         cells[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.scene else []
         rows.append([Note(cell, "" if k else "good") for cell in cells])
@@ -75,11 +81,11 @@ def print_advice(advice: Advice, console: Any) -> None:
     if advice.offers:
         task = "position" if advice.task.orientation is None else "axis"
         remarks.append(Note(f"The task is '{task}': {advice.offers}.", "warning"))
-    for law in advice.strategies:
+    for law in advice.strategies[:SHOWN]:
         if law.same:
             remarks.append(f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose.")
-    head += [*clear, *right("joint speed^2\n/ least")]
-    Section(brief(advice.subject, 600), head=head, rows=rows, remarks=[*remarks, *advice.reasons]).rich(console)
+    head += [*clear, *right("joint speed\n/ least")]
+    Section(head=head, rows=rows, remarks=remarks).rich(console)
 
 
 def _cells(law: RatedStrategy) -> list[str]:
@@ -96,7 +102,8 @@ def _cells(law: RatedStrategy) -> list[str]:
 
 
 def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
-    """The strategies as bars of coverage and of joint speed, and below them the robot with what the best reaches.
+    """The strategies as bars of what they do not serve, of what is left to the limits and of joint speed, and below them
+    the robot with what the best serves.
 
     Args:
         robot: the same with what it carries; by default the robot of the advice.
@@ -104,7 +111,7 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     from matplotlib.figure import Figure
 
     # Strategies in the figure: the best ones.
-    laws, every = advice.strategies[:12], len(advice.strategies)
+    laws, every = advice.strategies[:SHOWN], len(advice.strategies)
     # The robot with the poses that the best strategy reaches.
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
@@ -124,10 +131,18 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
         return figure.add_axes((left / size[0], 1 - (from_top + height) / size[1], width / size[0], height / size[1]))
 
     # The bars, the scene, the words.
-    first = coverage_bars(place(BARS[0], top + 0.35, BAR, bars), laws)
-    _speed_bars(place(BARS[1], top + 0.35, BAR, bars), laws)
+    panels = [place(left, top + 0.35, BAR, bars) for left in BARS]
+    name_bars(panels[0], laws)
+    served = [law.served.any() for law in laws]
+    left_over = [100 * law.margin if known else np.nan for law, known in zip(laws, served, strict=True)]
+    for panel in panels[1:]:
+        panel.set_yticks([])
+    _bars(panels[0], laws, [100 * (1 - law.coverage) for law in laws], "workspace not served [%]")
+    _bars(panels[1], laws, left_over, "nearest limit [% of range]")
+    _bars(panels[2], laws, [100 * (law.speed - 1) for law in laws], "joint speed above least [%]")
     shown = f"the {len(laws)} best of {every} strategies" if every > len(laws) else f"{every} strategies"
-    first.set_title(f"{shown}, by coverage, margins, joint speed", loc="left", fontsize=10, color=INK)
+    proven = "; blue: proven on the whole arm" if any(map(is_proven, laws)) else ""
+    panels[0].set_title(f"{shown}, the best on top{proven}", loc="left", fontsize=10, color=INK)
     panel = place((PAGE - SCENE) / 2, top + 0.35 + bars + 0.95, SCENE, scene)
     title = f"start posture, and {len(points)} poses of the workspace"
     draw_panel(panel, stage, [Actor(advice.q0, HOLONOMIC)], title=title)
@@ -145,8 +160,11 @@ THICK, LEAST = 1.3, 2.2
 LINE = 0.125
 """Height of a line of text [inch]."""
 
-BARS, BAR = (2.25, 4.8), 2.3
-"""Where the two panels of bars begin, and their width [inch]."""
+BARS, BAR = (2.25, 3.98, 5.7), 1.5
+"""Where the panels of bars begin, and their width [inch]."""
+
+LONGEST = 4.0
+"""Length of the longest bar that is shown whole, in medians of its panel."""
 
 SCENE = 5.8
 """Width of the robot's picture [inch]."""
@@ -172,42 +190,34 @@ def _rows(laws: tuple[RatedStrategy, ...]) -> tuple[Vector, float]:
     return ends - lines / 2, float(ends[-1])
 
 
-def coverage_bars(axes: Any, laws: tuple[RatedStrategy, ...]) -> Any:
-    """The share of the workspace that each strategy reaches, the best on top."""
-    _bars(axes, laws, np.array([100 * law.coverage for law in laws]), 100.0, "workspace reached [%]")
-    axes.set_yticks(_rows(laws)[0], [_label(law) for law in laws], fontsize=8, linespacing=1.0)
+def name_bars(axes: Any, laws: tuple[RatedStrategy, ...]) -> Any:
+    """The names of strategies at the left of their bars, the best on top."""
+    rows, end = _rows(laws)
+    axes.set_yticks(rows, [_label(law) for law in laws], fontsize=8, linespacing=1.0)
+    axes.set_ylim(end, 0)
     return axes
 
 
-def _bars(axes: Any, laws: tuple[RatedStrategy, ...], values: Vector, most: float, words: str) -> None:
-    """A bar for each strategy up to `most`, the best in its colour."""
-    rows, end = _rows(laws)
-    axes.barh(rows, values, color=[HOLONOMIC, *[GREY] * (len(laws) - 1)], height=THICK)
-    axes.set_yticks(rows, [])
+def _bars(axes: Any, laws: tuple[RatedStrategy, ...], values: list[float], words: str) -> None:
+    """A bar for each strategy with its number, those in colour that are proven; of one far longer than the others a
+    part is left out, and a stroke through it shows it."""
+    (rows, end), known = _rows(laws), np.nan_to_num(np.array(values), nan=0.0, posinf=0.0)
+    usual = float(np.median(known[known > 0])) if known.any() else 1.0
+    most = min(float(known.max(initial=1.0)), LONGEST * usual)
+    axes.barh(
+        rows, np.minimum(known, most), color=[HOLONOMIC if is_proven(law) else GREY for law in laws], height=THICK
+    )
     axes.set_ylim(end, 0)
-    axes.set_xlim(0, most)
-    axes.tick_params(axis="x", labelsize=8)
-    axes.set_xlabel(words, fontsize=9)
-    axes.grid(axis="y", visible=False)
-
-
-def _speed_bars(axes: Any, laws: tuple[RatedStrategy, ...], most: float = 100.0) -> None:
-    """The mean squared joint speed of each strategy above the least at each pose [%]; longer ones are cut, and two
-    strokes through them show it.
-    """
-    excess = np.array([100 * (law.speed - 1) for law in laws])
-    shown = np.minimum(np.nan_to_num(excess, nan=0.0), most)
-    _bars(axes, laws, shown, most, "joint speed squared, above least [%]")
-    for row, value in zip(_rows(laws)[0], excess, strict=True):
+    axes.set_xlim(0, 1.35 * most)
+    axes.set_xticks([])
+    axes.set_xlabel(words, fontsize=8)
+    axes.grid(visible=False)
+    for row, value, shown in zip(rows, values, known, strict=True):
         text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
-        inside = np.isfinite(value) and value > 0.7 * most
-        place = min(value, most) - 2 if inside else np.nan_to_num(value) + 2
-        look = {"ha": "right", "color": "white"} if inside else {"ha": "left", "color": INK}
-        axes.text(place, row, text, va="center", fontsize=8, **look)
-        if np.isfinite(value) and value > most:
-            for x in (64.0, 67.0):
-                strokes = [row + 0.6 * THICK, row - 0.6 * THICK]
-                axes.plot(np.array([x - 1.5, x + 1.5]) * most / 100, strokes, color="white", linewidth=2)
+        axes.text(min(shown, most) + 0.03 * most, row, text, va="center", fontsize=8, color=INK)
+        if shown > most:
+            strokes = [row + 0.6 * THICK, row - 0.6 * THICK]
+            axes.plot(np.array([0.86, 0.92]) * most, strokes, color="white", linewidth=2)
 
 
 def _legend(figure: Any, advice: Advice) -> None:

@@ -40,6 +40,14 @@ class Link(Value):
         """Of the ball about the origin of its joint's frame that holds it [m]."""
         return max(float(np.linalg.norm(_middle(s))) + s.shape.ball[1] for s in self.shapes)
 
+    @cached_property
+    def ball(self) -> tuple[Vector, float]:
+        """Centre (3,) in its joint's frame, and radius, of a ball that holds it [m]."""
+        middles = np.array([_middle(s) for s in self.shapes])
+        center = (middles.min(axis=0) + middles.max(axis=0)) / 2
+        radii = [float(np.linalg.norm(m - center)) + s.shape.ball[1] for m, s in zip(middles, self.shapes, strict=True)]
+        return frozen(center), max(radii)
+
 
 def links_of(shapes: Sequence[LinkShape]) -> list[Link]:
     """The links that have shapes. Links of one name on several joints, as a robot of parts may have, stay apart."""

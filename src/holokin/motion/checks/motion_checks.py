@@ -12,7 +12,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, RobotFileError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, Flags, Matrix, Value, Vector, not_negative
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, not_negative
 from ...robot import Robot, chain_length, joints_above, with_capsules
 from ...robot.links import SLENDER
 from ...robot.tree import Frames, joint_frames
@@ -30,7 +30,7 @@ from .check_report import (
     motion_of,
     robot_of,
 )
-from .clearance import Pairs, Swept, pairs_of, stretches, sweep
+from .clearance import Link, LinkGap, Pairs, Swept, pairs_of, stretches, sweep
 from .scene import Scene
 
 
@@ -363,8 +363,11 @@ class Clearances(Value):
     @property
     def free(self) -> Clearances:
         """Those of the pairs that are not always nearer than is wanted."""
-        free = np.flatnonzero(self.limits >= self.wanted).tolist()
-        gaps, limits = tuple(self.pairs.gaps[p] for p in free), tuple(self.limits[free].tolist())
+        return self.some(np.flatnonzero(self.limits >= self.wanted))
+
+    def some(self, which: Indices) -> Clearances:
+        """Those of some of the pairs."""
+        gaps, limits = tuple(self.pairs.gaps[p] for p in which.tolist()), tuple(self.limits[which].tolist())
         return replace(self, pairs=replace(self.pairs, gaps=gaps, limits=limits))
 
     def distances(self, Q: Matrix, near: float | Vector = -np.inf) -> Matrix:
@@ -383,7 +386,31 @@ class Clearances(Value):
 
     def clear(self, Q: Matrix) -> Flags:
         """Which postures (k, n) keep all pairs as far apart as is asked of them (k,)."""
-        return np.all(keeps(self.distances(Q, self.wanted), self.limits), axis=1)
+        return ~self.too_near(Q).any(axis=1)
+
+    def too_near(self, Q: Matrix) -> Flags:
+        """Which pairs are nearer than is asked of them at postures (k, n) -> (k, P)."""
+        frames, balls = joint_frames(self.robot, Q), {}
+
+        def ball(link: Link) -> tuple[Matrix, float]:
+            """The ball round a link: its centre at the postures (k, 3), its radius."""
+            if id(link) not in balls:
+                center, radius = link.ball
+                place = center[None] if link.joint < 0 else frames[link.joint][0] + frames[link.joint][1] @ center
+                balls[id(link)] = place, radius
+            return balls[id(link)]
+
+        near, gaps = np.zeros((len(Q), len(self.pairs.gaps)), dtype=bool), self.pairs.gaps
+        for p, (gap, limit) in enumerate(zip(gaps, self.pairs.limits, strict=True)):
+            # Where the balls round both are as far apart as is asked, the links are, too
+            rows = np.arange(len(Q))
+            if isinstance(gap, LinkGap):
+                (a, one), (b, other) = ball(gap.one), ball(gap.other)
+                apart = np.linalg.norm(a - b, axis=1) - one - other
+                rows = np.flatnonzero(np.broadcast_to(apart <= limit, len(Q)))
+            if len(rows):
+                near[rows, p] = ~keeps(gap.distances(frames, rows, self.wanted), limit)
+        return near
 
     def touching(self, Q: Matrix) -> list[str]:
         """The pair of which postures (k, n) are too near, in words; of several the nearest, "" where there is none."""

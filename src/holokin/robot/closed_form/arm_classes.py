@@ -13,7 +13,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from ...base.types import Array, Matrix, Value, Vector
+from ...base.types import Array, Matrix, Value, Vector, kept
 from ..joints import joints_above
 from ..model import Robot
 from .six_hinges import Family, Form
@@ -275,9 +275,10 @@ def no_six_hinges(links: Sequence[Link], held: Sequence[int]) -> str | None:
     return None
 
 
-def arm_class(robot: Robot, held: Sequence[int], tip: str | None = None) -> ArmClass | NoClass:
+@kept
+def arm_class(robot: Robot, held: tuple[int, ...], tip: str | None = None) -> ArmClass | NoClass:
     """The class of what is left when the coordinates `held` are."""
-    links, held = links_of(robot, tip), tuple(held)
+    links = links_of(robot, tip)
     if reason := no_six_hinges(links, held):
         return NoClass(held, reason)
     fixed = [i for i, link in enumerate(links) if link.coordinate in held]
