@@ -47,7 +47,7 @@ ENTRIES = (
     Entry("Drake", ("drake",)),
     Entry("pyroboplan", ("pyroboplan",)),
     Entry("PyRoki", ("almond-pyroki",)),
-    Entry("ssik", ("ssik",)),
+    Entry("ssik", ("ssik[urdf]",)),
     Entry("frankik", ("frankik",)),
     Entry("TRAC-IK", ("pytracik",)),
     Entry("roboticstoolbox", ("roboticstoolbox-python",)),
