@@ -107,6 +107,16 @@ def circle(first: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return poses
 
 
+def exponentials(robot: hk.Robot) -> dict[str, np.ndarray]:
+    """The arm as a product of exponentials, for libraries that take it so: axes (n, 3) at zero, the steps (n + 1, 3)
+    from the base to each and to the tool, and how the tool is turned (4, 4)."""
+    home, J = robot.pose(np.zeros(robot.n)), robot.jacobian(np.zeros(robot.n)).T
+    points = home[:3, 3] - np.cross(J[:, :3], J[:, 3:])
+    steps = np.diff(np.vstack([np.zeros(3), points, home[:3, 3]]), axis=0)
+    home[:3, 3] = 0.0
+    return {"check/axes": J[:, 3:].copy(), "check/steps": steps, "check/turn": home}
+
+
 def drawn(robot: hk.Robot, make: Callable, count: int, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, ...]]:
     """(start, poses) of paths that begin at random postures; five poses along each are reached within the limits."""
     low, high = ranges_of(robot)
@@ -123,7 +133,7 @@ def write_rivals_course(folder: Path, arms: Sequence[str], poses: int, legs: int
     told = []
     for name in arms:
         robot, rng = hk.load(name), np.random.default_rng(1)
-        arrays = {"poses/poses": robot.pose(rng.uniform(*ranges_of(robot), (poses, robot.n)))}
+        arrays = {"poses/poses": robot.pose(rng.uniform(*ranges_of(robot), (poses, robot.n)))} | exponentials(robot)
         for kind, make, count in (("leg", leg, legs), ("circle", circle, circles)):
             for k, (start, path) in enumerate(drawn(robot, make, count, rng)):
                 arrays |= {f"{kind} {k}/start": start, f"{kind} {k}/poses": path}

@@ -175,6 +175,14 @@ class Way:
     follow: Callable[[np.ndarray], Callable[[np.ndarray, np.ndarray], np.ndarray | None]] | None = None
     within: float = 1e-5
 
+    def begin(self, runs: dict[str, dict[str, np.ndarray]]) -> None:
+        """Call it once, so that what it compiles is there and what it throws is told."""
+        if self.find:
+            self.find(runs["poses"]["poses"][0])
+        for run in (run for run in runs.values() if self.follow and "start" in run):
+            self.follow(run["start"])(run["poses"][0], run["start"])
+            return
+
     def walk(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, list[float]]:
         """Joints (k, n), NaN where there is no answer, and the seconds of each call, along poses (k, 4, 4).
 
@@ -221,6 +229,8 @@ def answer_in_turns(ways: Callable[[Arm], Iterable[Way]], packages: Iterable[str
             arm, made, kept = arms[rest[0]], [], {}
             try:
                 made = list(ways(arm))
+                for way in made:
+                    way.begin(arm.runs)
             except Exception as problem:  # noqa: BLE001  another library may throw anything: the page says what
                 reply["fault"] = str(problem) if isinstance(problem, LookupError) else f"{type(problem).__name__}: {problem}"
             reply["ways"] = [[way.name, way.settings, bool(way.find), way.within] for way in made]
