@@ -31,7 +31,7 @@ from benchmarks.league.courses import ranges_of, straight, write_arm
 from benchmarks.league.league_page import wrapped
 from benchmarks.league.played import ENTRIES, OURS, WORKERS, Entry, NoEnvironment, default_folder, python_of, reason_of
 from benchmarks.league.scores import tool_errors
-from benchmarks.speed import processor
+from benchmarks.speed import load, processor
 from holokin.base.errors import HolokinError
 from holokin.motion.ik.self_motions import self_motions_at
 
@@ -44,13 +44,13 @@ ARMS = {
     "openarm-left": "OpenArm",
     "gen3": "Gen3",
 }
-NAMES = ("holokin", "ssik", "roboticstoolbox", "TRAC-IK", "frankik", "EAIK", "newton", "PyRoki", "pink", "mink", "placo")
-LIBRARIES = [
-    replace(entry, script=WORKERS / "rivals.py")
-    for name in NAMES
-    for entry in [*ENTRIES, Entry("EAIK", ("EAIK",))]
-    if entry.name == name
-]
+ORDER = (
+    OURS.name,
+    *("ssik", "EAIK", "frankik", "TRAC-IK", "roboticstoolbox", "newton", "PyRoki", "pink", "mink", "placo"),
+)
+ALL = {entry.name: replace(entry, script=WORKERS / "rivals.py") for entry in [*ENTRIES, Entry("EAIK", ("EAIK",))]}
+LIBRARIES = {name: ALL[name] for name in ORDER}
+"""Those of the league that find joints of a pose or are well known, and EAIK."""
 
 TURNS = 10
 POSES, LEGS, CIRCLES = 400, 40, 5
@@ -128,16 +128,21 @@ def drawn(robot: hk.Robot, make: Callable, count: int, rng: np.random.Generator)
             yield start, poses
 
 
-def write_rivals_course(folder: Path, arms: Sequence[str], poses: int, legs: int, circles: int) -> None:
-    """Write course.json, and of each arm its URDF, its MJCF and the arrays of its runs."""
+def write_rivals_course(folder: Path, arms: Sequence[str]) -> None:
+    """Write course.json, and of each arm its URDF, its MJCF and the arrays of its runs.
+
+    Not all libraries take endless joints: in the files they have two turns. The answers are judged without.
+    """
     told = []
     for name in arms:
         robot, rng = hk.load(name), np.random.default_rng(1)
-        arrays = {"poses/poses": robot.pose(rng.uniform(*ranges_of(robot), (poses, robot.n)))} | exponentials(robot)
-        for kind, make, count in (("leg", leg, legs), ("circle", circle, circles)):
+        arrays = {"poses/poses": robot.pose(rng.uniform(*ranges_of(robot), (POSES, robot.n)))} | exponentials(robot)
+        for kind, make, count in (("leg", leg, LEGS), ("circle", circle, CIRCLES)):
             for k, (start, path) in enumerate(drawn(robot, make, count, rng)):
                 arrays |= {f"{kind} {k}/start": start, f"{kind} {k}/poses": path}
-        told.append(write_arm(folder, name, robot, np.array(sum(ranges_of(robot)) / 2), arrays))
+        low, high = (np.clip(limits, -2 * np.pi, 2 * np.pi) for limits in (robot.lower, robot.upper))
+        wide = hk.with_limits(robot, lower=low, upper=high)
+        told.append(write_arm(folder, name, wide, np.array(sum(ranges_of(robot)) / 2), arrays))
     (folder / "course.json").write_text(json.dumps(told), "utf-8")
 
 
@@ -156,7 +161,7 @@ class Process:
         self.answers, self._said = answers, answers / "said.txt"
         command = [str(python), str(entry.script), str(course), str(answers), entry.name]
         with self._said.open("wb") as said:
-            one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+            one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, text=True, env=os.environ | one
             )
@@ -249,8 +254,8 @@ def marked(library: str, arm: str, ways: Sequence[Sequence[Any]], course: Path, 
     robot, marks = hk.load(arm), []
     with np.load(course / f"{arm}.npz") as given, np.load(answers / f"{arm}.npz") as written:
         for i, (way, settings, finds, within) in enumerate(ways):
-            rows = [written[f"{i}/poses {turn}"] for turn in range(TURNS)] if finds else []
-            answered = np.concatenate(rows) if rows else np.zeros((0, robot.n + 1))
+            rows = [written[key] for key in written.files if key.startswith(f"{i}/poses")]
+            answered = np.concatenate(rows or [np.zeros((0, robot.n + 1))])
             good = right(robot, turned(robot, answered[:, :-1]), given["poses/poses"][: len(answered)], within)
             walks: dict[str, list[Walk]] = {"leg": [], "circle": []}
             seconds = []
@@ -281,8 +286,10 @@ class Run:
     seconds: float = 0.0
 
 
-def run(entries: Sequence[Entry], arms: Sequence[str], course: Path, environments: Path, home: Path) -> Run:
-    """Ask all libraries about all arms."""
+def run(
+    entries: Sequence[Entry], arms: Sequence[str], course: Path, environments: Path, home: Path, tenths: int = TURNS
+) -> Run:
+    """Ask all libraries about all arms; about so many tenths of the poses and paths."""
     found, living = Run([], {}, []), {}
     core = max(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     try:
@@ -292,14 +299,14 @@ def run(entries: Sequence[Entry], arms: Sequence[str], course: Path, environment
             except NoEnvironment as problem:
                 found.missing.append(f"**{entry.name}** cannot be installed: {problem}.")
         for arm in arms:
-            _one_arm(arm, living, course, found)
+            _one_arm(arm, living, course, found, tenths)
     finally:
         for process in living.values():
             process.close()
     return found
 
 
-def _one_arm(arm: str, living: dict[str, Process], course: Path, found: Run) -> None:
+def _one_arm(arm: str, living: dict[str, Process], course: Path, found: Run, tenths: int) -> None:
     ways: dict[str, Any] = {}
 
     def tell(name: str, command: str) -> dict[str, Any] | None:
@@ -319,8 +326,8 @@ def _one_arm(arm: str, living: dict[str, Process], course: Path, found: Run) -> 
             found.missing.append(f"**{name}**, {ARMS[arm]}: {reply['fault']}.")
         if reply["ways"]:
             ways[name] = reply["ways"]
-    for turn in range(TURNS):
-        print(f"{arm}: turn {turn + 1} of {TURNS}", flush=True)
+    for turn in range(tenths):
+        print(f"{arm}: turn {turn + 1} of {tenths}", flush=True)
         for name in list(ways):
             tell(name, f"turn {turn} {TURNS}")
     for name in list(ways):
@@ -372,35 +379,47 @@ def _step_time(mark: Mark) -> str:
 TABLES: tuple[tuple[str, str, Callable[[Mark], str]], ...] = (
     (
         "Found without a start",
-        f"Of {POSES} poses of postures that are drawn evenly within the limits, so that each has an answer: how many got "
-        "one, with the tool within 1e-5 m and rad of its pose and the joints within their limits.",
+        """Of {poses} poses of postures that are drawn evenly within the limits, so that each has an answer: how many
+        got one, with the tool within 1e-5 m and rad of its pose and the joints within their limits.""",
         _found,
     ),
     ("Time without a start", "A call from Python on one core [us], median, and in brackets 99 % under.", _time),
     (
         "Legs",
-        f"{LEGS} straight legs of {LENGTH} m, turned by up to {np.degrees(TILT):.0f} degrees, out and back, a sample every "
-        f"{1e3 * SPACING:g} mm. Each begins at a random posture and has postures within the limits along it, perhaps not "
-        "on one continuous path of the joints. First: how many are whole, with an answer at every sample and no jump. "
-        f"Then: how many more have all answers, but a joint jumps, by more than {JUMP} rad from a sample to the next.",
+        """{legs} straight legs of {LENGTH} m, turned by up to {TILT} degrees, out and back, samples {SPACING} mm apart.
+        Each begins at a random posture and has postures within the limits along it, perhaps not on one continuous path
+        of the joints. First: how many are whole, with an answer at every sample and no jump. Then: how many more have
+        all answers, but a joint jumps, by more than {JUMP} rad from a sample to the next.""",
         _legs,
     ),
-    ("Largest step of a joint", "On legs with all answers [rad]: from a sample to the next; median, the worst.", _steps),
+    (
+        "Largest step of a joint",
+        "On legs with all answers, between two samples [rad]: median, the worst.",
+        _steps,
+    ),
     (
         "Home after a leg",
-        f"Of the whole legs: on how many the joints after the way out and back are those of before, within {HOME:g} rad, "
-        "and in brackets the largest difference [rad].",
+        """Of the whole legs: on how many the joints after the way out and back are those of before, within {HOME} rad,
+        and in brackets the largest difference [rad].""",
         _home,
     ),
     (
         "Circles",
-        f"{CIRCLES} horizontal circles of {RADIUS} m radius, twice round: how many are whole, and of these the difference "
-        "of the largest joint after the first and after the second loop, the median [rad].",
+        """{circles} horizontal circles of {RADIUS} m radius, twice round: how many are whole, and of these by how much
+        the largest joint differs after the first and after the second loop, the median [rad].""",
         _circles,
     ),
     ("Time of a step", "A call along legs and circles, from Python on one core, the median [us].", _step_time),
 )
 """Of each table its title, what it says, and the cell of a mark."""
+
+
+def measured(marks: Sequence[Mark]) -> dict[str, Any]:
+    """What the words of the tables name: how many poses, legs and circles there were, how long they are."""
+    each = {"poses": lambda m: len(m.seconds), "legs": lambda m: len(m.legs), "circles": lambda m: len(m.circles)}
+    sizes = {"LENGTH": LENGTH, "TILT": round(np.degrees(TILT)), "SPACING": 1e3 * SPACING, "RADIUS": RADIUS}
+    bounds = {"JUMP": JUMP, "HOME": f"{HOME:g}"}
+    return {name: max(map(count, marks), default=0) for name, count in each.items()} | sizes | bounds
 
 
 def table(cell: Callable[[Mark], str], marks: Sequence[Mark]) -> list[str]:
@@ -424,10 +443,13 @@ def better(marks: Sequence[Mark]) -> Iterator[str]:
         ("take less time for a step", lambda m: -float(np.median(m.step_seconds))),
     )
     for what, measure in measures:
-        ours = {arm: max((measure(m) for m in marks if m.library == OURS.name and m.arm == arm), default=None) for arm in ARMS}
+        ours = {
+            arm: max((measure(m) for m in marks if m.library == OURS.name and m.arm == arm), default=None)
+            for arm in ARMS
+        }
         rows: dict[str, list[str]] = {}
         for mark in marks:
-            if mark.library != OURS.name and (best := ours[mark.arm]) is not None and measure(mark) > best:
+            if mark.library != OURS.name and measure(mark) > ours.get(mark.arm, np.inf):
                 rows.setdefault(mark.name, []).append(ARMS[mark.arm])
         told = "; ".join(f"{name} ({', '.join(arms)})" for name, arms in rows.items())
         yield f"- These {what} than the best way of holokin: {told}." if told else f"- None {what} than holokin."
@@ -438,20 +460,26 @@ def rivals_text(found: Run, day: datetime.date) -> str:
     versions = ", ".join(f"{name} {number}" for name, number in found.versions.items())
     head = (
         """Written by `python -m benchmarks.rivals`; do not edit. Which library finds joints of a pose when it is given
-        nothing else, how long does it take, and what do its joints do along a path? `hk.ik(robot)` of
-        [inverse kinematics](inverse.md#without-a-start), and other libraries at the settings that their own examples and
-        documents advise, or better ones. [The league](league.md) compares them in a control loop.""",
+        nothing else, how long does it take, and what do its joints do along a path? Here are `hk.ik(robot)` of [inverse
+        kinematics](inverse.md#without-a-start), and other libraries at the settings of their own examples and
+        documents, or at better ones. [The league](league.md) compares libraries in a control loop.""",
         f"""Measured on {day:%d %B %Y} with {versions}; Python {platform.python_version()}, {platform.system()}
-        {platform.machine()}, {processor()}, in {found.seconds / 60:.0f} minutes. Each library runs in an environment of
-        its own, all on one core, in turns: a tenth of the poses and paths each time. All get the same URDF and the same
-        poses. Before, the forward kinematics of each are compared with ours: they agree to 1e-9, those of newton, in
-        single precision, to 1e-5. An arm that a library has not is marked "-"; [why](#not-measured) stands below.""",
+        {platform.machine()}, {processor()}, {load()}, in {found.seconds / 60:.0f} minutes. Each library runs in an
+        environment of its own, all on one core, in turns: a tenth of the poses and paths each time. All get the same
+        URDF and the same poses; endless joints have two turns in it. Before, the forward kinematics of each are
+        compared with ours: they agree to 1e-9, those of newton and PyRoki, in single precision, to 1e-5. Where a
+        library has no answer to give, the cell is "-" and [the reason](#not-measured) stands below.""",
         """Legs and circles begin at a random posture. A library that has joints of its own for the first pose begins
         there. What follows is asked from the last answer, if the library takes one.""",
     )
     parts = ["# Rivals\n", *(f"{wrapped(words)}\n" for words in head)]
     for title, words, cell in TABLES:
-        parts += [f"## {title}\n", f"{wrapped(words)}\n", *table(cell, found.marks), ""]
+        parts += [
+            f"## {title}\n",
+            f"{wrapped(words.format_map(measured(found.marks)))}\n",
+            *table(cell, found.marks),
+            "",
+        ]
     parts += ["## Where others are better\n", *(wrapped(line, "  ") for line in better(found.marks)), ""]
     parts += ["## Settings\n", "| | |", "|---|---|"]
     parts += [f"| {name} | {told} |" for name, told in _settings(found.marks)]
@@ -471,22 +499,24 @@ def _settings(marks: Sequence[Mark]) -> Iterator[tuple[str, str]]:
 def main(arguments: list[str] | None = None) -> int:
     """Run, write, and say where."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="holokin alone, on one arm, few poses and paths")
-    parser.add_argument("--only", nargs="+", metavar="LIBRARY", choices=NAMES, help="of " + ", ".join(NAMES))
+    parser.add_argument("--quick", action="store_true", help="holokin alone, on one arm, a tenth of all")
+    parser.add_argument(
+        "--only", nargs="+", metavar="LIBRARY", choices=list(LIBRARIES), help="of " + ", ".join(LIBRARIES)
+    )
     parser.add_argument("--arms", nargs="+", metavar="ARM", choices=list(ARMS), help="of " + ", ".join(ARMS))
+    parser.add_argument("--tenths", type=int, default=TURNS, help="of the poses and paths so many tenths, to try it")
     parser.add_argument("--environments", type=Path, default=default_folder(), help="folder of the environments")
     parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of rivals.md")
     given = parser.parse_args(arguments)
-    entries = [e for e in LIBRARIES if e.name in ((OURS.name,) if given.quick else given.only or NAMES)]
-    arms = ["panda"] if given.quick else given.arms or list(ARMS)
-    counts = (20, 4, 1) if given.quick else (POSES, LEGS, CIRCLES)
+    names = [OURS.name] if given.quick else given.only or list(LIBRARIES)
+    arms, tenths = ["panda"] if given.quick else given.arms or list(ARMS), 1 if given.quick else given.tenths
     try:
         with tempfile.TemporaryDirectory() as folder:
             course = Path(folder) / "course"
             course.mkdir()
-            write_rivals_course(course, arms, *counts)
+            write_rivals_course(course, arms)
             begun = datetime.datetime.now()
-            found = run(entries, arms, course, given.environments, Path(folder))
+            found = run([LIBRARIES[name] for name in names], arms, course, given.environments, Path(folder), tenths)
             seconds = (datetime.datetime.now() - begun).total_seconds()
     except KeyboardInterrupt:
         print("stopped; nothing was written")

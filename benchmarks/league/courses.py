@@ -1,4 +1,4 @@
-"""What all libraries get: two robots as URDF and MJCF files, and poses, twists and times of the samples of each run."""
+"""What all libraries get: robots as URDF and MJCF files, and poses, twists and times of the samples of each run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from holokin.robot import to_mjcf, to_urdf
 
 DT = 0.01
 CYCLES = 4
-ARMS = ("panda", "iiwa14")
+STARTS = drift.STARTS | {"xarm7": np.array([0.1, -0.3, 0.2, 1.2, 0.1, 1.3, 0.1])}
+ARMS = tuple(STARTS)
 
 TOURS = 4
 CORNERS = 3
@@ -113,7 +114,7 @@ def write_course(
     folder.mkdir(parents=True, exist_ok=True)
     told = []
     for name in arms:
-        robot, start = robot_of(name), drift.STARTS[name]
+        robot, start = robot_of(name), STARTS[name]
         task, arrays = hk.pose(robot), {}
         for run, (path, rounds) in paths_of_league(robot, start, cycles).items():
             plan = make_plan(task, path, int(np.ceil(path.duration / dt - 1e-9)), task._place(start)[1])

@@ -13,10 +13,13 @@ import io
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import libraries
 import numpy as np
+from libraries import newton_solver
 from worker_loop import Arm, Way, agrees, answer_in_turns, placed
 
 Pose = np.ndarray
@@ -25,14 +28,13 @@ NEAR = 1e-7
 """A search goes on until its tool [m, rad] is as near."""
 
 
-def limits_of(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
-    """The joint limits, half a turn both ways where there is none."""
-    return np.where(np.isfinite(arm.lower), arm.lower, -np.pi), np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+SINGLE = 1e-5
+"""Forward kinematics in single precision agree to this [m]."""
 
 
 def middle_of(arm: Arm) -> Joints:
     """The middle of the joint ranges."""
-    return sum(limits_of(arm)) / 2
+    return (arm.lower + arm.upper) / 2
 
 
 def holokin(arm: Arm) -> Iterator[Way]:
@@ -60,7 +62,7 @@ def holokin(arm: Arm) -> Iterator[Way]:
 
 
 def ssik(arm: Arm) -> Iterator[Way]:
-    """ssik, on what its `ssik build` makes of the URDF; its tracker on an arm that it ships, where that is the better."""
+    """ssik, on what its `ssik build` makes of the URDF; its tracker on an arm that it ships, where that is better."""
     import ssik
 
     def built() -> Any:
@@ -163,8 +165,8 @@ def frankik(arm: Arm) -> Iterator[Way]:
         return lambda pose, q: ik(base @ pose @ tool, q, start[6], fr3)
 
     yield Way(
-        "joint 7 sampled", "`inverse(global_solution=True)`, 60 values of joint 7: over its range, or +-20 degrees about "
-        "the last answer", lambda pose: robot.inverse(base @ pose @ tool, middle, **wide),
+        "joint 7 sampled", "`inverse(global_solution=True)`, 60 values of joint 7: over its range, or +-20 degrees "
+        "from the last answer", lambda pose: robot.inverse(base @ pose @ tool, middle, **wide),
         lambda q: lambda pose, q: robot.inverse(base @ pose @ tool, q, global_solution=True),
     )  # fmt: skip
     yield Way("joint 7 held", "`ik(pose, q, q7)`, the branch of the last answer", follow=held)
@@ -175,26 +177,29 @@ def eaik(arm: Arm) -> Iterator[Way]:
     from eaik.IK_HP import HPRobot
 
     h, steps, turn = arm.check["axes"], arm.check["steps"], arm.check["turn"]
-    low, high = limits_of(arm)
-    values = (low + (high - low) * (np.arange(32)[:, None] + 0.5) / 32).T
     held = next((k for k in (6, 2, 4, 0) if HPRobot(h, steps, [(k, 0.3)]).hasKnownDecomposition()), None)
     if held is None:
         raise LookupError("it knows no decomposition of it, whatever single joint is held")
-    robots = [HPRobot(h, steps, [(held, v)]) for v in values[held][np.argsort(np.abs(values[held] - middle_of(arm)[held]))]]
-    agrees(arm, lambda q: HPRobot(h, steps).fwdKin(q) @ turn)
-    back = np.linalg.inv(turn)
+
+    def robot_at(value: float) -> Any:
+        return HPRobot(h, steps, [(held, float(value))])
+
+    agrees(arm, lambda q: robot_at(q[held]).fwdKin(q) @ turn)
+    middle, low, high, back = middle_of(arm)[held], arm.lower[held], arm.upper[held], np.linalg.inv(turn)
+    values = low + (high - low) * (np.arange(32) + 0.5) / 32
+    robots = [robot_at(value) for value in values[np.argsort(np.abs(values - middle))]]
 
     def postures(robot: Any, pose: Pose) -> np.ndarray:
         found = robot.IK(pose @ back)
-        q = np.asarray(found.Q, dtype=float).reshape(-1, len(low))[~np.asarray(found.is_LS, dtype=bool)]
-        q = q + 2 * np.pi * np.ceil((arm.lower - 1e-9 - q) / (2 * np.pi), where=np.isfinite(arm.lower), out=0 * q)
+        q = np.asarray(found.Q, dtype=float).reshape(-1, len(arm.joints))[~np.asarray(found.is_LS, dtype=bool)]
+        q = q + 2 * np.pi * np.ceil((arm.lower - 1e-9 - q) / (2 * np.pi))
         return q[(q <= arm.upper + 1e-9).all(axis=1)]
 
     def swept(pose: Pose) -> Joints | None:
         return next((q[0] for robot in robots if len(q := postures(robot, pose))), None)
 
     def kept(start: Joints) -> Callable[[Pose, Joints], Joints | None]:
-        robot = HPRobot(h, steps, [(held, float(start[held]))])
+        robot = robot_at(start[held])
 
         def step(pose: Pose, q: Joints) -> Joints | None:
             there = postures(robot, pose)
@@ -207,97 +212,32 @@ def eaik(arm: Arm) -> Iterator[Way]:
 
 
 def newton(arm: Arm) -> Iterator[Way]:
-    """newton on the processor: 64 seeds as its benchmark, from the last answer as its example of a Franka arm."""
-    import newton
-    import warp as wp
-    from newton import ik
-
-    wp.config.quiet = True
-    wp.set_device("cpu")
-    builder = newton.ModelBuilder()
-    builder.add_urdf(arm.urdf, floating=False)
-    model = builder.finalize()
-    link = next(k for k, name in enumerate(model.body_label) if name.rsplit("/")[-1] == arm.frame)
-    state, n = model.state(), len(arm.joints)
-
-    def forward(q: Joints) -> Pose:
-        newton.eval_fk(model, wp.array(q, dtype=wp.float32), model.joint_qd, state)
-        x, y, z, *turn = state.body_q.numpy()[link]
-        pose = np.eye(4)
-        pose[:3, :3] = np.array(wp.quat_to_matrix(wp.quat(*map(float, turn)))).reshape(3, 3)
-        pose[:3, 3] = x, y, z
-        return pose
-
-    agrees(arm, forward, 1e-5)  # it has floats of single precision
-
-    def solver(iterations: int, **options: Any) -> Callable[[Pose, Joints], Joints]:
-        place = ik.IKObjectivePosition(link, wp.vec3(), wp.zeros(1, dtype=wp.vec3))
-        turn = ik.IKObjectiveRotation(link, wp.quat_identity(), wp.array([wp.vec4(0, 0, 0, 1)], dtype=wp.vec4))
-        limits = ik.IKObjectiveJointLimit(model.joint_limit_lower, model.joint_limit_upper, weight=10.0)
-        made = ik.IKSolver(model, 1, [place, turn, limits], jacobian_mode=ik.IKJacobianType.ANALYTIC, **options)
-        joints = wp.zeros((1, n), dtype=wp.float32)
-        made.step(joints, joints, iterations=iterations)
-        with wp.ScopedCapture() as capture:
-            made.step(joints, joints, iterations=iterations)
-
-        def solve(pose: Pose, q: Joints) -> Joints:
-            x, y, z, w = wp.quat_from_matrix(wp.mat33(pose[:3, :3].astype(np.float32)))
-            place.set_target_position(0, wp.vec3(*pose[:3, 3]))
-            turn.set_target_rotation(0, wp.vec4(x, y, z, w))
-            joints.assign(q[None].astype(np.float32))
-            wp.capture_launch(capture.graph)
-            return joints.numpy()[0].astype(float)
-
-        return solve
-
-    many = solver(24, sampler=ik.IKSampler.ROBERTS, n_seeds=64, lambda_factor=4.0)
-    one, middle = solver(24, lambda_initial=0.1), middle_of(arm)
+    """newton on the processor: 64 seeds, as in its benchmark, or from the last answer, as in its example of an arm."""
+    many, forward = newton_solver(arm, 24, sampler="roberts", n_seeds=64, lambda_factor=4.0)
+    one, _ = newton_solver(arm, 24)
+    agrees(arm, forward, SINGLE)
     settings = "Levenberg-Marquardt, 24 steps; 64 seeds of a Roberts sequence, or from the last answer alone"
-    yield Way("LM", settings, lambda pose: many(pose, middle), lambda q: one)
+    yield Way("LM", settings, lambda pose: many(pose, middle_of(arm)), lambda q: one)
 
 
 def pyroki(arm: Arm) -> Iterator[Way]:
-    """PyRoki, as Almond publishes it: least squares over the joints, in JAX on the processor, in single precision."""
-    import jax.numpy as jnp
-    import jax_dataclasses as jdc
-    import jaxlie
-    import jaxls
+    """PyRoki, as in the league: its basic example, and with a cost of the distance to the start along a path."""
     import pyroki as pk
     import yourdfpy
+    from jaxlie import SE3
 
     robot = pk.Robot.from_urdf(yourdfpy.URDF.load(arm.urdf, load_meshes=False))
-    link = jnp.array(robot.links.names.index(arm.frame), jnp.int32)
+    link, still = robot.links.names.index(arm.frame), np.zeros(6)
+    agrees(arm, lambda q: np.array(SE3(robot.forward_kinematics(q)[link]).as_matrix()), SINGLE)
+    basic, resting = (setting.begin for setting in list(libraries.pyroki(arm))[:2])
+    find = basic(arm)
 
-    @jdc.jit
-    def solve(robot: Any, wxyz: Any, position: Any, guess: Any) -> Any:
-        """Its basic example, from a guess."""
-        joints = robot.joint_var_cls(0)
-        wanted = jaxlie.SE3.from_rotation_and_translation(jaxlie.SO3(wxyz), position)
-        costs = [
-            pk.costs.pose_cost_analytic_jac(robot, joints, wanted, link, pos_weight=50.0, ori_weight=10.0),
-            pk.costs.limit_cost(robot, joints, weight=100.0),
-        ]
-        solved = (
-            jaxls.LeastSquaresProblem(costs, [joints])
-            .analyze()
-            .solve(
-                initial_vals=jaxls.VarValues.make([joints.with_value(guess)]),
-                verbose=False,
-                linear_solver="dense_cholesky",
-                trust_region=jaxls.TrustRegionConfig(lambda_initial=1.0),
-                termination=jaxls.TerminationConfig(cost_tolerance=1e-9, gradient_tolerance=1e-7),
-            )
-        )
-        return solved[joints]
+    def follow(start: Joints) -> Callable[[Pose, Joints], Joints | None]:
+        step = resting(replace(arm, start=start))
+        return lambda pose, q: step(q, pose, still, 1.0)
 
-    def solved(pose: Pose, q: Joints) -> Joints:
-        turn = np.array(jaxlie.SO3.from_matrix(pose[:3, :3]).wxyz)
-        return np.array(solve(robot, turn, pose[:3, 3], q))
-
-    agrees(arm, lambda q: np.array(jaxlie.SE3(robot.forward_kinematics(jnp.array(q))[link]).as_matrix()), 1e-5)
-    own = np.array(robot.joint_var_cls(0).default_factory(), dtype=float)
-    settings = "its basic example, to a cost of 1e-9; from its own guess, or from the last answer"
-    yield Way("least squares", settings, lambda pose: solved(pose, own), lambda q: solved)
+    settings = "its basic example, from its own guess; from the last answer with a posture cost of 0.01 along a path"
+    yield Way("least squares", settings, lambda pose: find(still, pose, still, 1.0), follow)
 
 
 def pink(arm: Arm) -> Iterator[Way]:

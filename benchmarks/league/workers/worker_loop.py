@@ -216,12 +216,12 @@ def _timed(
 
 
 def answer_in_turns(ways: Callable[[Arm], Iterable[Way]], packages: Iterable[str]) -> None:
-    """Read commands and answer each with a line: `arm NAME`, `turn K OF`, `keep`, which writes the answers of an arm."""
+    """Read commands and answer each with a line: `arm NAME`, `turn K OF`, and `keep`, which writes the answers."""
     course, answers = map(Path, sys.argv[1:3])
     replies = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what a library prints is no reply
     arms = {arm.name: arm for arm in _arms(course)}
-    arm, made, kept = None, [], {}
+    arm, made, kept = next(iter(arms.values())), [], {}
     for line in sys.stdin:
         what, *rest = line.split()
         reply: dict[str, Any] = {}
@@ -232,7 +232,9 @@ def answer_in_turns(ways: Callable[[Arm], Iterable[Way]], packages: Iterable[str
                 for way in made:
                     way.begin(arm.runs)
             except Exception as problem:  # noqa: BLE001  another library may throw anything: the page says what
-                reply["fault"] = str(problem) if isinstance(problem, LookupError) else f"{type(problem).__name__}: {problem}"
+                reply["fault"] = (
+                    str(problem) if isinstance(problem, LookupError) else f"{type(problem).__name__}: {problem}"
+                )
             reply["ways"] = [[way.name, way.settings, bool(way.find), way.within] for way in made]
             reply["versions"] = {name: version(name) for name in packages}
         elif what == "turn":
@@ -246,14 +248,14 @@ def answer_in_turns(ways: Callable[[Arm], Iterable[Way]], packages: Iterable[str
 
 def _part(arm: Arm, way: Way, turn: int, turns: int) -> Iterator[tuple[str, np.ndarray]]:
     """Name and rows (k, n + 1), joints and seconds, of each run in this turn: poses, legs, circles in equal parts."""
-    legs = [name for name in arm.runs if name != "poses"]
+    paths = [[name for name in arm.runs if name.startswith(kind)] for kind in ("leg", "circle")]
     poses = np.array_split(arm.runs["poses"]["poses"], turns)[turn]
     if way.find:
         find, zero = way.find, np.zeros(len(arm.joints))
         _timed(lambda pose, q: find(pose), poses[0], zero)  # another process had the core before
         found = [_timed(lambda pose, q: find(pose), pose, zero)[:2] for pose in poses]
         yield f"poses {turn}", np.array([[*q, seconds] for q, seconds in found])
-    for name in np.array_split(np.array(legs), turns)[turn]:
+    for name in (str(name) for names in paths for name in np.array_split(np.array(names), turns)[turn]):
         run = arm.runs[name]
         q, seconds = way.walk(run["start"], run["poses"])
-        yield str(name), np.column_stack([q, seconds])
+        yield name, np.column_stack([q, seconds])
