@@ -217,7 +217,7 @@ class Walk:
 
 def right(robot: hk.Robot, q: np.ndarray, poses: np.ndarray, within: float) -> np.ndarray:
     """(k,) True where joints (k, n) are there, have the tool [m, rad] within this of its pose, and keep the limits."""
-    there = np.isfinite(q).all(axis=1)
+    there = np.asarray(np.isfinite(q).all(axis=1))
     q = np.where(there[:, None], q, 0.0)
     place, turn = tool_errors(robot, q, poses)
     return there & (place < within) & (turn < within) & (robot.beyond(q) <= BEYOND).all(axis=1)
@@ -436,7 +436,7 @@ def table(cell: Callable[[Mark], str], marks: Sequence[Mark]) -> list[str]:
 def better(marks: Sequence[Mark]) -> Iterator[str]:
     """Sentences: on what others are better than holokin."""
     measures: tuple[tuple[str, Callable[[Mark], float]], ...] = (
-        ("find more poses without a start", lambda m: -1.0 if m.found is None else m.found),
+        ("find more poses without a start", lambda m: float(-1 if m.found is None else m.found)),
         ("take less time without a start", lambda m: -np.inf if m.found is None else -float(np.median(m.seconds))),
         ("have more whole legs", lambda m: sum(walk.even for walk in m.legs)),
         ("have more whole circles", lambda m: sum(walk.even for walk in m.circles)),

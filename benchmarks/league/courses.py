@@ -93,7 +93,8 @@ def write_arm(folder: Path, name: str, robot: hk.Robot, start: np.ndarray, array
     (folder / f"{name}.xml").write_text(to_mjcf(robot), "utf-8")
     low, high = ranges_of(robot)
     q = np.vstack([start, np.random.default_rng(0).uniform(low, high, (8, robot.n))])
-    np.savez(folder / f"{name}.npz", **arrays, **{"check/q": q, "check/poses": robot.pose(q)})
+    arrays = arrays | {"check/q": q, "check/poses": robot.pose(q)}
+    np.savez(folder / f"{name}.npz", **arrays)
     return {
         "name": name, "urdf": f"{name}.urdf", "mjcf": f"{name}.xml", "base": "base", "frame": robot.tips[0].name,
         "joints": list(robot.joint_names), "lower": robot.lower.tolist(), "upper": robot.upper.tolist(),
