@@ -443,10 +443,9 @@ def better(marks: Sequence[Mark]) -> Iterator[str]:
         ("take less time for a step", lambda m: -float(np.median(m.step_seconds))),
     )
     for what, measure in measures:
-        ours = {
-            arm: max((measure(m) for m in marks if m.library == OURS.name and m.arm == arm), default=None)
-            for arm in ARMS
-        }
+        ours: dict[str, float] = {}
+        for mark in (mark for mark in marks if mark.library == OURS.name):
+            ours[mark.arm] = max(ours.get(mark.arm, -np.inf), measure(mark))
         rows: dict[str, list[str]] = {}
         for mark in marks:
             if mark.library != OURS.name and measure(mark) > ours.get(mark.arm, np.inf):
