@@ -70,7 +70,7 @@ def _as_examples(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]
     unlike = [value for value in apart.values() if value >= RETURNED]
     if unlike:
         yield f"""**As their examples run them**, {len(unlike)} of {len(rows)} libraries have other joints at one pose
-            after another path or another cycle, by {min(unlike):.1e} to {max(unlike):.1e} rad on the worse arm."""
+            after another path or another cycle, by {min(unlike):.1e} to {max(unlike):.1e} rad on the worst arm."""
     alike = [f"{name} ({s.arm})" for name, found in rows.items() for s in found if s.apart < RETURNED and not s.unfair]
     if alike:
         yield f"As their examples run them, these have the same joints, within {RETURNED:g} rad: {', '.join(alike)}."
@@ -86,11 +86,11 @@ def _at_best(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
         times = {name: max(s.call_us for s in best[name]) for name in alike}
         told = ", ".join(f"{name} ({_us(times[name])} us)" for name in sorted(alike, key=lambda name: times[name]))
         yield f"""**At their best these have the same joints at one pose, as holokin has**, within {RETURNED:g} rad on
-            both arms: {told}."""
+            all arms: {told}."""
     unlike = {name: max(s.apart for s in rows) for name, rows in best.items() if name not in alike}
     if unlike:
         told = [f"{n} {apart:.0e}{_alone(best[n], arms)}" for n, apart in sorted(unlike.items(), key=lambda n: n[1])]
-        yield f"The others at their best, on the worse arm [rad]: {', '.join(told)}."
+        yield f"The others at their best, on the worst arm [rad]: {', '.join(told)}."
     none = [p.entry.name for p in others if p.entry.name not in best]
     if none:
         yield f"Without a setting that kept to all paths: {', '.join(none)}."
@@ -101,7 +101,7 @@ def _at_best(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
 
 
 def _alone(rows: Sequence[Score], arms: Sequence[str]) -> str:
-    return "" if len(rows) == len(arms) else f" (on the {rows[0].arm} alone)"
+    return "" if len(rows) == len(arms) else f" (on the {' and the '.join(s.arm for s in rows)} alone)"
 
 
 def _us(value: float) -> str:
@@ -132,7 +132,7 @@ def _tours(played: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
     told.sort(key=lambda row: (-row[0], -row[1], row[3]))
     text = ", ".join(f"{name} {again} of {whole}" for again, whole, _, name in told)
     if told:
-        yield f"""Tours at best settings, of {max(row[2] for row in told)} on both arms: as many as have the same joints
+        yield f"""Tours at best settings, of {max(row[2] for row in told)} on all arms: as many as have the same joints
             again, of those that are whole: {text}."""
 
 
@@ -179,7 +179,7 @@ def league_text(played: Sequence[Played], cycles: int = courses.CYCLES, dt: floa
     """The page of what was played."""
     parts = ["# The league of libraries\n", *_head(played, cycles, dt)]
     for arm in arms_of(played):
-        start = np.array2string(drift.STARTS[arm], separator=", ")
+        start = np.array2string(courses.STARTS[arm], separator=", ")
         parts += [f"## {arm}\n", f"Start q = {start}.\n", *_table(played, arm), ""]
     parts += ["## Reading it\n", *reading(played), "", "## What was run\n", *_settings(played)]
     left = [f"- **{p.entry.name}**: {p.left_out}." for p in played if p.left_out]
@@ -278,7 +278,7 @@ def _settings(played: Sequence[Played]) -> list[str]:
 LEAST = 1e-16
 """Differences are drawn no farther to the left [rad]: it is round-off."""
 
-TITLES = {"panda": "Panda", "iiwa14": "iiwa 14"}
+TITLES = {"panda": "Panda", "iiwa14": "iiwa 14", "xarm7": "xArm 7"}
 
 
 def league_figure(played: Sequence[Played]) -> Any:
@@ -314,7 +314,7 @@ def league_figure(played: Sequence[Played]) -> Any:
 
 
 def _nearest(p: Played, arms: Sequence[str]) -> float:
-    """By what the rows are sorted: the best of a library on the worse of the arms, those with a fair setting first."""
+    """By what the rows are sorted: the best of a library on the worst of the arms, those with a fair setting first."""
     best = [min((s.apart + 10 * bool(s.unfair) for _, s in shown(p, arm)), default=100.0) for arm in arms]
     return float(np.log10(max(max(best), LEAST)))
 

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import drift
-from benchmarks.league.courses import robot_of
+from benchmarks.league.courses import STARTS, robot_of
 from benchmarks.league.scores import Score, rested, score
 
 WORKERS = Path(__file__).parent / "workers"
@@ -47,7 +46,8 @@ ENTRIES = (
     Entry("Drake", ("drake",)),
     Entry("pyroboplan", ("pyroboplan",)),
     Entry("PyRoki", ("almond-pyroki",)),
-    Entry("ssik", ("ssik",)),
+    Entry("newton", ("newton",)),
+    Entry("ssik", ("ssik[urdf]",)),
     Entry("frankik", ("frankik",)),
     Entry("TRAC-IK", ("pytracik",)),
     Entry("roboticstoolbox", ("roboticstoolbox-python",)),
@@ -153,7 +153,7 @@ def measured(entry: Entry, course: Path, answers: Path, late: str = "") -> Playe
         arm["name"]: runs_of(course, arm["name"]) for arm in json.loads((course / "course.json").read_text("utf-8"))
     }
     robots, found = {name: robot_of(name) for name in arms}, []
-    rest = {name: rested(robots[name], drift.STARTS[name], arms[name]["circle"]["poses"]) for name in arms}
+    rest = {name: rested(robots[name], STARTS[name], arms[name]["circle"]["poses"]) for name in arms}
     for told in said["settings"]:
         with np.load(answers / told["file"]) as joints:
             of = told["arm"]

@@ -98,7 +98,7 @@ def score(
     cycles = [name for name in runs if not name.startswith(("there", "round"))]
     drifts = {name: _ends(joints[name], runs[name]["poses"]) for name in cycles}
     each = [np.abs(np.diff(ends, axis=0)).max(axis=1) for ends in drifts.values()]
-    errors = [_tool_errors(robot, joints[name][1:], run["poses"]) for name, run in runs.items()]
+    errors = [[e.max() for e in tool_errors(robot, joints[name][1:], run["poses"])] for name, run in runs.items()]
     reached = {name: joints[name][-1] for name in runs if name not in cycles}
     middle = drift.SPEEDS[1]
     apart = [np.abs(reached[f"there at {v}"] - reached[f"round at {v}"]).max() for v in drift.SPEEDS]
@@ -147,19 +147,18 @@ def _same(poses: np.ndarray, cycle: int, last: np.ndarray) -> bool:
     )
 
 
-def _tool_errors(robot: hk.Robot, q: np.ndarray, poses: np.ndarray) -> tuple[float, float]:
-    """The largest distance [m] and turn [rad] of the tool from its targets."""
-    here = np.array([robot.pose(posture) for posture in q])
-    apart = float(np.linalg.norm(here[:, :3, 3] - poses[:, :3, 3], axis=1).max())
+def tool_errors(robot: hk.Robot, q: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances [m] and turns [rad] (k,) of the tool from its targets (k, 4, 4), at postures (k, n)."""
+    here = robot.pose(q)
     skew = poses[:, :3, :3] - here[:, :3, :3]
     chord = np.linalg.norm(skew, axis=(1, 2)) / np.sqrt(8)  # |R1 - R2| = sqrt(8) sin(angle / 2)
-    return apart, float(2 * np.arcsin(np.minimum(chord, 1)).max())
+    return np.linalg.norm(here[:, :3, 3] - poses[:, :3, 3], axis=1), 2 * np.arcsin(np.minimum(chord, 1))
 
 
 def _toured(robot: hk.Robot, q: np.ndarray, run: dict[str, np.ndarray]) -> tuple[bool, bool]:
     """Whether a tour is whole, and whether its second round has the joints of its first."""
-    apart, turned = _tool_errors(robot, q[1:], run["poses"])
-    near = 1e3 * apart <= NEAR_MM and turned <= NEAR_RAD
+    apart, turned = tool_errors(robot, q[1:], run["poses"])
+    near = 1e3 * apart.max() <= NEAR_MM and turned.max() <= NEAR_RAD
     once = len(run["h"]) // 2
     again = np.abs(q[once + 1 :] - q[1 : once + 1]).max() < AGAIN
     return bool(near and robot.within(q).all() and _speeds(robot, q, run).max() <= 1), bool(again)

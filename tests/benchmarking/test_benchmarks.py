@@ -26,7 +26,7 @@ FILES = [
     if f.parent.name != "workers" and '__name__ == "__main__"' in f.read_text("utf-8")
 ]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-WRITING = ("benchmarks.league", "benchmarks.speed")
+WRITING = ("benchmarks.league", "benchmarks.rivals", "benchmarks.speed")
 """These write pages."""
 ELSEWHERE = ("benchmarks.drift", "benchmarks.selftests")
 """These are run below."""

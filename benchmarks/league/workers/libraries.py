@@ -517,15 +517,78 @@ def pyroki(arm: Arm) -> Iterator[Setting]:
     yield Setting("posture 0.01, one seed", begin(robot, 1e-2, one_seed=True))
 
 
+def newton_solver(
+    arm: Arm, iterations: int, **options: Any
+) -> tuple[Callable[[np.ndarray, np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
+    """(solve(pose, q) -> joints, forward kinematics) of newton on the processor, as its example of a Franka arm."""
+    import newton
+    import warp as wp
+    from newton import ik
+
+    wp.config.quiet = True
+    wp.set_device("cpu")
+    builder = newton.ModelBuilder()
+    builder.add_urdf(arm.urdf, floating=False)
+    model = builder.finalize()
+    link = next(k for k, name in enumerate(model.body_label) if name.rsplit("/")[-1] == arm.frame)
+    state = model.state()
+    place = ik.IKObjectivePosition(link, wp.vec3(), wp.zeros(1, dtype=wp.vec3))
+    turn = ik.IKObjectiveRotation(link, wp.quat_identity(), wp.array([wp.vec4(0, 0, 0, 1)], dtype=wp.vec4))
+    limits = ik.IKObjectiveJointLimit(model.joint_limit_lower, model.joint_limit_upper, weight=10.0)
+    solver = ik.IKSolver(model, 1, [place, turn, limits], jacobian_mode=ik.IKJacobianType.ANALYTIC, **options)
+    joints = wp.zeros((1, len(arm.joints)), dtype=wp.float32)
+    solver.step(joints, joints, iterations=iterations)
+    with wp.ScopedCapture() as capture:
+        solver.step(joints, joints, iterations=iterations)
+
+    def solve(pose: np.ndarray, q: np.ndarray) -> np.ndarray:
+        place.set_target_position(0, wp.vec3(*pose[:3, 3]))
+        turn.set_target_rotation(0, wp.vec4(*wp.quat_from_matrix(wp.mat33(pose[:3, :3].astype(np.float32)))))
+        joints.assign(q[None].astype(np.float32))
+        wp.capture_launch(capture.graph)
+        return joints.numpy()[0].astype(float)
+
+    def forward(q: np.ndarray) -> np.ndarray:
+        newton.eval_fk(model, wp.array(q, dtype=wp.float32), model.joint_qd, state)
+        x, y, z, *quaternion = map(float, state.body_q.numpy()[link])
+        pose = np.eye(4)
+        pose[:3, :3] = np.array(wp.quat_to_matrix(wp.quat(*quaternion))).reshape(3, 3)
+        pose[:3, 3] = x, y, z
+        return pose
+
+    return solve, forward
+
+
+def newton(arm: Arm) -> Iterator[Setting]:
+    """newton on the processor: its inverse kinematics of position, rotation and joint limits, in a loop."""
+
+    @with_options
+    def begin(arm: Arm, one_seed: bool = False, **options: Any) -> Step:
+        """A run from the last answer, or from the start each time."""
+        solve, _ = newton_solver(arm, 24, **options)
+        return lambda q, pose, twist, h: solve(pose, arm.start if one_seed else q)
+
+    example = "newton/examples/ik/example_ik_franka.py of 1.8"
+    yield Setting("24 steps, last answer", begin(), True, example)
+    yield Setting("24 steps, one seed", begin(one_seed=True))
+    yield Setting("24 steps, 64 seeds", begin(sampler="roberts", n_seeds=64, lambda_factor=4.0))
+
+
 def ssik(arm: Arm) -> Iterator[Setting]:
-    """ssik: analytical solutions; its tracker, and its seeded solution in a loop, on the arms that it ships."""
+    """ssik: analytical solutions; its tracker, and its seeded solution in a loop, on its own arms or the URDF's."""
     import ssik
 
     NAMES = {"panda": "franka_panda", "iiwa14": "iiwa14"}
 
+    def made(arm: Arm) -> ssik.Manipulator:
+        """The arm that it ships, where it is ours, or one of the URDF."""
+        if arm.name in NAMES:
+            return ssik.Manipulator.from_prebuilt(NAMES[arm.name])
+        return ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame)
+
     def tracked(arm: Arm) -> Step:
         """A run by its tracker."""
-        robot = ssik.Manipulator.from_prebuilt(NAMES[arm.name])
+        robot = made(arm)
         base, tool = placed(arm, robot.fk)
         tracker = robot.tracker(arm.start)
 
@@ -538,7 +601,7 @@ def ssik(arm: Arm) -> Iterator[Setting]:
     @with_options
     def nearest(arm: Arm, one_seed: bool) -> Step:
         """A run by the solution nearest to a seed: the last answer, or the start each time."""
-        robot = ssik.Manipulator.from_prebuilt(NAMES[arm.name])
+        robot = made(arm)
         base, tool = placed(arm, robot.fk)
 
         def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray, h: float) -> np.ndarray | None:
@@ -661,6 +724,7 @@ LIBRARIES = {
     "Drake": (drake, ("drake",)),
     "pyroboplan": (pyroboplan, ("pyroboplan", "pin")),
     "PyRoki": (pyroki, ("almond-pyroki", "almond-jaxls", "jax")),
+    "newton": (newton, ("newton", "warp-lang")),
     "ssik": (ssik, ("ssik",)),
     "frankik": (frankik, ("frankik",)),
     "TRAC-IK": (tracik, ("pytracik",)),

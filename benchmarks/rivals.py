@@ -1,0 +1,533 @@
+"""Joints of a pose from nothing, and along paths: `hk.ik(robot)` beside other libraries. Writes docs/rivals.md.
+
+    python -m benchmarks.rivals          # some ten minutes; the first time some more, to install the libraries
+    python -m benchmarks.rivals --only holokin ssik --arms panda --out /somewhere --environments /a/folder
+
+Every library runs in an environment of its own, made as those of the league, pinned to one core. All get the same
+URDF and the same poses. They answer in turns, a tenth of all each time, so that what else runs on the machine meets all
+alike. One measure is taken of the joints of all, by holokin's kinematics.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import os
+import platform
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Timer
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import holokin as hk
+from benchmarks.league.courses import ranges_of, straight, write_arm
+from benchmarks.league.league_page import wrapped
+from benchmarks.league.played import ENTRIES, OURS, WORKERS, Entry, NoEnvironment, default_folder, python_of, reason_of
+from benchmarks.league.scores import tool_errors
+from benchmarks.speed import load, processor
+from holokin.base.errors import HolokinError
+from holokin.motion.ik.self_motions import self_motions_at
+
+ROOT = Path(__file__).resolve().parents[1]
+ARMS = {
+    "panda": "Panda",
+    "fr3": "FR3",
+    "iiwa14": "iiwa 14",
+    "xarm7": "xArm 7",
+    "openarm-left": "OpenArm",
+    "gen3": "Gen3",
+}
+ORDER = (
+    OURS.name,
+    *("ssik", "EAIK", "frankik", "TRAC-IK", "roboticstoolbox", "newton", "PyRoki", "pink", "mink", "placo"),
+)
+ALL = {entry.name: replace(entry, script=WORKERS / "rivals.py") for entry in [*ENTRIES, Entry("EAIK", ("EAIK",))]}
+LIBRARIES = {name: ALL[name] for name in ORDER}
+"""Those of the league that find joints of a pose or are well known, and EAIK."""
+
+TURNS = 10
+POSES, LEGS, CIRCLES = 400, 40, 5
+LENGTH, TILT, RADIUS, SPACING = 0.2, np.radians(30), 0.1, 0.002
+"""Of a leg [m] and its turn [rad], of a circle [m], and between samples [m]."""
+
+BEYOND = 1e-6
+"""An answer counts up to this beyond a joint limit [rad]."""
+
+JUMP = 0.2
+"""A joint that moves by more between two samples jumps [rad]."""
+
+HOME = 1e-14
+"""Joints nearer to those before have come home [rad]."""
+
+SECONDS = 300.0
+"""How long a library may take for a reply."""
+
+
+# --- What all get: poses of random postures, straight legs out and back, circles twice round.
+
+
+def turned(robot: hk.Robot, q: np.ndarray) -> np.ndarray:
+    """Postures (k, n) by whole turns as near to the middle of the joint ranges as can be."""
+    middle = sum(ranges_of(robot)) / 2
+    return q - 2 * np.pi * np.round((q - middle) / (2 * np.pi)) * robot.hinges
+
+
+def reached(robot: hk.Robot, poses: np.ndarray) -> bool:
+    """Whether each of the poses (k, 4, 4) has a posture within the limits, by all self-motions of the arm there."""
+    all_of = self_motions_at(hk.pose(robot), poses[:, :3, 3], poses[:, :3, :3])
+    within = robot.within(turned(robot, all_of.q))
+    return len(np.unique(all_of.pose[within])) == len(poses)
+
+
+def leg(first: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Poses (k, 4, 4): straight in a random direction, turned about a random axis by up to TILT, and back."""
+    way, axis = rng.normal(size=(2, 3))
+    last = first.copy()
+    last[:3, 3] += LENGTH * way / np.linalg.norm(way)
+    turn = Rotation.from_rotvec(rng.uniform(0, TILT) * axis / np.linalg.norm(axis))
+    last[:3, :3] = turn.as_matrix() @ first[:3, :3]
+    out = np.concatenate([first[None], straight(first, last, round(LENGTH / SPACING))])
+    return np.concatenate([out, out[-2::-1]])
+
+
+def circle(first: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Poses (k, 4, 4): twice round a horizontal circle at constant orientation."""
+    to, count = rng.uniform(0, 2 * np.pi), round(2 * np.pi * RADIUS / SPACING)
+    angles = to + 2 * np.pi * (np.arange(2 * count + 1) % count) / count
+    poses = np.repeat(first[None], len(angles), axis=0)
+    poses[:, 0, 3] += RADIUS * (np.cos(angles) - np.cos(to))
+    poses[:, 1, 3] += RADIUS * (np.sin(angles) - np.sin(to))
+    return poses
+
+
+def exponentials(robot: hk.Robot) -> dict[str, np.ndarray]:
+    """The arm as a product of exponentials, for libraries that take it so: axes (n, 3) at zero, the steps (n + 1, 3)
+    from the base to each and to the tool, and how the tool is turned (4, 4)."""
+    home, J = robot.pose(np.zeros(robot.n)), robot.jacobian(np.zeros(robot.n)).T
+    points = home[:3, 3] - np.cross(J[:, :3], J[:, 3:])
+    steps = np.diff(np.vstack([np.zeros(3), points, home[:3, 3]]), axis=0)
+    home[:3, 3] = 0.0
+    return {"check/axes": J[:, 3:].copy(), "check/steps": steps, "check/turn": home}
+
+
+def drawn(robot: hk.Robot, make: Callable, count: int, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, ...]]:
+    """(start, poses) of paths that begin at random postures; five poses along each are reached within the limits."""
+    low, high = ranges_of(robot)
+    while count:
+        start = rng.uniform(low, high)
+        poses = make(robot.pose(start), rng)
+        if reached(robot, poses[np.linspace(0, len(poses) // 2, 5).astype(int)]):
+            count -= 1
+            yield start, poses
+
+
+def write_rivals_course(folder: Path, arms: Sequence[str]) -> None:
+    """Write course.json, and of each arm its URDF, its MJCF and the arrays of its runs.
+
+    Not all libraries take endless joints: in the files they have two turns. The answers are judged without.
+    """
+    told = []
+    for name in arms:
+        robot, rng = hk.load(name), np.random.default_rng(1)
+        arrays = {"poses/poses": robot.pose(rng.uniform(*ranges_of(robot), (POSES, robot.n)))} | exponentials(robot)
+        for kind, make, count in (("leg", leg, LEGS), ("circle", circle, CIRCLES)):
+            for k, (start, path) in enumerate(drawn(robot, make, count, rng)):
+                arrays |= {f"{kind} {k}/start": start, f"{kind} {k}/poses": path}
+        low, high = (np.clip(limits, -2 * np.pi, 2 * np.pi) for limits in (robot.lower, robot.upper))
+        wide = hk.with_limits(robot, lower=low, upper=high)
+        told.append(write_arm(folder, name, wide, np.array(sum(ranges_of(robot)) / 2), arrays))
+    (folder / "course.json").write_text(json.dumps(told), "utf-8")
+
+
+# --- One library: its process answers a command with a line.
+
+
+class Stopped(Exception):
+    """A library's process has ended or takes too long: the message says why in one line."""
+
+
+class Process:
+    """The process of a library, pinned to a core."""
+
+    def __init__(self, entry: Entry, python: Path, course: Path, answers: Path, core: int | None) -> None:
+        answers.mkdir(parents=True)
+        self.answers, self._said = answers, answers / "said.txt"
+        command = [str(python), str(entry.script), str(course), str(answers), entry.name]
+        with self._said.open("wb") as said:
+            one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, text=True, env=os.environ | one
+            )
+        if core is not None:
+            os.sched_setaffinity(self._process.pid, {core})
+
+    def tell(self, command: str) -> dict[str, Any]:
+        """Give a command and wait for the reply. Raises: Stopped."""
+        process, timer = self._process, Timer(SECONDS, self._process.kill)
+        timer.start()
+        try:
+            print(command, file=process.stdin, flush=True)
+            reply = process.stdout.readline() if process.stdout else ""
+        except BrokenPipeError:
+            reply = ""
+        finally:
+            timer.cancel()
+        if not reply:
+            process.kill()
+            late = f"no reply in {SECONDS:g} s" if process.wait() == -9 else ""
+            raise Stopped(late or reason_of(self._said.read_text("utf-8", "replace")))
+        return json.loads(reply)
+
+    def close(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.communicate()
+
+
+# --- What the joints did.
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A path that was followed. ends (j, n): the joints at its first pose, each time that the tool is there.
+
+    whole: an answer at every sample, on the path and within the limits. step: the largest change of a joint [rad].
+    """
+
+    whole: bool
+    step: float
+    ends: np.ndarray
+
+    @property
+    def even(self) -> bool:
+        """Whole, and without a jump."""
+        return self.whole and self.step <= JUMP
+
+    def away(self, k: int) -> float:
+        """How far the largest joint is at the k-th return from where it was one return before [rad]."""
+        return float(np.abs(self.ends[k] - self.ends[k - 1]).max())
+
+
+def right(robot: hk.Robot, q: np.ndarray, poses: np.ndarray, within: float) -> np.ndarray:
+    """(k,) True where joints (k, n) are there, have the tool [m, rad] within this of its pose, and keep the limits."""
+    there = np.asarray(np.isfinite(q).all(axis=1))
+    q = np.where(there[:, None], q, 0.0)
+    place, turn = tool_errors(robot, q, poses)
+    return there & (place < within) & (turn < within) & (robot.beyond(q) <= BEYOND).all(axis=1)
+
+
+def walked(robot: hk.Robot, q: np.ndarray, poses: np.ndarray, within: float, returns: int) -> Walk:
+    """Measure joints (k, n) along poses (k, 4, 4) that come back to the first one so many times, evenly."""
+    ends = q[:: (len(q) - 1) // returns]
+    return Walk(bool(right(robot, q, poses, within).all()), float(np.abs(np.diff(q, axis=0)).max()), ends)
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What one way of a library did on one arm; times in s. Without `found` it needs a start."""
+
+    library: str
+    way: str
+    arm: str
+    settings: str
+    found: int | None
+    seconds: np.ndarray
+    legs: tuple[Walk, ...]
+    circles: tuple[Walk, ...]
+    step_seconds: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """As it is named on the page."""
+        return f"{self.library}, {self.way}"
+
+
+def marked(library: str, arm: str, ways: Sequence[Sequence[Any]], course: Path, answers: Path) -> list[Mark]:
+    """Measure what a library's process wrote of one arm."""
+    robot, marks = hk.load(arm), []
+    with np.load(course / f"{arm}.npz") as given, np.load(answers / f"{arm}.npz") as written:
+        for i, (way, settings, finds, within) in enumerate(ways):
+            rows = [written[key] for key in written.files if key.startswith(f"{i}/poses")]
+            answered = np.concatenate(rows or [np.zeros((0, robot.n + 1))])
+            good = right(robot, turned(robot, answered[:, :-1]), given["poses/poses"][: len(answered)], within)
+            walks: dict[str, list[Walk]] = {"leg": [], "circle": []}
+            seconds = []
+            for key in [key for key in written.files if key.split("/")[0] == str(i) and "poses" not in key]:
+                run, returns = key.split("/")[1], 1 if "leg" in key else 2
+                q, poses = written[key][:, :-1], given[f"{run}/poses"]
+                walks[run.split()[0]].append(walked(robot, q, poses, within, returns))
+                seconds.append(written[key][1:, -1])
+            marks.append(
+                Mark(
+                    library, way, arm, settings, int(good.sum()) if finds else None, answered[:, -1],
+                    tuple(walks["leg"]), tuple(walks["circle"]), np.concatenate(seconds or [np.zeros(0)]),
+                )
+            )  # fmt: skip
+    return marks
+
+
+# --- All libraries in turns.
+
+
+@dataclass(frozen=True)
+class Run:
+    """All that was measured, the versions, and what is missing with the reason."""
+
+    marks: list[Mark]
+    versions: dict[str, str]
+    missing: list[str]
+    seconds: float = 0.0
+
+
+def run(
+    entries: Sequence[Entry], arms: Sequence[str], course: Path, environments: Path, home: Path, tenths: int = TURNS
+) -> Run:
+    """Ask all libraries about all arms; about so many tenths of the poses and paths."""
+    found, living = Run([], {}, []), {}
+    core = max(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+    try:
+        for entry in entries:
+            try:
+                living[entry.name] = Process(entry, python_of(entry, environments), course, home / entry.name, core)
+            except NoEnvironment as problem:
+                found.missing.append(f"**{entry.name}** cannot be installed: {problem}.")
+        for arm in arms:
+            _one_arm(arm, living, course, found, tenths)
+    finally:
+        for process in living.values():
+            process.close()
+    return found
+
+
+def _one_arm(arm: str, living: dict[str, Process], course: Path, found: Run, tenths: int) -> None:
+    ways: dict[str, Any] = {}
+
+    def tell(name: str, command: str) -> dict[str, Any] | None:
+        try:
+            return living[name].tell(command)
+        except Stopped as problem:
+            found.missing.append(f"**{name}** stopped on the {ARMS[arm]}: {problem}.")
+            living.pop(name).close()
+            ways.pop(name, None)
+            return None
+
+    for name in list(living):
+        if (reply := tell(name, f"arm {arm}")) is None:
+            continue
+        found.versions.update(reply["versions"])
+        if "fault" in reply:
+            found.missing.append(f"**{name}**, {ARMS[arm]}: {reply['fault']}.")
+        if reply["ways"]:
+            ways[name] = reply["ways"]
+    for turn in range(tenths):
+        print(f"{arm}: turn {turn + 1} of {tenths}", flush=True)
+        for name in list(ways):
+            tell(name, f"turn {turn} {TURNS}")
+    for name in list(ways):
+        if tell(name, "keep") is not None:
+            found.marks.extend(marked(name, arm, ways[name], course, living[name].answers))
+
+
+# --- docs/rivals.md.
+
+
+def _us(seconds: float) -> str:
+    us = 1e6 * seconds
+    return f"{us:.2f}" if us < 10 else f"{us:.0f}" if us < 1000 else f"{us:,.0f}"
+
+
+def _found(mark: Mark) -> str:
+    return "needs a start" if mark.found is None else str(mark.found)
+
+
+def _time(mark: Mark) -> str:
+    return "" if mark.found is None else f"{_us(np.median(mark.seconds))} ({_us(np.percentile(mark.seconds, 99))})"
+
+
+def _legs(mark: Mark) -> str:
+    return f"{sum(walk.even for walk in mark.legs)} + {sum(walk.whole and not walk.even for walk in mark.legs)}"
+
+
+def _steps(mark: Mark) -> str:
+    steps = [walk.step for walk in mark.legs if walk.whole]
+    return f"{np.median(steps):.3f} ({max(steps):.2f})" if steps else "none"
+
+
+def _home(mark: Mark) -> str:
+    away = [walk.away(1) for walk in mark.legs if walk.even]
+    return f"{sum(a < HOME for a in away)} of {len(away)} ({max(away):.0e})" if away else "none"
+
+
+def _circles(mark: Mark) -> str:
+    even = [walk for walk in mark.circles if walk.even]
+    if not even:
+        return "none"
+    return f"{len(even)}: {', '.join(f'{np.median([walk.away(k) for walk in even]):.0e}' for k in (1, 2))}"
+
+
+def _step_time(mark: Mark) -> str:
+    return _us(np.median(mark.step_seconds))
+
+
+TABLES: tuple[tuple[str, str, Callable[[Mark], str]], ...] = (
+    (
+        "Found without a start",
+        """Of {poses} poses of postures that are drawn evenly within the limits, so that each has an answer: how many
+        got one, with the tool within 1e-5 m and rad of its pose and the joints within their limits.""",
+        _found,
+    ),
+    ("Time without a start", "A call from Python on one core [us], median, and in brackets 99 % under.", _time),
+    (
+        "Legs",
+        """{legs} straight legs of {LENGTH} m, turned by up to {TILT} degrees, out and back, samples {SPACING} mm apart.
+        Each begins at a random posture and has postures within the limits along it, perhaps not on one continuous path
+        of the joints. First: how many are whole, with an answer at every sample and no jump. Then: how many more have
+        all answers, but a joint jumps, by more than {JUMP} rad from a sample to the next.""",
+        _legs,
+    ),
+    (
+        "Largest step of a joint",
+        "On legs with all answers, between two samples [rad]: median, the worst.",
+        _steps,
+    ),
+    (
+        "Home after a leg",
+        """Of the whole legs: on how many the joints after the way out and back are those of before, within {HOME} rad,
+        and in brackets the largest difference [rad].""",
+        _home,
+    ),
+    (
+        "Circles",
+        """{circles} horizontal circles of {RADIUS} m radius, twice round: how many are whole, and of these by how much
+        the largest joint differs after the first and after the second loop, the median [rad].""",
+        _circles,
+    ),
+    ("Time of a step", "A call along legs and circles, from Python on one core, the median [us].", _step_time),
+)
+"""Of each table its title, what it says, and the cell of a mark."""
+
+
+def measured(marks: Sequence[Mark]) -> dict[str, Any]:
+    """What the words of the tables name: how many poses, legs and circles there were, how long they are."""
+    each = {"poses": lambda m: len(m.seconds), "legs": lambda m: len(m.legs), "circles": lambda m: len(m.circles)}
+    sizes = {"LENGTH": LENGTH, "TILT": round(np.degrees(TILT)), "SPACING": 1e3 * SPACING, "RADIUS": RADIUS}
+    bounds = {"JUMP": JUMP, "HOME": f"{HOME:g}"}
+    return {name: max(map(count, marks), default=0) for name, count in each.items()} | sizes | bounds
+
+
+def table(cell: Callable[[Mark], str], marks: Sequence[Mark]) -> list[str]:
+    """A row a way, a column an arm; a row that says nothing on any arm is left out."""
+    arms = [arm for arm in ARMS if any(mark.arm == arm for mark in marks)]
+    lines = [f"| | {' | '.join(ARMS[arm] for arm in arms)} |", f"|---|{'---:|' * len(arms)}"]
+    for name in dict.fromkeys(mark.name for mark in marks):
+        cells = {mark.arm: cell(mark) for mark in marks if mark.name == name}
+        if any(cells.values()):
+            lines.append(f"| {name} | {' | '.join(cells.get(arm, '-') for arm in arms)} |")
+    return lines
+
+
+def better(marks: Sequence[Mark]) -> Iterator[str]:
+    """Sentences: on what others are better than holokin."""
+    measures: tuple[tuple[str, Callable[[Mark], float]], ...] = (
+        ("find more poses without a start", lambda m: float(-1 if m.found is None else m.found)),
+        ("take less time without a start", lambda m: -np.inf if m.found is None else -float(np.median(m.seconds))),
+        ("have more whole legs", lambda m: sum(walk.even for walk in m.legs)),
+        ("have more whole circles", lambda m: sum(walk.even for walk in m.circles)),
+        ("take less time for a step", lambda m: -float(np.median(m.step_seconds))),
+    )
+    for what, measure in measures:
+        ours: dict[str, float] = {}
+        for mark in (mark for mark in marks if mark.library == OURS.name):
+            ours[mark.arm] = max(ours.get(mark.arm, -np.inf), measure(mark))
+        rows: dict[str, list[str]] = {}
+        for mark in marks:
+            if mark.library != OURS.name and measure(mark) > ours.get(mark.arm, np.inf):
+                rows.setdefault(mark.name, []).append(ARMS[mark.arm])
+        told = "; ".join(f"{name} ({', '.join(arms)})" for name, arms in rows.items())
+        yield f"- These {what} than the best way of holokin: {told}." if told else f"- None {what} than holokin."
+
+
+def rivals_text(found: Run, day: datetime.date) -> str:
+    """The page."""
+    versions = ", ".join(f"{name} {number}" for name, number in found.versions.items())
+    head = (
+        """Written by `python -m benchmarks.rivals`; do not edit. Which library finds joints of a pose when it is given
+        nothing else, how long does it take, and what do its joints do along a path? Here are `hk.ik(robot)` of [inverse
+        kinematics](inverse.md#without-a-start), and other libraries at the settings of their own examples and
+        documents, or at better ones. [The league](league.md) compares libraries in a control loop.""",
+        f"""Measured on {day:%d %B %Y} with {versions}; Python {platform.python_version()}, {platform.system()}
+        {platform.machine()}, {processor()}, {load()}, in {found.seconds / 60:.0f} minutes. Each library runs in an
+        environment of its own, all on one core, in turns: a tenth of the poses and paths each time. All get the same
+        URDF and the same poses; endless joints have two turns in it. Before, the forward kinematics of each are
+        compared with ours: they agree to 1e-9, those of newton and PyRoki, in single precision, to 1e-5. Where a
+        library has no answer to give, the cell is "-" and [the reason](#not-measured) stands below.""",
+        """Legs and circles begin at a random posture. A library that has joints of its own for the first pose begins
+        there. What follows is asked from the last answer, if the library takes one.""",
+    )
+    parts = ["# Rivals\n", *(f"{wrapped(words)}\n" for words in head)]
+    for title, words, cell in TABLES:
+        parts += [
+            f"## {title}\n",
+            f"{wrapped(words.format_map(measured(found.marks)))}\n",
+            *table(cell, found.marks),
+            "",
+        ]
+    parts += ["## Where others are better\n", *(wrapped(line, "  ") for line in better(found.marks)), ""]
+    parts += ["## Settings\n", "| | |", "|---|---|"]
+    parts += [f"| {name} | {told} |" for name, told in _settings(found.marks)]
+    if found.missing:
+        parts += ["", "## Not measured\n", *(wrapped(f"- {line}", "  ") for line in found.missing)]
+    return "\n".join(parts) + "\n"
+
+
+def _settings(marks: Sequence[Mark]) -> Iterator[tuple[str, str]]:
+    for name in dict.fromkeys(mark.name for mark in marks):
+        told: dict[str, list[str]] = {}
+        for mark in (mark for mark in marks if mark.name == name):
+            told.setdefault(mark.settings, []).append(ARMS[mark.arm])
+        yield name, "; ".join(text if len(told) == 1 else f"{', '.join(arms)}: {text}" for text, arms in told.items())
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run, write, and say where."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="holokin alone, on one arm, a tenth of all")
+    parser.add_argument(
+        "--only", nargs="+", metavar="LIBRARY", choices=list(LIBRARIES), help="of " + ", ".join(LIBRARIES)
+    )
+    parser.add_argument("--arms", nargs="+", metavar="ARM", choices=list(ARMS), help="of " + ", ".join(ARMS))
+    parser.add_argument("--tenths", type=int, default=TURNS, help="of the poses and paths so many tenths, to try it")
+    parser.add_argument("--environments", type=Path, default=default_folder(), help="folder of the environments")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of rivals.md")
+    given = parser.parse_args(arguments)
+    names = [OURS.name] if given.quick else given.only or list(LIBRARIES)
+    arms, tenths = ["panda"] if given.quick else given.arms or list(ARMS), 1 if given.quick else given.tenths
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            course = Path(folder) / "course"
+            course.mkdir()
+            write_rivals_course(course, arms)
+            begun = datetime.datetime.now()
+            found = run([LIBRARIES[name] for name in names], arms, course, given.environments, Path(folder), tenths)
+            seconds = (datetime.datetime.now() - begun).total_seconds()
+    except KeyboardInterrupt:
+        print("stopped; nothing was written")
+        return 130
+    except HolokinError as problem:
+        print(problem)
+        return 1
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / "rivals.md").write_text(rivals_text(replace(found, seconds=seconds), begun.date()), "utf-8")
+    print(f"wrote {given.out / 'rivals.md'}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
