@@ -401,16 +401,14 @@ def test_a_map_is_made_of_an_arm_that_no_shipped_one_knows_and_kept(monkeypatch,
 def few(monkeypatch, tmp_path):
     """Maps of two sheets of few samples, which are kept in a folder of their own."""
     monkeypatch.setattr("holokin.analysis.sheets.arm_maps.cache_folder", lambda: tmp_path)
-    for name, value in (("SHEETS", 2), ("TRIAL", 1), ("TRIED", 1), ("SAMPLES", 200)):
+    for name, value in (("SHEETS", 2), ("TRIAL", 1), ("TRIED", 1), ("SAMPLES", 200), ("DRAWN", 12)):
         monkeypatch.setattr(f"holokin.analysis.sheets.arm_maps.{name}", value)
     return tmp_path
 
 
 def test_ctrl_c_while_a_map_is_made_keeps_what_is_found_and_the_next_call_completes_it(monkeypatch, few):
-    panda = hk.load("panda")
-
     def robot():
-        return hk.with_limits(panda, lower=panda.lower + 1e-3)
+        return hk.load("rail-ur10e")
 
     calls, whole = [], _next_sheet
 
@@ -421,17 +419,17 @@ def test_ctrl_c_while_a_map_is_made_keeps_what_is_found_and_the_next_call_comple
         return whole(*given)
 
     monkeypatch.setattr("holokin.analysis.sheets.arm_maps._next_sheet", stopped)
-    # Before a sheet is found there is nothing to keep: three joints are tried, one sheet each.
-    stop = 2
+    # Before a sheet is found there is nothing to keep.
+    stop = 1
     with pytest.raises(KeyboardInterrupt):
         hk.ik(robot())
     assert list(few.glob("map-*")) == []
     calls.clear()
-    stop = 4
+    stop = 2
     ik = hk.ik(robot())
     assert (len(ik.map), ik.map.complete) == (1, False)
     assert "not complete" in str(ik)
-    poses = poses_within(panda, 5, seed=4)
+    poses = poses_within(robot(), 5, seed=4)
     with monkeypatch.context() as slow:  # a few poses are not worth native code
         slow.setenv("HOLOKIN_NATIVE", "0")
         assert ik.batch(poses).reached.all()
