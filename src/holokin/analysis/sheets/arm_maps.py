@@ -64,8 +64,11 @@ SERVED = 0.02
 ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
 """Rounds of a fit: how far off [rad or m] a value stops to count at first, and how that shrinks in each round."""
 
-STEPS, GAIN = 60, 1e-6
-"""The most steps of a round, and the gain at which it ends."""
+STEPS, GAIN = 60, 1e-5
+"""The most steps of a round, and the share of the loss that a step gains at which it ends."""
+
+SEARCHED = 20
+"""The most lengths that are tried for a step."""
 
 INSIDE = 0.95
 """Share of an interval of an arc in which a rule's value is to lie."""
@@ -245,6 +248,7 @@ def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
         nearest = order[np.unique(arcs.pose[order], return_index=True)[1]]
         some, middle, half = f[arcs.pose[nearest]], arcs.middle[nearest], INSIDE * arcs.half[nearest]
         w, d = weights[arcs.pose[nearest]] / len(nearest), FIRST * CLOSER**round_
+        share = w / w.sum()
         # A slide may be asked to go on beyond its limits where an arc is served at these.
         ends = [held.slides & (np.abs(end - middle) <= arcs.half[nearest]) for end in (low, high)]
 
@@ -263,10 +267,10 @@ def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
             sine, cosine = _times(some, rule[:m]), _times(some, rule[m:])
             square = sine * sine + cosine * cosine + 1e-12
             values, slope = lost(arm.off(np.arctan2(sine, cosine), middle))
-            length = 4e-3 * (square - 1) / len(w)
+            length = 4e-3 * share * (square - 1)
             by_sine = slope * cosine / square + length * sine
             by_cosine = -slope * sine / square + length * cosine
-            value = values.sum() + 1e-3 * ((square - 1) ** 2).mean() + 1e-7 * (x @ x)
+            value = values.sum() + 1e-3 * float(share @ (square - 1) ** 2) + 1e-7 * (x @ x)
             return float(value), basis.T @ np.concatenate([_onto(some, by_sine), _onto(some, by_cosine)]) + 2e-7 * x
 
         x = _lowest(loss, x)
@@ -302,8 +306,8 @@ def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector
             direction = direction + (share - float(change @ direction) / product) * move
         # A step that leads down enough, and over which the slope rises enough.
         descent, low, high, step = float(slope @ direction), 0.0, np.inf, 1.0
-        for _ in range(20):
-            reached, ahead = loss(x + step * direction)
+        reached, ahead = loss(x + direction)
+        for _ in range(SEARCHED):
             if not reached <= value + 1e-4 * step * descent:
                 high = step
             elif float(ahead @ direction) < 0.9 * descent:
@@ -311,13 +315,14 @@ def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector
             else:
                 break
             step = 0.5 * (low + high) if np.isfinite(high) else 2 * step
+            reached, ahead = loss(x + step * direction)
         if not reached < value:
             break
         move, change = step * direction, ahead - slope
         if (product := float(move @ change)) > 0:
             pairs = [*pairs[-9:], (move, change, product)]
         x, slope, gain, value = x + move, ahead, value - reached, reached
-        if gain < GAIN:
+        if gain < GAIN * value:
             break
     return x
 
