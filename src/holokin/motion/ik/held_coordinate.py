@@ -1,4 +1,4 @@
-"""What the rules of an arm's map give a value to: a joint that is held, or the spin of the tool that a task leaves free.
+"""What the rules of an arm's map give a value to: a joint that is held, or the spin of a tool that is free to turn.
 
     q_k  = atan2(a . f(pose), b . f(pose))     a hinge
     q_k  = a . f(pose), within its limits      a slide
@@ -102,6 +102,11 @@ class HeldCoordinate(Value):
         """The coordinate of the held joint; None of a spin and of six joints."""
         return self.arm.held[0] if self.arm.held and self.spin is None else None
 
+    @cached_property
+    def axes(self) -> Matrix:
+        """A frame (3, 3) in the tool whose last axis is that of the spin."""
+        return np.eye(3) if self.spin is None else frame_about(np.array(self.spin.axis))
+
     @property
     def none(self) -> bool:
         """Whether nothing is held."""
@@ -204,9 +209,7 @@ class HeldCoordinate(Value):
             within = fmin(value - low, high - value)
         return self._closed(T, value, within, length, branch, limits)
 
-    def _closed(
-        self, T: SX, value: SX, within: SX, length: SX, signs: SX, limits: bool
-    ) -> tuple[SX, SX, SX, SX]:
+    def _closed(self, T: SX, value: SX, within: SX, length: SX, signs: SX, limits: bool) -> tuple[SX, SX, SX, SX]:
         inverse = ClosedInverse(self.arm, limits)
         chain, own = inverse.numbers(value)
         joints = SX(np.clip(inverse.joints, -BOUNDLESS, BOUNDLESS))
@@ -241,7 +244,9 @@ def _ends(arm: ArmClass) -> _Ends:
     point = at if meeting is None else meeting[1]
     tool = links[-1]
     across = links[0].rotation @ frame_about(links[0].axis)[:, 0]
-    return _Ends(along, across, at + along * float((point - at) @ along), tool.rotation.T, -tool.rotation.T @ tool.position)
+    return _Ends(
+        along, across, at + along * float((point - at) @ along), tool.rotation.T, -tool.rotation.T @ tool.position
+    )
 
 
 def _terms(held: HeldCoordinate, T: SX) -> tuple[SX, SX]:
@@ -258,7 +263,7 @@ def _terms(held: HeldCoordinate, T: SX) -> tuple[SX, SX]:
         return vertcat(*_monomials(_view(held, hand, origin, SX(ends.point), SX(ends.along)), DEGREE)), hand
     # A frame along the axis that is turned so that it has the first axis in its plane x, z; or where they are nearly
     # parallel, a direction that is square to the first axis.
-    frame = R @ SX(frame_about(np.array(held.spin.axis)))
+    frame = R @ SX(held.axes)
     steep = fabs(dot(frame[:, 2], SX(ends.along))) > STEEP
     from_ = frame.T @ if_else(steep, SX(ends.across), SX(ends.along))
     frame = _about_z(frame, atan2(from_[1], from_[0]))
@@ -287,9 +292,8 @@ def _about_z(frame: SX, angle: SX) -> SX:
 
 def _turned(held: HeldCoordinate, T: SX, frame: SX, spin: SX) -> SX:
     """The pose of a tool whose axis has a frame, turned so far from that."""
-    assert held.spin is not None
     T = SX(T)
-    T[:3, :3] = _about_z(frame, spin) @ SX(frame_about(np.array(held.spin.axis)).T)
+    T[:3, :3] = _about_z(frame, spin) @ SX(held.axes.T)
     return T
 
 
