@@ -16,8 +16,8 @@ from ...base.errors import ArgumentError, HolokinError, OutOfReachError
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Vector
 from ...motion.checks import Clearances, Scene
 from ...motion.checks.check_report import counted, keeps
-from ...motion.ik.pose_reach import Reach, all_known, reach_of
-from ...motion.ik.self_motions import self_motions_at
+from ...motion.self_motions.pose_reach import Reach, all_known, reach_of
+from ...motion.self_motions.self_motions import self_motions_at
 from ...path.workspaces import PoseRange, Workspace, pose_cloud
 from ...proof.kept_apart import clearances_of
 from ...robot import check_metres

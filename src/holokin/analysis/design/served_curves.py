@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
-from ...motion.ik.pose_reach import at_best_turns
-from ...motion.ik.self_motions import SelfMotions
+from ...motion.self_motions.pose_reach import at_best_turns
+from ...motion.self_motions.self_motions import SelfMotions
 from ...strategies import HolonomicStrategy
 from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task
