@@ -10,7 +10,6 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
-from ...base.threads import one_blas_thread
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, finite, not_negative, positive, whole
 from ...motion.checks import Clear, Clearances, Scene
 from ...motion.ik.pose_reach import Reach
@@ -47,7 +46,7 @@ LEFT_OUT = 400
 ROUNDS, PATIENCE = 30, 2
 """Rounds of the search at most, and rounds without gain that end it."""
 
-TRIED = 8
+TRIED = 6
 """Branches to which a rule is fitted in place of a sheet: those with most poses to gain."""
 
 SECONDS, PROGRAM = 250.0, 20.0
@@ -120,8 +119,7 @@ def sheets(
     # The fewest of many leaves that serve the share.
     end = time.monotonic() + limit
     leaves = _Leaves(task, T[within], reach.q[within], strategies, clear, rcond, share, search)
-    with one_blas_thread():
-        chosen, count, fewest_needed, stopped = leaves.cover(_given(task, q0), end, progress)
+    chosen, count, fewest_needed, stopped = leaves.cover(_given(task, q0), end, progress)
     # Their postures at all the poses, and which sheet is taken at each, that of most poses first.
     q = np.full((len(chosen), len(T), task.n), np.nan)
     q[:, within] = postures_of_sheets(chosen, T[within], clear, task.n)
