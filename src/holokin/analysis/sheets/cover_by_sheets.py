@@ -10,7 +10,6 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
-from ...base.threads import one_blas_thread
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, finite, not_negative, positive, whole
 from ...motion.checks import Clear, Clearances, Scene
 from ...motion.self_motions.pose_reach import Reach
@@ -47,7 +46,7 @@ LEFT_OUT = 400
 ROUNDS, PATIENCE = 30, 2
 """Rounds of the search at most, and rounds without gain that end it."""
 
-TRIED = 8
+TRIED = 6
 """Branches to which a rule is fitted in place of a sheet: those with most poses to gain."""
 
 SECONDS, PROGRAM = 250.0, 20.0
@@ -74,17 +73,19 @@ def sheets(
 ) -> Sheets:
     """The fewest leaves that together serve a workspace, and for each pose the one to take.
 
-    Leaves of the strategies that fit the task (or of those given) are tried through postures at poses all over the
-    workspace, first where no leaf serves yet. With one redundant joint, leaves are tried, too, whose level is a
-    polynomial of the pose, fitted by linear programs to the levels that each pose allows. An integer program chooses
-    the fewest leaves that serve the share wanted, and of equally many those that serve more, with slower joints,
-    further from their limits. A linear program chooses among the sheets of each pose, so that neighbouring poses have
-    one sheet as often as can be. All of it is said of sampled poses.
+    With one redundant joint all postures of a pose are known as self-motions. So each strategy that fits the task has,
+    at each pose and on each branch, ranges of levels within the joint limits and clear of the scene: exactly for a held
+    joint that leaves a closed form. Polynomials of the pose are fitted to these ranges, first for all poses, then for
+    those that other sheets do not serve; of given strategies constant levels alone. With several redundant joints, and
+    of six-joint arms, leaves through postures at poses all over the workspace are tried. An integer program chooses the
+    fewest leaves that serve the share wanted, and of equally many those that serve more, with slower joints, further
+    from their limits. A linear program chooses among the sheets of each pose, so that neighbouring poses have one sheet
+    as often as can be. All of it is said of sampled poses.
 
     Args:
         workspace: the tool poses to be served.
-        strategies: whose leaves are tried; by default locks, differences of parallel joints, arm angles, the elbow's
-            height and stationary costs, as of `hk.advise`.
+        strategies: whose leaves are tried; by default held joints where these leave a closed form, else locks,
+            differences of parallel joints, arm angles, the elbow's height and stationary costs, as of `hk.advise`.
         q0: postures (s, n), or one (n,), whose leaves are candidates, too, such as taught ones.
         share: to be served, of the poses that some posture reaches, from 0 to 1.
         samples, seed: of the poses, see `Workspace.poses`.
@@ -120,8 +121,7 @@ def sheets(
     # The fewest of many leaves that serve the share.
     end = time.monotonic() + limit
     leaves = _Leaves(task, T[within], reach.q[within], strategies, clear, rcond, share, search)
-    with one_blas_thread():
-        chosen, count, fewest_needed, stopped = leaves.cover(_given(task, q0), end, progress)
+    chosen, count, fewest_needed, stopped = leaves.cover(_given(task, q0), end, progress)
     # Their postures at all the poses, and which sheet is taken at each, that of most poses first.
     q = np.full((len(chosen), len(T), task.n), np.nan)
     q[:, within] = postures_of_sheets(chosen, T[within], clear, task.n)
