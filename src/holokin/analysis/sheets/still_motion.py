@@ -12,7 +12,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ...base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from ...motion.checks import Clear, Clearances
 from ...motion.ik.curve_cuts import curve_of_each
 from ...motion.ik.pose_curves import ArcEnd, EndKind
