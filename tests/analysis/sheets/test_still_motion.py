@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations, product
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,6 +17,8 @@ from conftest import PANDA_START
 from holokin.analysis.sheets import Hindrance, self_motion_between
 from holokin.analysis.sheets.still_motion import held, still_trajectory
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError
+from holokin.motion.checks import Clearances
+from holokin.motion.ik import self_motion
 
 STILL = 1e-9
 """What the tool may move [m, rad]."""
@@ -138,6 +142,98 @@ def joined(tool: np.ndarray, limits: np.ndarray, a: np.ndarray, b: np.ndarray) -
     part = connected_components(matrix, directed=False)[1]
     ends = [np.argmin(np.where(good, np.abs(Q - q).max(axis=1), np.inf)) for q in (a, b)]
     return bool(part[ends[0]] == part[ends[1]])
+
+
+def arcs_of(name: str, count: int, seed: int, clear: object = None) -> list:
+    """(task, two arcs of a random pose of an arm, half of the time of one curve, a place on each)."""
+    task, rng = hk.pose(hk.load(name)), np.random.default_rng(seed)
+    draws = []
+    while len(draws) < count:
+        found = self_motion(task, task.robot.pose(rng.uniform(task.robot.lower, task.robot.upper)), clear=clear)
+        if not found.arcs:
+            continue
+        one = found.arcs[rng.integers(len(found.arcs))]
+        other = rng.choice(np.flatnonzero([arc.curve == one.curve for arc in found.arcs]), 1)[0]
+        other = found.arcs[other if rng.random() < 0.5 else rng.integers(len(found.arcs))]
+        draws.append((task, one, other, *(float(rng.uniform(0.02, 0.98) * arc.length) for arc in (one, other))))
+    return draws
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "scene"),
+    [
+        *[("panda", 16, False), ("panda", 6, True)],
+        *(pytest.param(*case, marks=pytest.mark.campaign) for case in product(("panda", "fr3"), (200,), (False, True))),
+    ],
+)
+def test_there_is_a_motion_where_one_arc_of_the_closed_form_has_both_postures(
+    name: str, count: int, scene: bool
+) -> None:
+    """The arcs are of a closed form that follows no curve; what ends a motion at a limit is an end of its arc."""
+
+    def clear(q: np.ndarray) -> np.ndarray:
+        return 0.5 * np.sin(q[:, 3]) + np.cos(q[:, 0] + q[:, 4]) < 0.6
+
+    met = set()
+    for task, one, other, s, t in arcs_of(name, count, 1 + scene, clear if scene else None):
+        motion = self_motion_between(task, one.at(s), other.at(t), clear if scene else None)
+        met.add(motion.hindrance)
+        ways = [np.linspace(s, t, 200)] if one is other else []
+        if one is other and one.closed:
+            ways.append((min(s, t) - np.linspace(0, one.length - abs(s - t), 200)) % one.length)
+        free = any(not scene or clear(one.at(way)).all() for way in ways)
+        if motion.hindrance is not Hindrance.TURNS:  # of hinges: arcs are of any turn within the limits
+            assert (motion.hindrance is None) == free, motion
+        if motion.hindrance is Hindrance.LIMITS and not scene:
+            assert set(motion.ends) <= {str(end) for end in one.ends}
+            assert set(motion.ends) >= {end for end in map(str, one.ends) if one.ends[0] == one.ends[1]}
+            assert all(end in str(motion) for end in motion.ends)
+    assert met >= {None, Hindrance.BLOCKED if scene else Hindrance.LIMITS}
+
+
+def test_a_post_that_blocks_both_ways_round_is_named() -> None:
+    """The first link has to pass it on either way: at 1 m from the base, where the elbow is half way."""
+    task, tool = planar(), np.array([1.5, 0.0])
+    a, b = two_links(tool, np.array([-0.4, 0.3]), 1.0)
+    elbow = np.cumsum(self_motion_between(task, a, b).q, axis=1)[::-1][0, 0] - 0.35
+    pole = hk.obstacle("pole", hk.robot.Box((0.02, 0.02, 0.02)), (np.cos(elbow), np.sin(elbow), 0.0))
+    scene = Clearances.of(task.robot, hk.Scene([pole], self_collision=False))
+    motion = self_motion_between(task, a, b, scene)
+    assert motion.hindrance is Hindrance.BLOCKED
+    assert "and pole" in motion.reason
+    assert self_motion_between(task, a, b, scene.clear).hindrance is Hindrance.BLOCKED
+
+
+@pytest.mark.parametrize("reach", [2.9933, 2.998, 2.999])
+def test_next_to_the_edge_of_reach_the_shorter_way_round_a_small_self_motion_is_taken(reach: float) -> None:
+    """It bends within a step of 0.2; a grid of all postures gives its length."""
+    up, down = (two_links(np.array([reach, 0.0]), np.linspace(-0.3, 0.3, 40001), side) for side in (1.0, -1.0))
+    whole = np.vstack([up[np.isfinite(up[:, 1])], down[np.isfinite(down[:, 1])][::-1]])
+    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(whole, axis=0), axis=1)))
+    for i, j in combinations(np.linspace(0, len(whole) - 1, 6).astype(int)[:-1].tolist(), 2):
+        motion = self_motion_between(planar(), whole[i], whole[j])
+        length = np.linalg.norm(np.diff(motion.q, axis=0), axis=1).sum()
+        assert length == pytest.approx(min(s[j] - s[i], s[-1] - s[j] + s[i]), abs=0.02)
+
+
+def test_where_ik_changes_its_sheet_a_self_motion_leads_to_the_new_one() -> None:
+    """A Panda of `hk.ik` moves its tool until `near` changes: there it takes the new sheet, the tool at rest."""
+    ik, robot = hk.ik("panda"), hk.load("panda")
+    pose = robot.pose([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    q, own, way = ik(pose), ik.sheet(pose), np.array([0.0, 0.01, 0.0])
+    while True:
+        ahead = pose.copy()
+        ahead[:3, 3] += way
+        new = ik.near(ahead, q)
+        if new.changed:
+            break
+        pose, q = ahead, new.q
+    other = ik.near(pose, new.q)
+    assert (other.sheet, other.changed) == (new.sheet, False)
+    assert other.sheet != own
+    motion = self_motion_between(ik.task, q, other.q)
+    np.testing.assert_allclose(motion.q[[0, -1]], [q, other.q], atol=1e-12)
+    assert np.abs(at_each_millisecond(ik.task, motion) - q).max() > 0.1
 
 
 def test_the_mirror_posture_is_on_another_self_motion_near_the_base_and_on_the_same_far_from_it() -> None:

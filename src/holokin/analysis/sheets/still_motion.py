@@ -12,7 +12,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ...base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from ...motion.checks import Clear, Clearances
 from ...motion.self_motions.curve_cuts import curve_of_each
 from ...motion.self_motions.pose_curves import ArcEnd, EndKind
@@ -214,8 +214,9 @@ class _Curve(NamedTuple):
         best = min(motions, key=lambda motion: motion.seconds)
         if best.hindrance is None:
             return best
-        first = max(motions, key=lambda motion: motion.hindrance is Hindrance.BLOCKED)
-        return _hindered(robot.n, first.hindrance, [end for motion in motions for end in motion.ends])
+        met = {motion.hindrance for motion in motions}
+        why = next(h for h in (Hindrance.BLOCKED, Hindrance.SINGULAR, Hindrance.LIMITS) if h in met)
+        return _hindered(robot.n, why, [end for motion in motions for end in motion.ends])
 
     def _apart(self) -> tuple[Hindrance, tuple[str, ...]]:
         """Why it has not both postures, and what is there where it ends."""

@@ -25,7 +25,7 @@ from .posture_search import spread
 STEP = 0.2
 """Arc length [joint units] between the postures of a curve."""
 
-SHORT, FINER = 16, 8
+SHORT, FINER = 24, 8
 """Closed curves of so few postures are traced again in steps so many times as short: one that bends within a step may
 have been followed for several rounds."""
 
