@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import holokin as hk
 from holokin.analysis.sheets.arm_maps import make_arm_map
+from holokin.motion.ik import ArmInverse
 from holokin.motion.ik.arm_map import map_text
 
 ARMS = ("fr3", "iiwa14", "iiwa7", "openarm-left", "openarm-right", "panda", "xarm7")
@@ -61,7 +62,8 @@ def look(name: str) -> None:
     print(f"{name}: {shares}; {np.median(times):.2f} us, 99 % under {np.percentile(times, 99):.1f} us", flush=True)
     poses = poses[found.sheet >= 0]
     legs = [leg(*pair) for pair in pairwise(poses[: LEGS + 1])]
-    for what, ways in (("legs out and back", [[*way, *way[-2::-1]] for way in legs]), ("circles", circles(poses))):
+    back = [np.concatenate([way, way[-2::-1]]) for way in legs]
+    for what, ways in (("legs out and back", back), ("circles", circles(poses))):
         gaps = [gap for way in ways if (gap := home(ik, way)) is not None]
         print(f"  {what}: {len(gaps)} of {len(ways)} whole, home to {max(gaps, default=np.nan):.1e} rad", flush=True)
 
@@ -85,7 +87,7 @@ def circles(poses: np.ndarray) -> list[np.ndarray]:
     return list(ways)
 
 
-def home(ik: hk.motion.ik.ArmInverse, way: np.ndarray) -> float | None:
+def home(ik: ArmInverse, way: np.ndarray) -> float | None:
     """How far the joints are off at the end of a closed way, but for turns; None where it is not all on one sheet."""
     q = begin = ik(way[0])
     for pose in way[1:]:

@@ -96,9 +96,13 @@ class _Arcs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _HeldArm(Value):
-    """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where."""
+    """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where.
+
+    whole: its map for whole poses, where the spin is held.
+    """
 
     held: HeldCoordinate
+    whole: ArmMap | None = None
 
     @cached_property
     def inverse(self) -> ClosedInverse:
@@ -108,7 +112,7 @@ class _HeldArm(Value):
     @cached_property
     def below(self) -> _HeldArm | None:
         """That of whole poses, where the spin is held."""
-        return None if self.held.below is None else _HeldArm(self.held.below.held)
+        return None if self.whole is None else _HeldArm(self.whole.held)
 
     @cached_property
     def values(self) -> Vector:
@@ -118,8 +122,7 @@ class _HeldArm(Value):
     @cached_property
     def branches(self) -> Matrix:
         """What may choose a posture (B, b): all signs, or sheets of the map for whole poses."""
-        found = self.held.below
-        return SIGNS if found is None or found.held.none else found.rows[:BELOW]
+        return SIGNS if self.whole is None or self.whole.held.none else self.whole.rows[:BELOW]
 
     def terms(self, poses: Array) -> Matrix:
         """The monomials (k, m) of poses (k, 4, 4)."""
@@ -348,7 +351,8 @@ class _Trial(NamedTuple):
                 "the joint limits", f"so narrow that no sheet of {self.arm.held.robot.name!r} was found", cure
             )
         share = float(f"{self.served:.4g}")
-        return ArmMap(self.arm.held, np.array(self.rules), np.array(self.branches), choices, share, self.complete)
+        rules, branches = np.array(self.rules), np.array(self.branches)
+        return ArmMap(self.arm.held, rules, branches, choices, share, self.complete, self.arm.whole)
 
 
 def _fit(
@@ -443,11 +447,11 @@ def make_arm_map(
     rng, samples = np.random.default_rng(1), samples or SAMPLES
     poses = robot.pose(rng.uniform(robot.lower, robot.upper, (samples, robot.n)), arms[0].tip)
     if axis is not None:
-        below = _arm_map(robot, task.tip)
-        held = HeldCoordinate(below.arm, below.held.length, Spin.of(robot, task.tip, axis), below)
-        arm = _HeldArm(held)
-        found = _fit(arm, samples, SHEETS, report, begun, stops=True)
-        return found.as_map(below.choices if below.held.none else below.rows)
+        if not (whole := _arm_map(robot, task.tip)).complete:
+            raise KeyboardInterrupt  # which that call heard, and kept what it had
+        held = HeldCoordinate(whole.arm, whole.held.length, Spin.of(robot, task.tip, axis), whole.held)
+        found = _fit(_HeldArm(held, whole), samples, SHEETS, report, begun, stops=True)
+        return found.as_map(whole.choices if whole.held.none else whole.rows)
     hand = [HeldCoordinate(arm, 1.0) for arm in arms]
     if hand[0].none:
         return _of_six(arms[0], poses)

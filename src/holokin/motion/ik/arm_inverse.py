@@ -248,7 +248,7 @@ class ArmInverse(Value):
     @cached_property
     def _whole(self) -> ArmInverse | None:
         """The arm's own answers to whole poses, where it has a redundant joint beside a free spin."""
-        below = self.map.held.below
+        below = self.map.below
         return None if below is None or below.held.none else ArmInverse(self.task, below, self.limits, self.touches)
 
     def _spins(self, T: Matrix) -> Array:

@@ -60,7 +60,8 @@ class ArmMap(Value):
     held: what their rules give a value to. rules: one of each sheet (S, w), w = 0 where nothing is held. branches: what
     chooses one posture at that value (S, b), the signs of three slopes, or a row of the map below. choices: of these,
     those that some posture within the limits has (K, b). share: of the poses of postures, evenly drawn within the
-    limits, that the sheets serve. complete: False where making it was stopped early.
+    limits, that the sheets serve. complete: False where making it was stopped early. below: the arm's map for whole
+    poses, where the spin of its tool is held.
     """
 
     held: HeldCoordinate
@@ -69,6 +70,7 @@ class ArmMap(Value):
     choices: Matrix
     share: float
     complete: bool = True
+    below: ArmMap | None = None
 
     def __len__(self) -> int:
         return len(self.branches)
@@ -217,7 +219,7 @@ def map_text(found: ArmMap) -> str:
     }
     about |= {"held": joint, "spin": held.spin, "length": held.length, "share": found.share}
     about |= {"complete": found.complete, "choices": [_short(row) for row in found.choices]}
-    about["below"] = None if held.below is None else json.loads(map_text(held.below))
+    about["below"] = None if found.below is None else json.loads(map_text(found.below))
     rows = [
         {"branch": _short(branch), "rule": _short(rule)}
         for rule, branch in zip(found.rules, found.branches, strict=True)
@@ -249,7 +251,7 @@ def _map_of(about: Mapping[str, Any], robot: Robot, tip: str | None, spin: Spin 
         spin is not None and (below is None or below.arm.held != joints)
     ):
         return None
-    held = HeldCoordinate(arm, length, spin, below)
+    held = HeldCoordinate(arm, length, spin, None if below is None else below.held)
     rules, branches = (np.array([row[key] for row in about["sheets"]], dtype=float) for key in ("rule", "branch"))
     choices = np.array(about["choices"], dtype=float)
     shapes = {branches.shape[1:], choices.shape[1:]} == {(held.branch,)} and rules.shape[1:] == (held.width,)
@@ -258,7 +260,7 @@ def _map_of(about: Mapping[str, Any], robot: Robot, tip: str | None, spin: Spin 
     every = np.vstack([branches, choices])
     if not (np.isfinite(every).all() and (np.abs(every[:, -3:]) == 1).all()):
         return None
-    return ArmMap(held, rules, branches, choices, float(about["share"]), bool(about["complete"]))
+    return ArmMap(held, rules, branches, choices, float(about["share"]), bool(about["complete"]), below)
 
 
 def shipped(robot: Robot, tip: str | None) -> ArmMap | None:

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,9 +48,6 @@ from ...symbolic import (
 )
 from ...symbolic.rotations import frame_about
 from .closed_leaf import BOUNDLESS
-
-if TYPE_CHECKING:
-    from .arm_map import ArmMap
 
 DEGREE = 2
 """Of a joint's monomials, 28. With degree 3, 84, eight sheets of a Panda serve 97.7 % and not 97.3 %."""
@@ -84,13 +81,13 @@ class HeldCoordinate(Value):
     """What a rule gives a value to: the held joint of an arm; of an arm of six joints none, or the spin of the tool.
 
     arm: the six hinges that are left. length: in which places are measured [m]. spin: the axis that is free; then
-    `below` is the map of the arm for whole poses, by which a turned pose is answered.
+    `below` is what the arm holds for whole poses, by which a turned pose is answered.
     """
 
     arm: ArmClass
     length: float
     spin: Spin | None = None
-    below: ArmMap | None = None
+    below: HeldCoordinate | None = None
 
     @property
     def robot(self) -> Robot:
@@ -148,8 +145,8 @@ class HeldCoordinate(Value):
 
     @property
     def branch(self) -> int:
-        """How many numbers choose a posture once the value is known: three signs, or a row of the map below."""
-        return 3 if self.below is None else self.below.rows.shape[1]
+        """How many numbers choose a posture once the value is known: three signs, or a row of a map of whole poses."""
+        return 3 if self.below is None else self.below.width + self.below.branch
 
     def constant(self, values: Vector) -> Matrix:
         """The rules (k, width) that give values (k,) whatever the pose; of a spin, from where it is counted."""
@@ -199,9 +196,8 @@ class HeldCoordinate(Value):
         sine, cosine = dot(rule[: self.terms], terms), dot(rule[self.terms :], terms)
         value, length = atan2(sine, cosine), sqrt(sine * sine + cosine * cosine)
         if self.below is not None:
-            below = self.below.held
-            T = _turned(self, T, frame, value)
-            q, share, within, fault = below.answer(T, branch[: below.width], branch[below.width :], limits)
+            w, T = self.below.width, _turned(self, T, frame, value)
+            q, share, within, fault = self.below.answer(T, branch[:w], branch[w:], limits)
             return q, fmin(share, length - LEAST), within, fault
         low, high = self.range
         if limits and np.isfinite(low + high):
