@@ -22,6 +22,7 @@ from ...motion.ik.held_coordinate import LEAST, HeldCoordinate, Spin
 from ...motion.ik.inverse_function import InverseKinematics
 from ...motion.ik.inverse_function import ik as leaf_ik
 from ...motion.ik.solutions import PoseSet
+from ...motion.ik.stations import StationMap
 from ...robot import Robot, load
 from ...robot.closed_form import ArmClass, ClosedInverse
 from ...robot.closed_form.closed_inverse import SIGNS
@@ -30,6 +31,7 @@ from ...strategies.tasks import pose
 from ...strategies.tasks.task import Task
 from ...symbolic.native.toolchain import cache_folder, keep
 from ...symbolic.native.toolchain import kept as kept_bytes
+from .station_maps import station_map
 
 SAMPLES = 3_000
 """Poses of postures, evenly drawn within the limits, to which a rule is fitted; and of those that no sheet serves."""
@@ -181,7 +183,7 @@ class _HeldArm(Value):
             value, sound = np.arctan2(sine, cosine), np.hypot(sine, cosine) > LEAST
             value = value + 2 * np.pi * np.floor(((low + high) / 2 - value) / (2 * np.pi) + 0.5)
             sound &= (value >= low) & (value <= high)
-        sign = int(np.flatnonzero((SIGNS == branch[-3:]).all(axis=1))[0])
+        sign = int(np.flatnonzero((branch[-3:] == SIGNS).all(axis=1))[0])
         if self.below is None:
             return sound & self._real(self.inverse.answers(poses, value[:, None])[:, sign])
         poses, below, w = self._turned(poses, value), self.below, self.below.held.width
@@ -338,7 +340,9 @@ class _Trial(NamedTuple):
         """The map of them. Raises: ArgumentError: there are none."""
         if not self.rules:
             cure = "give wider ones: hk.with_limits(robot, lower=..., upper=...)"
-            raise ArgumentError("the joint limits", f"so narrow that no sheet of {self.arm.held.robot.name!r} was found", cure)
+            raise ArgumentError(
+                "the joint limits", f"so narrow that no sheet of {self.arm.held.robot.name!r} was found", cure
+            )
         share = float(f"{self.served:.4g}")
         return ArmMap(self.arm.held, np.array(self.rules), np.array(self.branches), choices, share, self.complete)
 
@@ -432,6 +436,7 @@ def make_arm_map(
     poses = robot.pose(rng.uniform(robot.lower, robot.upper, (samples, robot.n)), arms[0].tip)
     if axis is not None:
         below = _arm_map(robot, task.tip)
+        assert isinstance(below, ArmMap)  # since there are classes
         held = HeldCoordinate(below.arm, below.held.length, Spin.of(robot, task.tip, axis), below)
         arm = _HeldArm(held)
         found = _fit(arm, samples, SHEETS, report, begun, stops=True)
@@ -447,7 +452,7 @@ def make_arm_map(
         for i, arm in enumerate(every):
             words = f"whether to hold {robot.joint_names[arm.held.arm.held[0]]}: "
             share = 0.3 * i / len(every)
-            trials.append(_fit(arm, samples, TRIAL, lambda _share, more: report(share, words + more)))  # noqa: B023
+            trials.append(_fit(arm, samples, TRIAL, lambda _share, more: report(share, words + more)))
         most = max(trial.reached for trial in trials)
         trial = max((trial for trial in trials if trial.reached > most - MISSED), key=lambda trial: trial.served)
         arm, known = trial.arm, trial
@@ -476,24 +481,24 @@ def _of_six(arm: ArmClass, poses: Array) -> ArmMap:
     return ArmMap(HeldCoordinate(arm, length), np.zeros((len(chosen), 0)), chosen, chosen, float(1 - left.mean()))
 
 
-def _arm_map(robot: Robot, tip: str | None, axis: tuple[float, ...] | None = None) -> ArmMap:
+def _arm_map(robot: Robot, tip: str | None, axis: tuple[float, ...] | None = None) -> ArmMap | StationMap:
     """The map of an arm, with an axis (3,) of the tool about which it may spin: of the package, or kept from an earlier
     call, or made and kept. What Ctrl-C leaves is kept, too, and completed by the next call."""
     known = _known(robot)
     if (tip, axis) not in known:
         found = _kept_or_made(robot, tip, axis)
-        if not found.complete:
+        if isinstance(found, ArmMap) and not found.complete:
             return found
         known[tip, axis] = found
     return known[tip, axis]
 
 
 @kept
-def _known(_robot: Robot) -> dict[tuple[str | None, tuple[float, ...] | None], ArmMap]:
+def _known(_robot: Robot) -> dict[tuple[str | None, tuple[float, ...] | None], ArmMap | StationMap]:
     return {}
 
 
-def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None) -> ArmMap:
+def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None) -> ArmMap | StationMap:
     spin = None if axis is None else Spin.of(robot, tip, np.array(axis))
     found = shipped(robot, tip) if spin is None else None
     if found is not None:
@@ -506,6 +511,8 @@ def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None)
     if begun is not None and begun.complete:
         return begun
     task = pose(robot, tip=tip) if axis is None else pose(robot, "axis", tip=tip, axis=axis)
+    if begun is None and axis is None and (stations := station_map(task)) is not None:
+        return stations
     with progress(f"map of {robot.name}", 1.0, words=True) as report:
         found = make_arm_map(task, report=report, begun=begun)
     if path is not None:
