@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, overload
+from typing import NamedTuple, cast, overload
 
 import numpy as np
 
@@ -435,8 +435,7 @@ def make_arm_map(
     rng = np.random.default_rng(1)
     poses = robot.pose(rng.uniform(robot.lower, robot.upper, (samples, robot.n)), arms[0].tip)
     if axis is not None:
-        below = _arm_map(robot, task.tip)
-        assert isinstance(below, ArmMap)  # since there are classes
+        below = cast(ArmMap, _arm_map(robot, task.tip))  # since there are classes
         held = HeldCoordinate(below.arm, below.held.length, Spin.of(robot, task.tip, axis), below)
         arm = _HeldArm(held)
         found = _fit(arm, samples, SHEETS, report, begun, stops=True)

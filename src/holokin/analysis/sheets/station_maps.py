@@ -6,6 +6,7 @@ import io
 import zipfile
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from .sheet import nearby, turn_length
 
 SAMPLES, TRIED_ON, NEIGHBOURS = 1_200, 200, 6
 """Poses of postures, evenly drawn within the limits; those by which the joint is chosen; neighbours of each."""
+
+LOOKED = 400
+"""Poses by which it is told what the sheets serve."""
 
 LEAST = 0.01
 """Share of the poses below which a branch has no sheet."""
@@ -133,8 +137,11 @@ def make_station_map(
         sides.append(
             float(leaf_step(strategy)(postures[i], T[i, :3, 3], T[i, :3, :3], postures[i, joint : joint + 1])[3])
         )
-    share = float(1 - left.mean())
-    return StationMap(task, joint, np.array(rules), np.array(sides), every[:, some], share)
+    found = StationMap(task, joint, np.array(rules), np.array(sides), every[:, some], 0.0)
+    # What it serves of other poses.
+    report(0.95, "what the sheets serve")
+    calls, others = found.kernel(True), robot.pose(rng.uniform(low, high, (LOOKED, robot.n)), task.tip)
+    return replace(found, share=float(np.mean([calls.place(T)[-1] < len(found) for T in others])))
 
 
 def _aside(hand: Hand, T: Array) -> Vector:

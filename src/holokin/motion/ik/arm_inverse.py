@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -213,6 +213,11 @@ class ArmInverse(Value):
     def _robot(self) -> Robot:
         return self.task.robot
 
+    @property
+    def _closed(self) -> ArmMap:
+        """The map, of an arm with closed forms."""
+        return cast(ArmMap, self.map)
+
     def _pose(self, pose: PoseLike) -> Matrix:
         return tool_pose("a tool pose", given_pose("a tool pose", pose_numbers("a tool pose", pose)))
 
@@ -246,7 +251,10 @@ class ArmInverse(Value):
         if own is not None and away[own] <= np.pi:
             away[own] = -1.0
         sheet = int(away.argmin())
-        return np.append(postures[sheet], [sheet, sheet != own or away[sheet] >= 0])
+        stays = sheet == own and away[sheet] < 0
+        if stays and isinstance(self.map, StationMap):
+            stays = self.map.kernel(self.limits).leads(T, begin, sheet, postures[sheet])
+        return np.append(postures[sheet], [sheet, not stays])
 
     def _place(self, T: Matrix) -> Vector:
         """Posture, margin and sheet (n + 2,) of a pose (4, 4); a margin below 0 where there is none."""
@@ -261,8 +269,7 @@ class ArmInverse(Value):
 
     def _spins(self, T: Matrix) -> Array:
         """The pose with the tool at some spins (C, 4, 4)."""
-        assert isinstance(self.map, ArmMap)
-        return np.asarray(self.map.held.turned.batch(T, self.map.values[:, None]))
+        return np.asarray(self._closed.held.turned.batch(T, self._closed.values[:, None]))
 
     def _best_spin(self, T: Matrix) -> Vector:
         """What the arm answers to the pose turned about its axis by some spins: the largest margin."""
@@ -298,8 +305,7 @@ class ArmInverse(Value):
         return np.append(q[best], [margin[best], len(self.map)])
 
     def _slow_sheets(self, T: Matrix) -> Matrix:
-        assert isinstance(self.map, ArmMap)
-        q, share, within = self._answers(T, self.map.rows)
+        q, share, within = self._answers(T, self._closed.rows)
         return np.column_stack([q, _margin(share, within)])
 
     def _served(self, T: Matrix) -> tuple[Matrix, Flags]:
@@ -312,16 +318,15 @@ class ArmInverse(Value):
 
     def _answers(self, T: Matrix, rules: Matrix) -> tuple[Matrix, Vector, Vector]:
         """Of rules and branches (j, w + b) at a pose: postures (j, n), how real, and how far within the limits (j,)."""
-        assert isinstance(self.map, ArmMap)
-        w, poses = self.map.held.width, np.repeat(T[None], len(rules), axis=0)
+        w, poses = self._closed.held.width, np.repeat(T[None], len(rules), axis=0)
         given = poses, np.ascontiguousarray(rules[:, :w]), np.ascontiguousarray(rules[:, w:])
-        q, share, within, _ = self.map.postures(self.limits).batch(*given)
+        q, share, within, _ = self._closed.postures(self.limits).batch(*given)
         return q, np.ravel(share), np.ravel(within)
 
     def _looks(self, T: Matrix) -> tuple[Matrix, Vector, Vector]:
         """The same of the arcs of a pose, with a scene only as it is told by values of what is held."""
-        touching = self.touches is not None and isinstance(self.map, ArmMap)
-        return self._answers(T, self.map.grid) if touching and isinstance(self.map, ArmMap) else self._arcs(T)
+        by_values = self.touches is not None and isinstance(self.map, ArmMap)
+        return self._answers(T, self._closed.grid) if by_values else self._arcs(T)
 
     def _arcs(self, T: Matrix) -> tuple[Matrix, Vector, Vector]:
         """The same of the arcs of a pose at all values, and closer to the largest margins, as sheets.c has it."""
@@ -360,8 +365,7 @@ class ArmInverse(Value):
 
     def _closer(self, T: Matrix, rules: Matrix, c: Vector, best: Vector) -> tuple[Matrix, Vector, Vector]:
         """The same near values c (t,) of what is held on arcs, ever closer to the largest margins; arc after arc."""
-        assert isinstance(self.map, ArmMap)
-        held, values, every = self.map.held, self.map.values, list[tuple[Matrix, Vector, Vector]]()
+        held, values, every = self._closed.held, self._closed.values, list[tuple[Matrix, Vector, Vector]]()
         step, places = values[1] - values[0], np.delete(np.arange(-4, 5), 4)
         reach = step if held.turning else 0.0
         for _ in range(CLOSER):

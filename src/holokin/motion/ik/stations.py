@@ -1,9 +1,9 @@
 """Inverse kinematics of a whole arm without a closed form: sheets of rules, each with postures from which it is gone.
 
 On a sheet one joint follows the tool's pose, q_k = h(pose), h a polynomial of what is seen from the hand: the first
-axis and a point of it. A turn of the arm about its first axis changes neither h nor the other joints. So the stations of
-a sheet, postures at sampled poses, are turned about that axis to where the tool is wanted, and from the nearest one the
-arm is led straight to the pose, while joint k goes to its value, by the checked steps of `continuation`.
+axis and a point of it. A turn of the arm about its first axis changes neither h nor the other joints. So the stations
+of a sheet, postures at sampled poses, are turned about that axis to where the tool is wanted, and from the nearest one
+the arm is led straight to the pose, while joint k goes to its value, by the checked steps of `continuation`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ...strategies.constraints import lock
 from ...strategies.tasks import pose
 from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
+from ...symbolic import wrapped
 from ...symbolic.native import allowed, weak
 from .closed_leaf import BOUNDLESS, DOUBT
 from .pose_paths import PosePaths
@@ -36,8 +37,11 @@ LENGTH = 0.3 / 2**0.5
 NEAREST, TRIES = 16, 3
 """Of the sampled poses those that are nearest to a pose, and the stations among them from which a sheet is tried."""
 
-FIRST = frozen(np.array([-1.0]))
-"""Asks for the first sheet that serves."""
+FIRST = frozen(np.append(-1.0, np.full(7, np.nan)))
+"""Asks for the first sheet that serves, from its stations."""
+
+AGREE = 1e-6
+"""Joints [rad] that differ less are one posture."""
 
 Call = Callable[..., Any]
 
@@ -117,8 +121,8 @@ class StationCalls:
         self.map, self.limits, self.robot, self.hand = found, limits, found.task.robot, Hand(found.task)
         self.strategy = strategy_of(found.task, found.joint)
         # Of the postures at one sampled pose the first stands for all: they differ by a turn about the axis.
-        there = np.isfinite(found.stations).all(axis=2)
-        first = found.stations[there.argmax(axis=0), np.arange(there.shape[1])]
+        there: Array = np.asarray(np.isfinite(found.stations).all(axis=2))
+        first = found.stations[there.argmax(axis=0), np.arange(len(there[0]))]
         arrows = self.hand.arrows(self.robot.pose(first, found.task.tip))
         half = 0.5 * (arrows**2).sum(axis=(1, 2))
         self.there, self.places = there, np.column_stack([arrows.reshape(-1, 12), arrows @ self.hand.axis, half])
@@ -127,7 +131,8 @@ class StationCalls:
 
     @cached_property
     def _call(self) -> Callable[[Matrix, Vector], Vector | None]:
-        """(pose (4, 4), which sheet, -1 for the first that serves) -> posture, margin, sheet; None where none does."""
+        """(pose (4, 4), a sheet, -1 for the first that serves, and the posture from which it is gone, NaN for that of a
+        station) -> posture, margin, sheet; None where there is none."""
         found, turns, hand = self.map, turns_of(self.robot), self.hand
         paths = PosePaths(self.strategy, found.stations[0][self.there[0]][0], np.zeros(1), False)
         numbers = {"NEAREST": NEAREST, "STATION_TRIES": TRIES, "STATION_FREE": BOUNDLESS, "SERVES": DOUBT}
@@ -141,7 +146,7 @@ class StationCalls:
 
     def _slow(self, T: Matrix, which: Vector) -> Vector | None:
         """The same without native code."""
-        found, axis, wanted = self.map, self.hand.axis, int(which[0])
+        found, axis, wanted, given = self.map, self.hand.axis, int(which[0]), which[1:]
         arrows = self.hand.arrows(T[None])[0]
         along = arrows @ axis
         both = np.stack([(arrows - along[:, None] * axis).ravel(), np.cross(arrows, axis).ravel()], axis=1)
@@ -150,9 +155,11 @@ class StationCalls:
         some = np.argsort(-near, kind="stable")[:NEAREST]
         levels = found.rules @ self.hand.terms(arrows[None])[0]
         for s in range(len(found)) if wanted < 0 else (wanted,):
-            for i in some[self.there[s, some]][:TRIES]:
-                begin = found.stations[s, i].copy()
-                begin[0] += np.arctan2(turned[i, 1], turned[i, 0])
+            begins = [] if np.isnan(given).any() else [given.copy()]
+            for i in some[self.there[s, some]][:TRIES] if not begins else []:
+                begins.append(found.stations[s, i].copy())
+                begins[-1][0] += np.arctan2(turned[i, 1], turned[i, 0])
+            for begin in begins:
                 q, status = PosePaths(self.strategy, begin, levels[s : s + 1], False).go(T[:3, 3], T[:3, :3], begin)
                 if status is InverseStatus.REACHED:
                     q = at_best_turns(self.robot, q)
@@ -178,13 +185,23 @@ class StationCalls:
         rows = np.full((len(self.map), self.robot.n + 1), np.nan)
         rows[:, -1] = -np.inf
         for s in range(len(rows)):
-            if (row := self._call(T, np.array([float(s)]))) is not None:
+            if (row := self._call(T, np.append(float(s), FIRST[1:]))) is not None:
                 rows[s] = row[:-1]
         return rows
 
+    def leads(self, T: Matrix, begin: Vector, sheet: int, q: Vector) -> bool:
+        """Whether a sheet, gone straight from a posture (n,) to a pose (4, 4), comes to the posture q (n,)."""
+        row = self._call(T, np.append(float(sheet), begin))
+        return row is not None and bool(np.abs(wrapped(row[:-2] - q)).max() < AGREE)
+
     def calls(self, posture: Call, near: Call, _place: Call, _sheets: Call) -> tuple[Call, Call, Call, Call]:
         """As of `SheetsKernel`."""
-        return posture, near, self.place, self.sheets
+
+        def first(pose: Any) -> Vector:
+            row = self._call(pose, FIRST)
+            return posture(pose) if row is None else row[:-2]
+
+        return first, near, self.place, self.sheets
 
     def __call__(self, poses: Array, threads: int | None = None) -> Matrix:
         """The posture, the margin and the sheet (k, n + 2) of poses (k, 4, 4), in one thread."""

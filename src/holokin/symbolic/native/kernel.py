@@ -610,9 +610,9 @@ class InverseKernel:
         return bound_call(found, (self._pose,), ((),), lambda _pose: None, (place, context), context)
 
     def station(self, context: Vector, other: Callable[..., Any]) -> Callable[..., Any] | None:
-        """(pose, which sheet (1,)) -> posture, margin, sheet (n + 2,) of stations.c, which must be among the drivers;
-        None without headers."""
-        shapes, place = (self._pose, (1,)), (self._library, context)
+        """(pose, which sheet and from which posture (1 + n,)) -> posture, margin, sheet (n + 2,) of stations.c, which
+        must be among the drivers; None without headers."""
+        shapes, place = (self._pose, (1 + self._joints,)), (self._library, context)
         return bound_call(self._library.hk_call_station, shapes, ((self._joints + 2,),), other, place, context)
 
     def __call__(

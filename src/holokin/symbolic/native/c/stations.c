@@ -46,12 +46,12 @@ static int hk_nearest_places(const double *v, const double *axis, const double *
   return many;
 }
 
-/* (pose, which sheet, below 0 for the first that serves) -> (posture, how far within the limits, sheet); 0 where there is
-   none. */
+/* (pose, which sheet, below 0 for the first that serves, and a posture from which it is gone in place of the stations, if it
+   is a number) -> (posture, how far within the limits, sheet); 0 where there is none. */
 int hk_call_station(const double *const *in, double *const *out, const double *context) {
   const double *c = context + HK_TURN + 1, *axis = c + 2, *point = axis + 3, *hand = point + 3;
   const double *low = hand + 13, *high = low + HK_N, *middle = high + HK_N, *turn = middle + HK_N, *places = turn + HK_N;
-  const int sheets = (int)c[0], count = (int)c[1], wanted = (int)in[1][0];
+  const int sheets = (int)c[0], count = (int)c[1], wanted = (int)in[1][0], given = hk_finite(in[1] + 1, HK_N);
   const double *rules = places + 17 * count, *stations = rules + 29 * sheets;
   double to[HK_TARGET], v[12], R[9], u[7] = {1.0}, own[HK_TURN + 1], *q = out[0];
   hk_station found[HK_NEAREST];
@@ -68,12 +68,12 @@ int hk_call_station(const double *const *in, double *const *out, const double *c
       for (int j = i; j < 7; j++) own[HK_LEAF] += *rule++ * u[i] * u[j];
     own[HK_SIDE] = *rule;
     int reached = 0;
-    for (int k = 0, tried = 0; k < many && tried < HK_STATION_TRIES && !reached; k++) {
+    for (int k = 0, tried = 0; k < many && tried < (given ? 1 : HK_STATION_TRIES) && !reached; k++) {
       const double *station = stations + ((size_t)s * count + found[k].place) * HK_N;
-      if (!(station[0] - station[0] == 0.0)) continue;
+      if (!given && !(station[0] - station[0] == 0.0)) continue;
       double T[16 * HK_FRAMES + 2], from[HK_TARGET], g[HK_R + 1];
-      for (int i = 0; i < HK_N; i++) q[i] = station[i];
-      q[0] += atan2(found[k].sine, found[k].cosine);
+      for (int i = 0; i < HK_N; i++) q[i] = given ? in[1][1 + i] : station[i];
+      if (!given) q[0] += atan2(found[k].sine, found[k].cosine);
       hk_pose_body(q, T);
       hk_unpack(T, from);
       hk_constraint_body(q, g);
