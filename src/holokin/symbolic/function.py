@@ -332,14 +332,18 @@ class Function:
         """The C of that loop, for compilers other than the one here. Raises: NativeError, see `c`."""
         return follow_code(self.program, *self._shapes, method, more)
 
-    def inverse(self, more: Callable[[], str], stretches: Callable[[], str]) -> InverseKernel | None:
+    def inverse(
+        self, more: Callable[[], str], stretches: Callable[[], str], drivers: Sequence[str] = ()
+    ) -> InverseKernel | None:
         """Inverse kinematics about this function, a Newton step, see `InverseKernel`; None where there can be none.
 
         Args:
-            more, stretches: make the C that it needs besides this function's.
+            more, stretches: make the C that it needs besides this function's. drivers: files of C besides.
         """
-        fits = self.program.instructions <= LARGEST
-        return self._kernel("inverse", fits, lambda: InverseKernel(self.program, *self._shapes, more(), stretches()))
+        fits, kind = self.program.instructions <= LARGEST, " ".join(["inverse", *drivers])
+        return self._kernel(
+            kind, fits, lambda: InverseKernel(self.program, *self._shapes, more(), stretches(), drivers)
+        )
 
     def c(self, name: str) -> str:
         """C99 of `static void NAME(const hk_t *x, hk_t *y)`: arguments, and results, one after another in rows.

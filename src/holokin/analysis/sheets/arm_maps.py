@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, overload
+from typing import NamedTuple, cast, overload
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from ...motion.ik.held_coordinate import LEAST, HeldCoordinate, Spin
 from ...motion.ik.inverse_function import InverseKinematics
 from ...motion.ik.inverse_function import ik as leaf_ik
 from ...motion.ik.solutions import PoseSet
+from ...motion.ik.stations import StationMap
 from ...robot import Robot, load
 from ...robot.closed_form import ArmClass, ClosedInverse
 from ...robot.closed_form.closed_inverse import SIGNS
@@ -30,6 +31,7 @@ from ...strategies.tasks import pose
 from ...strategies.tasks.task import Task
 from ...symbolic.native.toolchain import cache_folder, keep
 from ...symbolic.native.toolchain import kept as kept_bytes
+from .station_maps import station_map
 
 SAMPLES = 3_000
 """Poses of postures, evenly drawn within the limits, to which a rule is fitted; and of those that no sheet serves."""
@@ -447,7 +449,8 @@ def make_arm_map(
     rng, samples = np.random.default_rng(1), samples or SAMPLES
     poses = robot.pose(rng.uniform(robot.lower, robot.upper, (samples, robot.n)), arms[0].tip)
     if axis is not None:
-        if not (whole := _arm_map(robot, task.tip)).complete:
+        whole = cast(ArmMap, _arm_map(robot, task.tip))  # since there are classes
+        if not whole.complete:
             raise KeyboardInterrupt  # which that call heard, and kept what it had
         held = HeldCoordinate(whole.arm, whole.held.length, Spin.of(robot, task.tip, axis), whole.held)
         found = _fit(_HeldArm(held, whole), samples, SHEETS, report, begun, stops=True)
@@ -492,24 +495,24 @@ def _of_six(arm: ArmClass, poses: Array) -> ArmMap:
     return ArmMap(HeldCoordinate(arm, length), np.zeros((len(chosen), 0)), chosen, chosen, float(1 - left.mean()))
 
 
-def _arm_map(robot: Robot, tip: str | None, axis: tuple[float, ...] | None = None) -> ArmMap:
+def _arm_map(robot: Robot, tip: str | None, axis: tuple[float, ...] | None = None) -> ArmMap | StationMap:
     """The map of an arm, with an axis (3,) of the tool about which it may spin: of the package, or kept from an earlier
     call, or made and kept. What Ctrl-C leaves is kept, too, and completed by the next call."""
     known = _known(robot)
     if (tip, axis) not in known:
         found = _kept_or_made(robot, tip, axis)
-        if not found.complete:
+        if isinstance(found, ArmMap) and not found.complete:
             return found
         known[tip, axis] = found
     return known[tip, axis]
 
 
 @kept
-def _known(_robot: Robot) -> dict[tuple[str | None, tuple[float, ...] | None], ArmMap]:
+def _known(_robot: Robot) -> dict[tuple[str | None, tuple[float, ...] | None], ArmMap | StationMap]:
     return {}
 
 
-def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None) -> ArmMap:
+def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None) -> ArmMap | StationMap:
     spin = None if axis is None else Spin.of(robot, tip, np.array(axis))
     found = shipped(robot, tip) if spin is None else None
     if found is not None:
@@ -522,6 +525,8 @@ def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None)
     if begun is not None and begun.complete:
         return begun
     task = pose(robot, tip=tip) if axis is None else pose(robot, "axis", tip=tip, axis=axis)
+    if begun is None and axis is None and (stations := station_map(task)) is not None:
+        return stations
     with progress(f"map of {robot.name}", 1.0, words=True) as report:
         found = make_arm_map(task, report=report, begun=begun)
     if path is not None:

@@ -1,19 +1,27 @@
-"""Maps of whole arms without closed forms: rules for a joint, fitted to where it may be on branches over sampled poses."""
+"""Maps of whole arms without closed forms: rules for a joint, fitted to where it may be on branches."""
 
 from __future__ import annotations
 
+import io
+import zipfile
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
+from ...base.errors import NativeError
+from ...base.progress import progress
 from ...base.types import Array, Indices, Matrix, Vector
-from ...motion.ik.arm_map import monomials
+from ...motion.ik.arm_map import digest
 from ...motion.ik.leaf import leaf_step
 from ...motion.self_motions.self_motions import SelfMotions, self_motions_at
-from ...motion.ik.stations import Hand, StationMap, strategy_of
+from ...motion.ik.stations import Hand, StationMap, strategy_of, takes_stations
 from ...robot import with_limits
 from ...strategies.tasks import pose
 from ...strategies.tasks.task import Task
+from ...symbolic.native.toolchain import cache_folder, keep
+from ...symbolic.native.toolchain import kept as kept_bytes
 from ..coverage.starts import Candidate
 from .level_ranges import Branch, branches_by_curves, widest
 from .sheet import nearby, turn_length
@@ -21,11 +29,11 @@ from .sheet import nearby, turn_length
 SAMPLES, TRIED_ON, NEIGHBOURS = 1_200, 200, 6
 """Poses of postures, evenly drawn within the limits; those by which the joint is chosen; neighbours of each."""
 
+LOOKED = 400
+"""Poses by which it is told what the sheets serve."""
+
 LEAST = 0.01
 """Share of the poses below which a branch has no sheet."""
-
-DEGREE = 2
-"""Of a rule's monomials, 28."""
 
 SHEETS, GAIN = 16, 0.002
 """The most of a map, and the share of the poses that each must add."""
@@ -38,8 +46,50 @@ ROUNDS, FIRST, CLOSER, INSIDE = 7, 1.0, 0.6, 0.9
 which it is to lie."""
 
 
+FORMAT = 1
+"""Of a map's file: changed when those of before cannot be read."""
+
+
+def station_map(task: Task) -> StationMap | None:
+    """The map of an arm without closed forms, kept from an earlier call, or made and kept; None of other arms."""
+    path = None
+    with suppress(NativeError):
+        path = cache_folder() / f"stations-{digest(task.robot, task.tip)}.npz"
+        data = kept_bytes(path)
+        if data is not None and (found := _read(task, data)) is not None:
+            return found
+    if not takes_stations(task):
+        return None
+    with progress(f"map of {task.robot.name}", 1.0, words=True) as report:
+        found = make_station_map(task, report=report)
+    if path is not None:
+        with suppress(NativeError):
+            keep(path, _written(found))
+    return found
+
+
+def _written(found: StationMap) -> bytes:
+    file = io.BytesIO()
+    numbers = {"format": FORMAT, "joint": found.joint, "share": found.share, "rules": found.rules, "sides": found.sides}
+    np.savez_compressed(file, stations=found.stations.astype(np.float32), **numbers)
+    return file.getvalue()
+
+
+def _read(task: Task, data: bytes) -> StationMap | None:
+    """The map of a file; None where it is not one of this version."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            joint, rules, sides = int(file["joint"]), file["rules"], file["sides"]
+            stations, share = file["stations"].astype(float), float(file["share"])
+            fits = int(file["format"]) == FORMAT and rules.shape == (len(sides), 28) and 0 < joint < task.n
+    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile):
+        return None
+    fits &= stations.ndim == 3 and stations.shape[::2] == (len(rules), task.n) and np.isfinite(rules).all()
+    return StationMap(task, joint, rules, sides, stations, share) if fits else None
+
+
 def make_station_map(
-    task: Task, samples: int = SAMPLES, progress: Callable[[str], None] = lambda _text: None
+    task: Task, samples: int = SAMPLES, report: Callable[[float, str], None] = lambda _share, _words: None
 ) -> StationMap:
     """The map of an arm, made anew: the same of the same joints and limits."""
     robot, rng = task.robot, np.random.default_rng(0)
@@ -51,21 +101,21 @@ def make_station_map(
     q = np.where(free, 0.0, rng.uniform(low, high, (samples, robot.n)))
     q[:, 0] = _aside(hand, robot.pose(q, task.tip))
     T = robot.pose(q, task.tip)
-    progress("self-motions")
+    report(0.0, "self-motions of poses")
     motions = self_motions_at(whole, np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3]))
-    progress("the joint that follows")
+    report(0.4, "which joint is to follow")
     few = _first(motions, TRIED_ON)
     room = [np.median(widest(strategy_of(whole, k), few)) for k in range(1, robot.n)]
     joint = 1 + int(np.argmax(room))
     strategy = strategy_of(whole, joint)
-    progress(f"branches of {robot.joint_names[joint]}")
+    report(0.5, f"where {robot.joint_names[joint]} may be")
     near = nearby(T, turn_length(task), NEIGHBOURS)
     branches = branches_by_curves(Candidate("", {}, whole, strategy), T, near, None, motions, LEAST)
-    f = np.array(monomials(list(hand.seen(hand.arrows(T)).T), DEGREE)).T
+    f = hand.terms(hand.arrows(T))
     # Sheet after sheet, each of which serves the most of what those before do not.
     left, rules, stations = np.ones(samples, dtype=bool), [], []
     while len(rules) < SHEETS:
-        progress(f"{len(rules)} sheets serve {1 - left.mean():.1%}")
+        report(0.7, f"{len(rules)} sheets serve {1 - left.mean():.1%}")
         weights = np.where(left, 1.0, SERVED)
         best, most = None, 0.0
         for i in np.argsort([-weights[b.pose].sum() for b in branches], kind="stable")[:TRIED].tolist():
@@ -84,9 +134,14 @@ def make_station_map(
     sides = []
     for postures in every:
         i = np.flatnonzero(np.isfinite(postures).all(axis=1))[0]
-        sides.append(float(leaf_step(strategy)(postures[i], T[i, :3, 3], T[i, :3, :3], postures[i, joint : joint + 1])[3]))
-    share = float(1 - left.mean())
-    return StationMap(task, joint, DEGREE, np.array(rules), np.array(sides), every[:, some], share)
+        sides.append(
+            float(leaf_step(strategy)(postures[i], T[i, :3, 3], T[i, :3, :3], postures[i, joint : joint + 1])[3])
+        )
+    found = StationMap(task, joint, np.array(rules), np.array(sides), every[:, some], 0.0)
+    # What it serves of other poses.
+    report(0.95, "what the sheets serve")
+    calls, others = found.kernel(True), robot.pose(rng.uniform(low, high, (LOOKED, robot.n)), task.tip)
+    return replace(found, share=float(np.mean([calls.place(T)[-1] < len(found) for T in others])))
 
 
 def _aside(hand: Hand, T: Array) -> Vector:

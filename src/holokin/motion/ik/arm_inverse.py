@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ...symbolic.native import engine, weak
 from .arm_map import CLOSER, HOPE, LAST_HOPE, ON_SHEET, TIE, TRIES, ArmMap
 from .closed_leaf import DOUBT
 from .inverse_function import AGREE
+from .stations import StationMap
 
 BLOCKED = 16
 """Places of the arcs that are looked at more closely where all that serve touch something."""
@@ -100,7 +101,7 @@ class ArmInverse(Value):
     """
 
     task: Task
-    map: ArmMap
+    map: ArmMap | StationMap
     limits: bool = True
     touches: Obstructed | None = None
 
@@ -177,6 +178,8 @@ class ArmInverse(Value):
     @property
     def theorem(self) -> str:
         """What is proven of each sheet, and how to have the proof."""
+        if isinstance(self.map, StationMap):
+            return "Nothing is proven: no closed form tells the postures of this arm apart."
         robot, arm = self._robot, self.map.arm
         name, held = robot.joint_names[arm.held[0]] if arm.held else "", self.map.held
         followers = [f"joint {name!r}"] * bool(name) + ["the spin of the tool"] * (held.spin is not None)
@@ -190,13 +193,18 @@ class ArmInverse(Value):
         )
 
     def __str__(self) -> str:
-        robot, held = self._robot, self.map.held
-        what = "the spin of the tool" if held.spin is not None else None
-        what = f"joint {robot.joint_names[held.joint]!r}" if held.joint is not None else what
+        robot, found = self._robot, self.map
+        spins = isinstance(found, ArmMap) and found.held.spin is not None
+        joint = found.joint if isinstance(found, StationMap) else found.held.joint
+        what = f"joint {robot.joint_names[joint]!r}" if joint is not None else "the spin of the tool" if spins else None
         rule = "" if what is None else f", on each of which {what} follows the tool's pose"
         limits = "within its joint limits" if self.limits else "whatever its joint limits"
         share = f"they serve {self.map.share:.1%} of what it reaches within its limits"
-        early = "" if self.map.complete else "; its map is not complete, since making it was stopped: ask hk.ik again"
+        early = (
+            ""
+            if isinstance(found, StationMap) or found.complete
+            else "; its map is not complete, since making it was stopped: ask hk.ik again"
+        )
         return f"inverse kinematics of {robot.name!r} {limits}: {len(self.map)} sheets{rule}; {share}{early}"
 
     # --- What is beneath: native code, or the same by CasADi.
@@ -204,6 +212,11 @@ class ArmInverse(Value):
     @property
     def _robot(self) -> Robot:
         return self.task.robot
+
+    @property
+    def _closed(self) -> ArmMap:
+        """The map, of an arm with closed forms."""
+        return cast(ArmMap, self.map)
 
     def _pose(self, pose: PoseLike) -> Matrix:
         return tool_pose("a tool pose", given_pose("a tool pose", pose_numbers("a tool pose", pose)))
@@ -238,7 +251,10 @@ class ArmInverse(Value):
         if own is not None and away[own] <= np.pi:
             away[own] = -1.0
         sheet = int(away.argmin())
-        return np.append(postures[sheet], [sheet, sheet != own or away[sheet] >= 0])
+        stays = sheet == own and away[sheet] < 0
+        if stays and isinstance(self.map, StationMap):
+            stays = self.map.kernel(self.limits).leads(T, begin, sheet, postures[sheet])
+        return np.append(postures[sheet], [sheet, not stays])
 
     def _place(self, T: Matrix) -> Vector:
         """Posture, margin and sheet (n + 2,) of a pose (4, 4); a margin below 0 where there is none."""
@@ -248,12 +264,12 @@ class ArmInverse(Value):
     @cached_property
     def _whole(self) -> ArmInverse | None:
         """The arm's own answers to whole poses, where it has a redundant joint beside a free spin."""
-        below = self.map.below
+        below = None if isinstance(self.map, StationMap) else self.map.below
         return None if below is None or below.held.none else ArmInverse(self.task, below, self.limits, self.touches)
 
     def _spins(self, T: Matrix) -> Array:
         """The pose with the tool at some spins (C, 4, 4)."""
-        return np.asarray(self.map.held.turned.batch(T, self.map.values[:, None]))
+        return np.asarray(self._closed.held.turned.batch(T, self._closed.values[:, None]))
 
     def _best_spin(self, T: Matrix, whole: ArmInverse) -> Vector:
         """What the arm answers to the pose turned about its axis by some spins: the largest margin."""
@@ -281,14 +297,14 @@ class ArmInverse(Value):
         if serves.any():
             return np.append(rows[serves.argmax()], serves.argmax())
         # With a scene the arcs at all values, and what lies between only where none of them keeps clear.
-        q, margin = self._clear(self._arcs(T) if self.touches is None else self._answers(T, self.map.grid))
+        q, margin = self._clear(self._looks(T))
         if self.touches is not None and not margin.max() >= 0:
             q, margin = self._clear(self._arcs(T))
         best = _largest(margin)
         return np.append(q[best], [margin[best], len(self.map)])
 
     def _slow_sheets(self, T: Matrix) -> Matrix:
-        q, share, within = self._answers(T, self.map.rows)
+        q, share, within = self._answers(T, self._closed.rows)
         return np.column_stack([q, _margin(share, within)])
 
     def _served(self, T: Matrix) -> tuple[Matrix, Flags]:
@@ -301,13 +317,20 @@ class ArmInverse(Value):
 
     def _answers(self, T: Matrix, rules: Matrix) -> tuple[Matrix, Vector, Vector]:
         """Of rules and branches (j, w + b) at a pose: postures (j, n), how real, and how far within the limits (j,)."""
-        w, poses = self.map.held.width, np.repeat(T[None], len(rules), axis=0)
+        w, poses = self._closed.held.width, np.repeat(T[None], len(rules), axis=0)
         given = poses, np.ascontiguousarray(rules[:, :w]), np.ascontiguousarray(rules[:, w:])
-        q, share, within, _ = self.map.postures(self.limits).batch(*given)
+        q, share, within, _ = self._closed.postures(self.limits).batch(*given)
         return q, np.ravel(share), np.ravel(within)
+
+    def _looks(self, T: Matrix) -> tuple[Matrix, Vector, Vector]:
+        """The same of the arcs of a pose, with a scene only as it is told by values of what is held."""
+        by_values = self.touches is not None and isinstance(self.map, ArmMap)
+        return self._answers(T, self._closed.grid) if by_values else self._arcs(T)
 
     def _arcs(self, T: Matrix) -> tuple[Matrix, Vector, Vector]:
         """The same of the arcs of a pose at all values, and closer to the largest margins, as sheets.c has it."""
+        if isinstance(self.map, StationMap):
+            return self.map.arcs(T)
         found, rules = self.map, self.map.grid
         rows = self._answers(T, rules)
         if found.held.none:
@@ -341,7 +364,7 @@ class ArmInverse(Value):
 
     def _closer(self, T: Matrix, rules: Matrix, c: Vector, best: Vector) -> tuple[Matrix, Vector, Vector]:
         """The same near values c (t,) of what is held on arcs, ever closer to the largest margins; arc after arc."""
-        held, values, every = self.map.held, self.map.values, list[tuple[Matrix, Vector, Vector]]()
+        held, values, every = self._closed.held, self._closed.values, list[tuple[Matrix, Vector, Vector]]()
         step, places = values[1] - values[0], np.delete(np.arange(-4, 5), 4)
         reach = step if held.turning else 0.0
         for _ in range(CLOSER):
@@ -373,7 +396,7 @@ class ArmInverse(Value):
 
     def _sheet_of(self, q: Vector) -> int | None:
         """The sheet on which a posture (n,) lies; None where it lies on none."""
-        rows = self._calls[3](self._robot.pose(q, self.map.arm.tip))
+        rows = self._calls[3](self._robot.pose(q, self.task.tip))
         gaps = np.abs(self._turned(rows[:, :-1], q) - q).max(axis=1)
         gaps[~((rows[:, -1] > -ON_SHEET) & np.isfinite(gaps))] = np.inf
         return int(gaps.argmin()) if gaps.min() < ON_SHEET else None

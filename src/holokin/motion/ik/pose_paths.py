@@ -189,9 +189,13 @@ class PosePaths(Value):
     @cached_property
     def kernel(self) -> InverseKernel | None:
         """Native code, built or loaded if it is not yet there; None without a compiler."""
+        return self.kernel_with()
+
+    def kernel_with(self, *drivers: str, constants: str = "") -> InverseKernel | None:
+        """The same with other files of C, which need these constants."""
         s = self.strategy
         return leaf_step(s).inverse(
-            lambda: inverse_code(s) + continuation_code(s) + reach_code(s), lambda: stretch_code(s)
+            lambda: constants + inverse_code(s) + continuation_code(s) + reach_code(s), lambda: stretch_code(s), drivers
         )
 
     @cached_property

@@ -1,65 +1,73 @@
 """Inverse kinematics of a whole arm without a closed form: sheets of rules, each with postures from which it is gone.
 
-On a sheet one joint follows the tool's pose, q_k = h(pose), h a polynomial of what is seen from the hand: the first axis
-and a point of it. A turn of the arm about its first axis changes neither h nor the other joints. So the stations of a
-sheet, postures at sampled poses, are turned about that axis to where the tool is wanted, and from the nearest one the
-posture is led straight to the pose, while joint k goes to its value, by the checked steps of `continuation`.
+On a sheet one joint follows the tool's pose, q_k = h(pose), h a polynomial of what is seen from the hand: the first
+axis and a point of it. A turn of the arm about its first axis changes neither h nor the other joints. So the stations
+of a sheet, postures at sampled poses, are turned about that axis to where the tool is wanted, and from the nearest one
+the arm is led straight to the pose, while joint k goes to its value, by the checked steps of `continuation`.
 """
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ...base.poses import pose_from
-from ...base.types import Array, Flags, Matrix, Value, Vector, kept
-from ...robot import Robot
-from ...robot.closed_form import GeneralInverse, general_inverse
+from ...base.types import Array, Matrix, Value, Vector, frozen, kept
+from ...robot.closed_form import ArmClass, GeneralInverse, arm_class, general_inverse
 from ...robot.closed_form.arm_classes import links_of, screws
 from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import lock
 from ...strategies.tasks import pose
 from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
-from ...symbolic.native import allowed
-from .arm_map import monomials
+from ...symbolic import wrapped
+from ...symbolic.native import allowed, weak
 from .closed_leaf import BOUNDLESS, DOUBT
 from .pose_paths import PosePaths
-from ..self_motions.pose_reach import at_best_turns, reach_of
+from ..self_motions.pose_reach import at_best_turns, reach_of, turns_of
 from ..self_motions.self_motions import self_motions_at
+from .solutions import InverseStatus
 
-TURN = 0.3
-"""What a turn of the hand of 1 rad counts where poses are compared [m]."""
+LENGTH = 0.3 / 2**0.5
+"""What each axis of a hand counts where poses are compared [m]: a turn of 1 rad then counts 0.3 m."""
 
 NEAREST, TRIES = 16, 3
 """Of the sampled poses those that are nearest to a pose, and the stations among them from which a sheet is tried."""
 
+FIRST = frozen(np.append(-1.0, np.full(7, np.nan)))
+"""Asks for the first sheet that serves, from its stations."""
+
+AGREE = 1e-6
+"""Joints [rad] that differ less are one posture."""
+
+Call = Callable[..., Any]
+
 
 def takes_stations(task: Task) -> bool:
-    """Whether an arm is one of seven hinges that a held one leaves without a closed form, but with an inverse."""
-    robot = task.robot
+    """Whether an arm is one of seven hinges of which a held one leaves no closed form with signs, but an inverse."""
+    robot, tip, first = task.robot, task.tip, links_of(task.robot, task.tip)[0]
     if not asks_whole_pose(task) or robot.n != 7 or not robot.hinges.all():
         return False
-    return any(isinstance(general_inverse(robot, (k,), task.tip), GeneralInverse) for k in range(1, robot.n))
+    classes = [arm_class(robot, (k,), tip) for k in range(robot.n)]
+    if (first.coordinate, first.multiplier) != (0, 1.0) or any(isinstance(c, ArmClass) and c.proven for c in classes):
+        return False
+    return any(isinstance(general_inverse(robot, (k,), tip), GeneralInverse) for k in range(1, robot.n))
 
 
 @dataclass(frozen=True, eq=False)
 class StationMap(Value):
     """Sheets in the order in which they are asked.
 
-    joint: k, which follows the pose. degree: of the monomials (m,). rules: of each sheet (S, m). sides: signs (S,) of
-    det [J; e_k]. stations: postures of each sheet at sampled poses (S, P, n), NaN where it has none; each pose one at
-    least. share: of the poses of postures, evenly drawn within the limits, that the sheets serve.
+    joint: k, which follows the pose. rules: of each sheet (S, 28), the numbers of `Hand.terms`. sides: signs (S,) of
+    det [J; e_k]. stations: postures of each sheet at sampled poses (S, P, n), NaN where it has none; each pose has one
+    at least. share: of the poses of postures, evenly drawn within the limits, that the sheets serve.
     """
 
     task: Task
     joint: int
-    degree: int
     rules: Matrix
     sides: Vector
     stations: Array
@@ -67,11 +75,6 @@ class StationMap(Value):
 
     def __len__(self) -> int:
         return len(self.rules)
-
-    @property
-    def held(self) -> int:
-        """The coordinate of the joint that follows the pose."""
-        return self.joint
 
     def kernel(self, limits: bool) -> StationCalls:
         """What answers by the stations."""
@@ -85,118 +88,123 @@ class StationMap(Value):
         best = reach_of(self.task, p, R, np.zeros((1, robot.n)), every=every).q
         q = np.vstack([best, at_best_turns(robot, every.q)])
         q = q[np.isfinite(q).all(axis=1)]
-        return q, np.full(len(q), 1.0 if len(q) else 0.0), margins(robot, q)
-
-
-def margins(robot: Robot, q: Matrix) -> Vector:
-    """How far postures (k, n) are within the limits (k,) [joint units]."""
-    return np.minimum(BOUNDLESS, -robot.beyond(q).max(axis=1, initial=-BOUNDLESS))
+        return q, np.ones(len(q)), np.minimum(BOUNDLESS, -robot.beyond(q).max(axis=1))
 
 
 class Hand:
-    """Poses as a hand has them about the first axis of an arm."""
+    """Poses as a hand has them about the first axis of an arm: a direction, a point of it, and the hand in the tool."""
 
     def __init__(self, task: Task) -> None:
         links = links_of(task.robot, task.tip)
         axis, point = screws(links, {})[0][0]
-        self.axis, self.point = np.asarray(axis, dtype=float), np.asarray(point, dtype=float)
-        self._tool, self._joint = links[-1].rotation.T, links[-1].position
+        self.axis, self.point = np.array(axis, dtype=float), np.array(point, dtype=float)
+        self.tool, self.joint = np.array(links[-1].rotation.T), np.array(links[-1].position)
 
     def arrows(self, T: Array) -> Array:
-        """Of poses (k, 4, 4): from the point to the hand [m], and its axes, as long as a turn of it counts (k, 4, 3)."""
-        R = T[:, :3, :3] @ self._tool
-        place = T[:, :3, 3] - R @ self._joint - self.point
-        return np.concatenate([place[:, None], TURN / np.sqrt(2) * R.swapaxes(1, 2)], axis=1)
+        """Of poses (k, 4, 4): from the point to the hand [m], and its axes, as long as a turn counts (k, 4, 3)."""
+        R = T[:, :3, :3] @ self.tool
+        place = T[:, :3, 3] - R @ self.joint - self.point
+        return np.concatenate([place[:, None], LENGTH * R.swapaxes(1, 2)], axis=1)
 
-    def seen(self, arrows: Array) -> Matrix:
-        """The point [m] and the direction of the first axis, as the hand sees them (k, 6)."""
-        R = arrows[:, 1:] * (np.sqrt(2) / TURN)
-        return np.concatenate([-(R @ arrows[:, 0, :, None])[..., 0], R @ self.axis], axis=1)
+    def terms(self, arrows: Array) -> Matrix:
+        """The products of up to two of (k, 28): where the point is [m], and the direction, as the hand sees them."""
+        R, one = arrows[:, 1:] / LENGTH, np.ones((len(arrows), 1))
+        u = np.concatenate([one, -(R @ arrows[:, 0, :, None])[..., 0], R @ self.axis], axis=1)
+        a, b = np.triu_indices(7)
+        return u[:, a] * u[:, b]
 
 
 class StationCalls:
     """What answers by the stations of a map; the doors of `SheetsKernel`."""
 
     def __init__(self, found: StationMap, limits: bool) -> None:
-        self.map, self.limits, self.robot = found, limits, found.task.robot
+        self.map, self.limits, self.robot, self.hand = found, limits, found.task.robot, Hand(found.task)
         self.strategy = strategy_of(found.task, found.joint)
-        self.hand = Hand(found.task)
-        # The postures at one sampled pose are turned so that the hand is where that of the first of them is.
-        there = np.isfinite(found.stations).all(axis=2)
-        first = found.stations[there.argmax(axis=0), np.arange(there.shape[1])]
+        # Of the postures at one sampled pose the first stands for all: they differ by a turn about the axis.
+        there: Array = np.asarray(np.isfinite(found.stations).all(axis=2))
+        first = found.stations[there.argmax(axis=0), np.arange(len(there[0]))]
         arrows = self.hand.arrows(self.robot.pose(first, found.task.tip))
-        along = arrows @ self.hand.axis
-        self.there, self._flat, self._along = there, arrows.reshape(len(arrows), 12), along
-        self._half = 0.5 * (arrows**2).sum(axis=(1, 2))
-        self._lead = leader(self.strategy, found.task)
+        half = 0.5 * (arrows**2).sum(axis=(1, 2))
+        self.there, self.places = there, np.column_stack([arrows.reshape(-1, 12), arrows @ self.hand.axis, half])
+        free = np.full(self.robot.n, np.inf)
+        self._bounds = (self.robot.lower, self.robot.upper) if limits else (-free, free)
 
-    def ranked(self, arrows: Array) -> tuple[list[int], list[float]]:
-        """(the sampled poses nearest to one whose arrows (4, 3) are given, how far each is turned to be so near)."""
-        axis = self.hand.axis
+    @cached_property
+    def _call(self) -> Callable[[Matrix, Vector], Vector | None]:
+        """(pose (4, 4), a sheet, -1 for the first that serves, and the posture from which it is gone, NaN for that of a
+        station) -> posture, margin, sheet; None where there is none."""
+        found, turns, hand = self.map, turns_of(self.robot), self.hand
+        paths = PosePaths(self.strategy, found.stations[0][self.there[0]][0], np.zeros(1), False)
+        numbers = {"NEAREST": NEAREST, "STATION_TRIES": TRIES, "STATION_FREE": BOUNDLESS, "SERVES": DOUBT}
+        head = "".join(f"#define HK_{key} {value!r}\n" for key, value in numbers.items())
+        kernel = paths.kernel_with("stations.c", constants=head) if allowed() else None
+        table = [paths.context, [len(found), len(self.places)], hand.axis, hand.point, hand.tool.ravel(), hand.joint]
+        table += [[LENGTH], *self._bounds, turns.middle, turns.period, self.places.ravel()]
+        table += [np.column_stack([found.rules, found.sides]).ravel(), found.stations.ravel()]
+        call = None if kernel is None else kernel.station(frozen(np.concatenate(table)), lambda *_: None)
+        return weak(self._slow) if call is None else call
+
+    def _slow(self, T: Matrix, which: Vector) -> Vector | None:
+        """The same without native code."""
+        found, axis, wanted, given = self.map, self.hand.axis, int(which[0]), which[1:]
+        arrows = self.hand.arrows(T[None])[0]
         along = arrows @ axis
         both = np.stack([(arrows - along[:, None] * axis).ravel(), np.cross(arrows, axis).ravel()], axis=1)
-        turned = self._flat @ both
-        near = self._along @ along + np.hypot(turned[:, 0], turned[:, 1]) - self._half
-        count = min(NEAREST, len(near))
-        some = np.argpartition(-near, count - 1)[:count]
-        some = some[np.argsort(-near[some], kind="stable")]
-        return some.tolist(), np.arctan2(turned[some, 1], turned[some, 0]).tolist()
-
-    def levels(self, arrows: Array) -> Vector:
-        """Where joint k belongs on each sheet (S,)."""
-        x = self.hand.seen(arrows[None])[0].tolist()
-        return self.map.rules @ np.array(monomials(x, self.map.degree))
-
-    def answers(self, T: Matrix) -> Iterator[tuple[int, Vector]]:
-        """(sheet, posture (n,)) of those that have one at a pose (4, 4), in their order."""
-        arrows = self.hand.arrows(T[None])[0]
-        some, turns = self.ranked(arrows)
-        levels = self.levels(arrows).tolist()
-        for s, has in enumerate(self.there[:, some].tolist()):
-            q = self._led(s, T, levels[s], [(i, turn) for i, turn, there in zip(some, turns, has, strict=True) if there])
-            if q is not None:
-                yield s, q
-
-    def _led(self, s: int, T: Matrix, level: float, stations: list[tuple[int, float]]) -> Vector | None:
-        side = float(self.map.sides[s])
-        for i, turn in stations[:TRIES]:
-            begin = self.map.stations[s, i].copy()
-            begin[0] += turn
-            q = self._lead(T, begin, np.array([level, side]))
-            if q is not None:
-                return at_best_turns(self.robot, q)
+        turned = self.places[:, :12] @ both
+        near = self.places[:, 12:16] @ along + np.hypot(turned[:, 0], turned[:, 1]) - self.places[:, 16]
+        some = np.argsort(-near, kind="stable")[:NEAREST]
+        levels = found.rules @ self.hand.terms(arrows[None])[0]
+        for s in range(len(found)) if wanted < 0 else (wanted,):
+            begins = [] if np.isnan(given).any() else [given.copy()]
+            for i in some[self.there[s, some]][:TRIES] if not begins else []:
+                begins.append(found.stations[s, i].copy())
+                begins[-1][0] += np.arctan2(turned[i, 1], turned[i, 0])
+            for begin in begins:
+                q, status = PosePaths(self.strategy, begin, levels[s : s + 1], False).go(T[:3, 3], T[:3, :3], begin)
+                if status is InverseStatus.REACHED:
+                    q = at_best_turns(self.robot, q)
+                    margin = float(np.minimum(q - self._bounds[0], self._bounds[1] - q).min(initial=BOUNDLESS))
+                    if wanted >= 0 or margin > DOUBT:
+                        return np.concatenate([q, [margin, s]])
+                    break
         return None
 
     def place(self, T: Matrix) -> Vector:
         """Posture, margin and sheet (n + 2,) of a pose (4, 4); the map's length off the map, a margin below 0 where
         there is none."""
-        for s, q in self.answers(T):
-            margin = self.margin(q)
-            if margin > DOUBT:
-                return np.concatenate([q, [margin, s]])
+        row = self._call(T, FIRST)
+        if row is not None:
+            return row
         q, _, within = self.map.arcs(T)
         if not len(q):
             return np.concatenate([np.full(self.robot.n, np.nan), [-np.inf, len(self.map)]])
-        return np.concatenate([q[0], [within[0] if self.limits else 1.0, len(self.map)]])
-
-    def margin(self, q: Vector) -> float:
-        """How far a posture (n,) is within the limits, where these count."""
-        return float(margins(self.robot, q[None])[0]) if self.limits else 1.0
+        return np.concatenate([q[0], [within[0] if self.limits else BOUNDLESS, len(self.map)]])
 
     def sheets(self, T: Matrix) -> Matrix:
         """The posture and the margin of each sheet (S, n + 1) at a pose (4, 4); NaN and below 0 where it has none."""
         rows = np.full((len(self.map), self.robot.n + 1), np.nan)
         rows[:, -1] = -np.inf
-        for s, q in self.answers(T):
-            rows[s] = np.append(q, self.margin(q))
+        for s in range(len(rows)):
+            if (row := self._call(T, np.append(float(s), FIRST[1:]))) is not None:
+                rows[s] = row[:-1]
         return rows
 
-    def calls(self, posture: Any, near: Any, _place: Any, _sheets: Any) -> tuple[Any, Any, Any, Any]:
+    def leads(self, T: Matrix, begin: Vector, sheet: int, q: Vector) -> bool:
+        """Whether a sheet, gone straight from a posture (n,) to a pose (4, 4), comes to the posture q (n,)."""
+        row = self._call(T, np.append(float(sheet), begin))
+        return row is not None and bool(np.abs(wrapped(row[:-2] - q)).max() < AGREE)
+
+    def calls(self, posture: Call, near: Call, _place: Call, _sheets: Call) -> tuple[Call, Call, Call, Call]:
         """As of `SheetsKernel`."""
-        return posture, near, self.place, self.sheets
+
+        def first(pose: Any) -> Vector:
+            row = self._call(pose, FIRST)
+            return posture(pose) if row is None else row[:-2]
+
+        return first, near, self.place, self.sheets
 
     def __call__(self, poses: Array, threads: int | None = None) -> Matrix:
-        """The posture, the margin and the sheet (k, n + 2) of poses (k, 4, 4)."""
+        """The posture, the margin and the sheet (k, n + 2) of poses (k, 4, 4), in one thread."""
         return np.array([self.place(T) for T in poses]).reshape(len(poses), self.robot.n + 2)
 
 
@@ -207,20 +215,5 @@ def _calls(found: StationMap, limits: bool) -> StationCalls:
 
 @kept
 def strategy_of(task: Task, joint: int) -> HolonomicStrategy:
-    """That holds a joint."""
+    """The strategy that holds a joint."""
     return holonomic(pose(task.robot, tip=task.tip), lock(joint))
-
-
-def leader(strategy: HolonomicStrategy, task: Task) -> Callable[[Matrix, Vector, Vector], Vector | None]:
-    """(pose (4, 4), posture (n,), level and sign of det [J; J_g]) -> the posture to which the posture is led straight."""
-    q0 = np.where(np.isfinite(task.robot.middle), task.robot.middle, 0.0) + 0.3
-    paths = PosePaths(strategy, q0, np.asarray(strategy.g(q0)), False)
-    kernel = paths.kernel if allowed() else None
-    if kernel is not None and (call := kernel.led(paths.context, 1)) is not None:
-        return call
-
-    def led(T: Matrix, begin: Vector, leaf: Vector) -> Vector | None:
-        q, status = paths.at(leaf[:1]).go(T[:3, 3], T[:3, :3], begin)
-        return q if status == 0 else None
-
-    return led

@@ -101,7 +101,7 @@ class Reach(Result, Value):
 # --- Turns of hinges.
 
 
-class _Turns(NamedTuple):
+class Turns(NamedTuple):
     """Where the turns of each joint are counted from (n,), and how much each is; infinite where a turn is not the same
     posture."""
 
@@ -110,7 +110,8 @@ class _Turns(NamedTuple):
 
 
 @kept
-def _turns(robot: Robot) -> _Turns:
+def turns_of(robot: Robot) -> Turns:
+    """Those of a robot."""
     turning = robot.hinges.copy()
     for joint in robot.joints:
         turning[joint.coordinate] &= float(joint.multiplier).is_integer()
@@ -119,12 +120,12 @@ def _turns(robot: Robot) -> _Turns:
     middle[lower] = robot.lower[lower] + 2 * np.pi
     middle[upper] = robot.upper[upper] - 2 * np.pi
     middle[lower & upper] = 0.5 * (robot.lower[lower & upper] + robot.upper[lower & upper])
-    return _Turns(middle, np.where(turning, 2 * np.pi, np.inf))
+    return Turns(middle, np.where(turning, 2 * np.pi, np.inf))
 
 
 def at_best_turns(robot: Robot, q: Array) -> Array:
     """The same postures (..., n) with each hinge at the turn that is farthest within its limits, or least beyond."""
-    middle, period = _turns(robot)
+    middle, period = turns_of(robot)
     return q - np.where(np.isfinite(period), period, 0.0) * np.round((q - middle) / period)
 
 

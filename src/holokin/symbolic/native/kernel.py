@@ -569,13 +569,18 @@ class InverseKernel:
     """The doors of poses.c, about a Newton step (q, p, R, c) -> (dq, rcond, margin, side).
 
     more: C of numbers, branches and the constraint; stretches: C of the functions that stretch.c needs, or none.
+    drivers: others that go with poses.c.
     """
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, more: str, stretches: str) -> None:
+    def __init__(
+        self, made: Program, inputs: Shapes, outputs: Shapes, more: str, stretches: str, drivers: Sequence[str] = ()
+    ) -> None:
         frames = inputs[1][0] // 3
         head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {frames}\n#define HK_MATRICES 1\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
-        whole = source(SCALAR, head, code + _leaf_code(stretches, "posed.c", "continuation.c", "reach.c", "poses.c"))
+        whole = source(
+            SCALAR, head, code + _leaf_code(stretches, "posed.c", "continuation.c", "reach.c", "poses.c", *drivers)
+        )
         long = made.instructions > LONG
         self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses
@@ -604,11 +609,11 @@ class InverseKernel:
         found, place = self._library.hk_call_nowhere, self._library
         return bound_call(found, (self._pose,), ((),), lambda _pose: None, (place, context), context)
 
-    def led(self, context: Vector, rows: int) -> Callable[..., Any] | None:
-        """(pose, q, leaf and the sign of det at q (rows + 1,)) -> the posture to which q is led straight by
-        continuation, None where that is not reached; None without headers."""
-        shapes, place = (self._pose, (self._joints,), (rows + 1,)), (self._library, context)
-        return bound_call(self._library.hk_call_led, shapes, ((self._joints,),), lambda *_: None, place, context)
+    def station(self, context: Vector, other: Callable[..., Any]) -> Callable[..., Any] | None:
+        """(pose, which sheet and from which posture (1 + n,)) -> posture, margin, sheet (n + 2,) of stations.c, which
+        must be among the drivers; None without headers."""
+        shapes, place = (self._pose, (1 + self._joints,)), (self._library, context)
+        return bound_call(self._library.hk_call_station, shapes, ((self._joints + 2,),), other, place, context)
 
     def __call__(
         self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None, shown: bool = False

@@ -119,21 +119,6 @@ int hk_call_warm(const double *const *in, double *const *out, const double *cont
   return hk_read(in[0], to) && hk_warm(to, context, HK_BOTH, &last, out[0]) == HK_REACHED;
 }
 
-/* From the posture in[1] straight to the poses in[0] and to the leaf in[2], whose last number is the sign of det at in[1]: by
-   continuation alone, where the law has one. */
-int hk_call_led(const double *const *in, double *const *out, const double *context) {
-  double to[HK_TARGET], T[16 * HK_FRAMES + 2], from[HK_TARGET], g[HK_R + 1], own[HK_TURN + 1];
-  for (int i = 0; i < HK_N; i++) out[0][i] = in[1][i];
-  if (!hk_read(in[0], to) || !hk_finite(to, HK_TARGET) || !hk_finite(in[1], HK_N) || !hk_all_rotate(to)) return 0;
-  for (int i = 0; i <= HK_TURN; i++) own[i] = context[i];
-  for (int i = 0; i < HK_R; i++) own[HK_LEAF + i] = in[2][i];
-  own[HK_SIDE] = in[2][HK_R];
-  hk_pose_body(out[0], T);
-  hk_unpack(T, from);
-  hk_constraint_body(out[0], g);
-  return hk_answer(out[0], from, g, to, own, HK_QUICK) == HK_REACHED;
-}
-
 /* Many poses (count, HK_TARGET), p and R: q (count, HK_N) has the postures to begin from where `warm`, and gets those where
    the ways ended. shown: in pieces that are shown to keep to the branch alone. */
 void hk_poses(long long count, const double *to, const double *context, int warm, int shown, double *q, long long *status) {

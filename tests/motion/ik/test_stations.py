@@ -1,0 +1,168 @@
+"""`hk.ik(robot)` of arms without a closed form: sheets that are gone from stations."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import campaign
+from holokin.analysis.sheets.station_maps import _read, _written, make_station_map
+from holokin.base.errors import OutOfReachError
+from holokin.motion.ik.arm_inverse import ArmInverse
+from holokin.motion.ik.self_motions import self_motions_at
+from holokin.motion.ik.stations import FIRST, Hand, StationCalls, takes_stations
+
+ARMS = ("gen3", "sawyer", "yumi-arm", "rizon4")
+
+
+def poses_within(robot, count, seed=5):
+    low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+    return robot.pose(np.random.default_rng(seed).uniform(low, high, (count, robot.n)))
+
+
+def gap(q, other):
+    return np.abs((q - other + np.pi) % (2 * np.pi) - np.pi).max()
+
+
+@pytest.fixture(scope="module")
+def ik():
+    """A Gen3, whose first joint turns freely, with a map of few stations."""
+    task = hk.pose(hk.load("gen3"))
+    return ArmInverse(task, make_station_map(task, samples=120))
+
+
+def test_each_pose_of_random_postures_has_one_answer_with_that_pose_within_the_limits(ik):
+    """The referee is the chain of the joints. An answer is the same whatever was asked before."""
+    robot, poses = ik.task.robot, poses_within(ik.task.robot, 40)
+    answers = [ik(T) for T in poses]
+    for T, q in zip(poses, answers, strict=True):
+        assert np.abs(robot.pose(q) - T).max() < 1e-9
+        assert robot.within(q)
+    for i in np.random.default_rng(0).permutation(len(poses)):
+        assert np.array_equal(ik(poses[i]), answers[i])
+    found = ik.batch(poses)
+    assert np.array_equal(found.q, answers)
+    assert np.mean(found.sheet >= 0) > 0.7
+    assert [ik.sheet(T) for T in poses] == [s if s >= 0 else None for s in found.sheet.tolist()]
+
+
+def test_what_turns_with_the_first_axis_has_the_same_answer_but_for_that_turn(ik):
+    """A Gen3 turns freely about the z axis of its base."""
+    robot = ik.task.robot
+    for T in poses_within(robot, 12):
+        if ik.sheet(T) is None:
+            continue
+        turned = T.copy()
+        turned[:3] = np.array([[np.cos(2), -np.sin(2), 0], [np.sin(2), np.cos(2), 0], [0, 0, 1]]) @ T[:3]
+        q, other = ik(T), ik(turned)
+        assert gap(other[1:], q[1:]) < 1e-9
+        assert gap(abs(other[0] - q[0]), 2.0) < 1e-9
+
+
+def test_native_code_and_python_have_the_same_sheets_and_postures(ik):
+    calls = ik.map.kernel(True)
+    assert isinstance(calls, StationCalls)
+    for T in poses_within(ik.task.robot, 3):
+        native, slow = calls._call(T, FIRST), calls._slow(T, FIRST)
+        assert (native is None) == (slow is None)
+        if native is not None:
+            assert np.abs(native - slow).max() < 1e-7
+
+
+def test_a_leg_out_and_back_on_one_sheet_comes_home(ik):
+    legs = 0
+    for T in poses_within(ik.task.robot, 12):
+        if ik.sheet(T) is None:
+            continue
+        begin = q = ik(T)
+        poses = np.repeat(T[None], 9, axis=0)
+        poses[:, 0, 3] += np.r_[np.linspace(0.01, 0.05, 5), np.linspace(0.04, 0.01, 4)]
+        changes = []
+        for pose in [*poses, T]:
+            last, (q, _, changed) = q, ik.near(pose, q)
+            changes.append(changed)
+            assert changed or gap(q, last) < 0.5
+        if not any(changes):
+            legs += 1
+            assert np.abs(q - begin).max() < 1e-12
+    assert legs >= 3
+
+
+def test_a_posture_to_which_the_sheet_does_not_lead_is_a_change(ik):
+    """From a posture that the sheet does not have at that pose, whatever it comes to is another posture."""
+    T = next(T for T in poses_within(ik.task.robot, 20) if ik.sheet(T) is not None)
+    motions = self_motions_at(ik.task, T[None, :3, 3], T[None, :3, :3])
+    far = motions.q[np.argmax([gap(q, ik(T)) for q in motions.q])]
+    assert ik.near(T, far).changed
+
+
+def test_off_the_map_it_is_the_posture_farthest_within_the_limits_of_the_whole_self_motion(ik):
+    robot, seen = ik.task.robot, 0
+    for T in poses_within(robot, 60):
+        if ik.sheet(T) is None:
+            every = self_motions_at(ik.task, T[None, :3, 3], T[None, :3, :3]).q
+            best = max(-robot.beyond((q + np.pi) % (2 * np.pi) - np.pi).max() for q in every)
+            assert -robot.beyond(ik(T)).max() >= best - 1e-9
+            assert ik.why(T).startswith("off the map")
+            seen += 1
+    assert seen
+
+
+def test_poses_without_an_answer_say_why(ik):
+    T = poses_within(ik.task.robot, 1)[0]
+    T[0, 3] += 3
+    with pytest.raises(OutOfReachError):
+        ik(T)
+    assert ik.why(T) == "out of reach"
+    assert ik.batch(T[None]).reached.tolist() == [False]
+    assert "out of reach" not in str(ik)
+
+
+def test_a_scene_is_kept_clear_of(ik):
+    def touches(Q):
+        return ["wall" if q[3] > 0 else "" for q in Q]
+
+    clear = ArmInverse(ik.task, ik.map, touches=touches)
+    for T in poses_within(ik.task.robot, 4):
+        if "wall" not in clear.why(T):
+            assert clear(T)[3] <= 0
+
+
+def test_a_map_is_read_as_it_was_written_and_nothing_else_is(ik):
+    data = _written(ik.map)
+    found = _read(ik.task, data)
+    assert found is not None
+    assert np.nanmax(np.abs(found.stations - ik.map.stations)) < 1e-6
+    for T in poses_within(ik.task.robot, 5):
+        assert np.abs(ArmInverse(ik.task, found)(T) - ik(T)).max() < 1e-9
+    assert _read(ik.task, data[:-200]) is None
+    assert _read(ik.task, json.dumps({"format": 1}).encode()) is None
+
+
+def test_what_a_hand_sees_does_not_change_with_the_first_joint():
+    robot = hk.load("yumi-arm")
+    hand, q = Hand(hk.pose(robot)), np.repeat(np.linspace(-0.5, 0.5, 7)[None], 2, axis=0)
+    q[1, 0] = 1.2
+    one, other = hand.terms(hand.arrows(robot.pose(q)))
+    assert np.abs(one - other).max() < 1e-12
+
+
+def test_arms_with_a_closed_form_or_other_joints_have_no_stations():
+    assert [takes_stations(hk.pose(hk.load(name))) for name in ("panda", "ur5e", "rail-ur10e")] == [False] * 3
+    assert not takes_stations(hk.position(hk.load("gen3")))
+    assert takes_stations(hk.pose(hk.load("gen3")))
+
+
+@pytest.mark.parametrize("name", [campaign("arm", name) for name in ARMS])
+def test_of_400_poses_all_are_found_and_nearly_all_by_a_sheet(name):
+    robot = hk.load(name)
+    begin = time.process_time()
+    ik = hk.ik(robot)
+    assert time.process_time() - begin < 120
+    found = ik.batch(poses_within(robot, 400, seed=9))
+    assert found.reached.sum() >= 398
+    assert np.mean(found.sheet >= 0) > 0.93
+    assert np.abs(robot.pose(found.q[found.reached]) - poses_within(robot, 400, seed=9)[found.reached]).max() < 1e-9
+    assert abs(ik.map.share - np.mean(found.sheet >= 0)) < 0.04
