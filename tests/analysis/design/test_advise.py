@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,25 +15,13 @@ from conftest import PANDA_START, R3_START, Command, campaign, fails, urdf
 from holokin.analysis.coverage import fitting_task, locked_joints, regular_starts
 from holokin.analysis.coverage.cover_workspace import largest_part
 from holokin.analysis.coverage.leaf_lines import along_leaf, along_radial
-from holokin.analysis.coverage.pose_coordinates import chart_of, coordinates_of
-from holokin.analysis.coverage.starts import Candidate, candidates, postures_at, unwound
+from holokin.analysis.coverage.starts import candidates, postures_at, unwound
 from holokin.analysis.coverage.tool_chain import chain_to_tool
 from holokin.analysis.design import Advice, advice_case, nearby_cusps
-from holokin.analysis.design.objectives import costs_of
-from holokin.analysis.design.trials import (
-    EASY,
-    EQUAL,
-    NEAR,
-    Excess,
-    RatedStrategy,
-    Trial,
-    least_near,
-    ranked,
-    reasons,
-    rival_of,
-)
+from holokin.analysis.design.advice_words import lines
+from holokin.analysis.design.trials import EASY, EQUAL, RatedStrategy, more_speed, ranked
 from holokin.app.job import open_job, run_job
-from holokin.app.report.advice_report import bars_height, coverage_bars
+from holokin.app.report.advice_report import bars_height, name_bars
 from holokin.base.errors import (
     ArgumentError,
     JointLimitError,
@@ -56,7 +43,7 @@ def arm(limits: dict[int, float] | None = None) -> hk.Robot:
 
 
 def least_anywhere(task: hk.Task, space: hk.Workspace) -> float:
-    """The least mean squared joint speed, on a grid of each self-motion of the arm, limits aside."""
+    """The least mean squared joint speed within the limits, on a grid of each self-motion of the arm."""
     least = []
     for pose in space.poses(40):
         p = pose[:2, 3]
@@ -67,8 +54,9 @@ def least_anywhere(task: hk.Task, space: hk.Workspace) -> float:
         for sign in (1, -1):
             q2 = sign * np.arccos(np.clip(far[ok] ** 2 / 2 - 1, -1, 1))
             q1 = np.arctan2(wrist[ok, 1], wrist[ok, 0]) - q2 / 2
-            J = task.jacobian_batch(np.stack([q1, q2, turns[ok] - q1 - q2], axis=1))[0]
-            least.append(np.min(np.sum(np.linalg.pinv(J) ** 2, axis=(1, 2))))
+            Q = np.stack([q1, q2, (turns[ok] - q1 - q2 + np.pi) % (2 * np.pi) - np.pi], axis=1)
+            J = task.jacobian_batch(Q[task.robot.within(Q)])[0]
+            least.append(np.min(np.sum(np.linalg.pinv(J) ** 2, axis=(1, 2)), initial=np.inf))
     return float(np.min(np.reshape(least, (-1, 2)), axis=1).mean())
 
 
@@ -121,61 +109,8 @@ def test_a_narrow_limit_is_avoided_and_named() -> None:
     at = {law.name: law.coverage for law in narrow.strategies}
     assert at[narrow.best.name] == at["lock q3"] == 1.0
     assert at["lock q2"] < 0.9
-    assert narrow.best.speed > 1.5
-    why = next(sentence for sentence in narrow.reasons if sentence.startswith("Joint limits keep it from the least"))
-    assert "q3 is beyond its lower limit at 256 of 256 poses" in why
+    assert 1.0 <= narrow.best.speed < 1.1
     assert narrow.floor == pytest.approx(least_anywhere(narrow.task, far), rel=0.02)
-
-
-def test_the_least_nearby_is_that_of_a_piece_of_the_self_motion() -> None:
-    """Referee: the self-motions of a planar arm in closed form, on a grid, up to 1 rad of arc from a posture."""
-    task, turns = hk.position(arm()), np.arange(-3.0, 3.0, 1e-3)
-    T = PLANE.poses(12)
-    Q, least, farther, reached = [], [], [], []
-    for k, pose in enumerate(T):
-        wrist = pose[:2, 3] - np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        far = np.linalg.norm(wrist, axis=1)
-        ok = far < 1.999
-        q2 = np.arccos(far[ok] ** 2 / 2 - 1)
-        q1 = np.arctan2(wrist[ok, 1], wrist[ok, 0]) - q2 / 2
-        motion = np.stack([q1, q2, turns[ok] - q1 - q2], axis=1)
-        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(motion, axis=0), axis=1))])
-        ends = np.concatenate([[0.0], arc[1:][np.diff(arc) > 0.05], arc[-1:]])  # of pieces with a bent elbow
-        inner = np.abs(arc[:, None] - ends).min(axis=1) > 1.2 * NEAR
-        sound = np.flatnonzero(inner & (np.abs(motion) <= 2.5).all(axis=1))
-        if not len(sound):
-            continue
-        reached.append(k)
-        at = int(sound[len(sound) * (k + 1) // (len(T) + 1)])
-        for most, values in ((NEAR, least), (1.1 * NEAR, farther)):  # it ends in between
-            near = motion[(np.abs(arc - arc[at]) <= most) & (np.abs(motion) <= 2.6).all(axis=1)]
-            values.append(np.min(np.sum(np.linalg.pinv(task.jacobian_batch(near)[0]) ** 2, axis=(1, 2))))
-        Q.append(motion[at])
-    coordinates = coordinates_of(chart_of(task, np.eye(3)), np.array(Q))
-    costs = costs_of(task.robot, hk.analysis.design.Objective(squared_speed=1.0), coordinates.turns, coordinates.spread)
-    found = least_near(coordinates, costs, np.array(Q), T[reached, :3, 3], T[reached, :3, :3])
-    assert len(found) > 4
-    assert (found <= np.array(least) * 1.003).all() and (found >= np.array(farther) * 0.997).all()
-
-
-def test_a_law_that_is_closer_to_the_least_but_serves_less_is_named_with_its_limits(advice: Advice) -> None:
-    """Made-up figures: it is at the least where it serves, and beyond the upper limit of joint 2 at 4 of 10 poses."""
-    task, count = advice.task, 10
-    laws = [Candidate(name, {"kind": "lock"}, task) for name in ("best", "rival", "worse")]
-    inner, beyond = np.zeros((count, 3)), np.where(np.arange(count)[:, None] < 4, [0, 2.7, 0], [0.0, 0, 0])
-    every, some = np.ones(count, dtype=bool), np.arange(count) >= 4
-    fields = ((inner, every, 2.0), (beyond, some, 1.01), (inner, every, 3.0))
-    trials = [
-        Trial(law, np.zeros(3), q, every, served, np.full(count, speed), np.full(count, 0.3))
-        for law, (q, served, speed) in zip(laws, fields, strict=True)
-    ]
-    rival = rival_of(trials[0], trials[1:], np.ones(count), every)
-    assert rival is not None
-    assert (rival.name, rival.coverage, rival.beyond, rival.ends) == ("rival", 0.6, (("q2", "upper", 4),), 0)
-    said = reasons([replace(advice.best, speed=2.0)], advice.coverage, None, Excess(1.9, True, None, rival))
-    assert "Closer to the least comes 'rival', 1.0% above it where it serves" in said[-2]
-    assert "only 60.0%: q2 is beyond its upper limit at 4 poses" in said[-2]
-    assert rival_of(trials[0], trials[2:], np.ones(count), every) is None
 
 
 def test_no_start_has_a_whole_turn_too_many() -> None:
@@ -208,12 +143,16 @@ def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
 
 def test_the_largest_part_of_a_known_disc_is_found() -> None:
     """Poses are served up to 0.6 m from the origin: of a sphere of 1 m the part has the share 0.6."""
-    found = largest_part(
-        hk.workspace(sphere=([0, 0, 0], 1.0)), lambda T: bool((np.linalg.norm(T[:, :3, 3], axis=1) < 0.6).all())
-    )
+    space = hk.workspace(sphere=([0, 0, 0], 1.0))
+
+    def near(T: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(T[:, :3, 3], axis=1) < 0.6
+
+    T = space.poses(256)
+    found = largest_part(space, T, near(T), lambda T: bool(near(T).all()))
     assert found is not None
     assert 0.55 < found[0] <= 0.62
-    assert largest_part(hk.workspace(sphere=([0, 0, 0], 1.0)), lambda T: False) is None
+    assert largest_part(space, T, near(T) & False, lambda T: False) is None
 
 
 def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
@@ -267,7 +206,8 @@ def test_the_answer_begins_with_the_strategy_to_take_and_names_the_arm_and_the_t
     given = chain_to_tool(urdf("pr2.urdf"), tip=chain.others[0], base="torso_lift_link")
     assert (given.robot.n, given.others, given.chosen) == (7, ("r_gripper_tool_frame",), False)
     first, *_, last = str(advice).splitlines()
-    assert first.startswith(f"Take {advice.best.name!r}: it reaches 100.0% of the workspace")
+    assert first.startswith(f"Take {advice.best.name!r}: ")
+    assert len(advice.reasons) <= 8 and advice.reasons[1].startswith("It serves 100.0% of the workspace")
     assert last.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
     fails(ArgumentError, "only files of models", lambda: chain_to_tool(arm(), base="world"))
 
@@ -332,7 +272,7 @@ def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_
     assert command == ["certify", str(file), "--workspace"]
     assert holokin(*command, "--out", tmp_path).code == 0
     assert "Take " in outcome.out and "holokin run" in outcome.out
-    assert "up to a minute" in outcome.out.splitlines()[0]
+    assert "seconds" in outcome.out.splitlines()[0]
     assert file.with_suffix(".png").stat().st_size > 20_000
     name, job, path = open_job(str(file))
     result = run_job(name, job.model_copy(update={"verdict": job.verdict.model_copy(update={"samples": 4})}), path)
@@ -350,7 +290,7 @@ def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
     long = "lock torso_lift_joint over r_upper_arm_roll_joint - r_forearm_roll_joint"
     laws: Any = [SimpleNamespace(name=name, coverage=0.5) for name in (f"designed from {long}", "radial", *[long] * 10)]
     figure = Figure(figsize=(7.3, 2 * bars_height(laws)))
-    axes = coverage_bars(figure.add_axes((0.31, 0.2, 0.3, 0.5)), laws)
+    axes = name_bars(figure.add_axes((0.31, 0.2, 0.3, 0.5)), laws)
     FigureCanvasAgg(figure).draw()
     boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
     assert len(boxes) == 12
@@ -376,22 +316,42 @@ def test_the_picture_of_advice_can_be_read_on_a_page_and_nothing_of_it_is_cut_of
 def rated(name: str, joint: int, coverage: float, speed: float) -> RatedStrategy:
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(joint))
     served = np.arange(100) < 100 * coverage
-    return RatedStrategy(name, (), {}, strategy, PANDA_START, coverage, served, coverage, 0.1, "j", 0.1, speed, speed)
+    return RatedStrategy(
+        name,
+        (),
+        {"kind": "lock", "joints": ["j"]},
+        strategy,
+        PANDA_START,
+        coverage,
+        served,
+        coverage,
+        0.1,
+        "j",
+        0.1,
+        speed,
+        speed,
+    )
 
 
 def test_of_strategies_alike_that_which_is_proven_comes_first_and_what_it_costs_is_said() -> None:
     """Joint 7 held is proven, joints 3 and 5 are not; the latter has a closed form all the same."""
-    plain, proven = rated("lock 3", 2, 1.0, 1.0), rated("lock 7", 6, 1.0, 1.02)
+    plain, proven = rated("lock 3", 2, 1.0, 1.0), rated("lock 7", 6, 1.0, 1.21)
     assert [entry.name for entry in ranked([plain, proven])] == ["lock 7", "lock 3"]
-    coverage: Any = SimpleNamespace()
-    told = reasons([proven, plain], coverage, None, None)
-    assert any(text.startswith("It is one function") for text in told) and "less squared joint speed" in told[1]
-    far, less = rated("lock 7", 6, 1.0, 1.1), rated("lock 7", 6, 0.6, 1.0)
+    told = lines([proven, plain], {}, [], None)
+    assert any(text.startswith("It is one function of the tool pose on the whole arm, proven") for text in told)
+    assert "joint speed counts more than that proof: it serves 100.0% and needs 9% less joint speed" in told[-1]
+    far, less = rated("lock 7", 6, 1.0, 1.4), rated("lock 7", 6, 0.6, 1.0)
     assert [ranked([plain, other])[0].name for other in (far, less)] == ["lock 3", "lock 3"]
-    assert any(
-        "reaches 60.0% of the workspace, 100.0% with 'lock 3'" in t
-        for t in reasons([plain, less], coverage, None, None)
-    )
+    cusps: Any = {"lock 3": SimpleNamespace(sentence="a cusp lies in it")}
+    told = lines([plain, less], cusps, [], None)
+    assert "It is not proven on the whole arm: a cusp lies in it." in told
+    assert "one function on the whole arm, which is proven of it: it serves 60.0%" in told[-1]
     quartic = rated("lock 5", 4, 1.0, 1.02)
     assert ranked([plain, quartic])[0] is plain
-    assert not any("whole arm" in text for text in reasons([plain, quartic], coverage, None, None))
+    assert not any("proven of it" in text for text in lines([plain, quartic], cusps, [], None))
+
+
+def test_what_it_costs_is_said_without_signs() -> None:
+    words = {1.1: "10% more joint speed than", 0.96: "4% less joint speed than", 1.001: "no more joint speed than"}
+    assert {ratio: more_speed(ratio) for ratio in words} == words
+    assert more_speed(2.5) == "2.5 times as much joint speed as"

@@ -11,7 +11,7 @@ import pytest
 import holokin as hk
 from holokin.analysis.design import Advice
 from holokin.analysis.design.trials import alike, ranked
-from holokin.base.errors import ArgumentError
+from holokin.base.errors import ArgumentError, OutOfReachError
 from holokin.robot import Box, Capsule
 
 PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
@@ -55,7 +55,7 @@ def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(pla
     found = hk.coverage(clear.best.strategy, PLANE, clear.q0, samples=256)
     assert 0.05 <= clear.best.clearance <= from_post(found.q).min() + 1e-9
     assert np.isinf(plain.best.clearance) and plain.best.clear == 1.0
-    assert f"come to {clear.best.clearance:.3f} m of each other" in str(clear)
+    assert f"{clear.best.clearance:.3f} m apart" in str(clear) and clear.best.closest is not None
     assert clear.to_dict()["strategies"][0]["clearance"] == clear.best.clearance
 
 
@@ -75,7 +75,8 @@ def test_the_call_that_is_named_proves_it_and_refuses_the_law_without_the_post(p
 
 def test_other_things_equal_a_law_that_is_well_clear_everywhere_comes_first() -> None:
     def law(coverage: float, clear: float, speed: float) -> Any:
-        return SimpleNamespace(coverage=coverage, clear=clear, easy=1.0, squared_speed=speed)
+        candidate = SimpleNamespace(strategy=None)
+        return SimpleNamespace(coverage=coverage, clear=clear, easy=1.0, squared_speed=speed, candidate=candidate)
 
     fast, slow, wide, blocked = law(1.0, 0.995, 1.0), law(1.0, 1.0, 2.0), law(1.0, 0.9, 0.5), law(0.9, 0.9, 0.1)
     assert ranked([blocked, wide, fast, slow]) == [slow, fast, wide, blocked]
@@ -87,14 +88,12 @@ def test_what_cannot_be_kept_clear_of_is_refused() -> None:
         hk.advise(hk.position(arm()), PLANE, scene=hk.Scene(self_collision=False))
 
 
-@pytest.mark.campaign
-def test_where_no_law_keeps_clear_the_advice_says_so_and_names_no_proof() -> None:
-    found = hk.advise(
-        hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0))])
-    )
-    assert found.best.coverage == 0.0 and found.best.clearance < 0 and found.certify_by == ""
-    assert found.reasons[0].startswith("No strategy that was tried serves any of the 256 poses. With ")
-    assert "too near" in found.reasons[0] and found.to_dict()["floor"] is None
+def test_where_no_posture_keeps_clear_the_cause_is_named_at_once() -> None:
+    """The tank swallows the arm, wherever its joints are: that is found before any strategy is tried."""
+    tank, heard = hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0)), []
+    with pytest.raises(OutOfReachError, match=r"no strategy can serve .* tank .* every posture"):
+        hk.advise(hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[tank]), progress=heard.append)
+    assert heard[-1] == "what is in the way"
 
 
 @pytest.mark.campaign

@@ -10,7 +10,7 @@ import pytest
 import holokin as hk
 from conftest import campaign, sampled
 from holokin.analysis.design import advice_case, designed_strategy, nearby_cusps
-from holokin.analysis.design.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
+from holokin.analysis.design.nearby_cusps import NEAR, NearbyCusps, cusps_near
 from holokin.analysis.design.trials import ranked
 from holokin.app.studio.states import leaf_cusps
 
@@ -62,7 +62,7 @@ def test_where_none_is_found_or_none_is_looked_for_it_is_said(monkeypatch: pytes
     flat, q0 = hk.position(hk.from_dh(BARS, name="planar")), np.array([-0.6, 1.0, 0.8])
     radial = cusps_near(hk.radial(hk.moore_penrose(flat), q0), q0, FLAT)
     assert radial.found is None and not radial.clear and not radial.near
-    assert "were not looked for: its formulas are too long" in said_of("radial", "radial", {"radial": radial}, 0.0)[0]
+    assert "were not looked for: its formulas are too long" in radial.sentence
     line = hk.holonomic(hk.position(flat.robot, rows=[0]), hk.lock(1, 2))
     said = cusps_near(line, q0, FLAT)
     assert said.clear and said.sentence.startswith("its leaf has no cusp") and "search" not in said.sentence
@@ -92,11 +92,7 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
     assert len(seen) == min(len(near) + 1, advice_case.MOST)
     assert advice.best.strategy is seen[0 if len(near) == advice_case.MOST else len(near)]
     assert advice.best.name == order[0 if len(near) == advice_case.MOST else len(near)]
-    said = " ".join(advice.reasons)
-    if len(near) == advice_case.MOST:
-        assert f"so has {order[1]!r}, {order[2]!r}" in said
-    else:
-        assert f"{order[0]!r}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
+    assert any(text.startswith("It is not proven on the whole arm: ") for text in advice.reasons)
     assert advice.to_dict()["reasons"] == list(advice.reasons)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,20 +113,6 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
 def _capital(sentence: str) -> str:
     """A sentence with its first letter large."""
     return sentence[:1].upper() + sentence[1:]
-
-
-def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more: float) -> Sequence[str]:
-    """Sentences on the strategy that was chosen, and on the first one, which has `more` squared joint speed less."""
-    cusps = looked_at[chosen]
-    if chosen != first:
-        return [
-            f"{first!r}, which needs {more:.1%} less squared joint speed, has a cusp in the workspace, or within "
-            f"{NEAR:g} m of it: round a cusp a closed path of the tool may not bring the joints back.",
-            f"Of the strategy to take {cusps.sentence}.",
-        ]
-    others = ", ".join(repr(name) for name, other in looked_at.items() if name != chosen and other.near)
-    rest = f"; so has {others}, whose coverage and margins are as good" if cusps.near and others else ""
-    return [f"{_capital(cusps.sentence)}{rest}."]
 
 
 @dataclass(frozen=True)

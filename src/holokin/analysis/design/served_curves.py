@@ -74,6 +74,9 @@ UNSURE = 10.0
 FASTEST = 1e6
 """Greatest |dq/dg|^2 that is told: where it is infinite the strategy is singular."""
 
+CLOSER = 5
+"""Steps by which the row next to a level is looked for, as by Newton's method."""
+
 BRANCHES, CLOSELY = 6, 7
 """Branches of a strategy, and levels of each, that are looked at closely."""
 
@@ -123,7 +126,8 @@ class ServedCurves(Value):
     """The postures q (N, n) of S poses, at those of `pose` (N,), that serve them: within the joint limits, and clear.
 
     linked (N,): the next posture follows on the same self-motion, and all between serve. sign (N,): of
-    det [J; dq], dq the way to the next one, which is the same all along a self-motion. slopes (N, n, m): J^+ with the
+    det [J; dq], dq the way to the next one, which is the same all along a self-motion. along (N, n): unit vectors of the
+    self-motions. slopes (N, n, m): J^+ with the
     weights of the costs; speed (N,): the squared joint speed with these, the least there. u (S, d): the poses in
     coordinates, NaN where none serves. pairs (e, 2): poses next to each other, and the tool's motion (e, m) between.
     """
@@ -136,6 +140,7 @@ class ServedCurves(Value):
     pose: Indices
     linked: Flags
     sign: Vector
+    along: Matrix
     slopes: Array
     speed: Vector
     u: Matrix
@@ -174,17 +179,11 @@ class ServedCurves(Value):
         |D_P h - J_g J^+ P|^2.
         """
         J_g = _rows(candidate.strategy).batch(self.q[which]).reshape(len(which), -1)
-        along = self.along(which)
+        along = self.along[which]
         with np.errstate(divide="ignore"):
             metric = np.sum(self.costs.joints * along**2, axis=1) / np.sum(J_g * along, axis=1) ** 2
         wanted = np.einsum("kn,knm,kmd->kd", J_g, self.slopes[which], self.twists[self.pose[which]], optimize=True)
         return self.speed[which], np.minimum(metric, FASTEST), wanted
-
-    def along(self, which: Indices) -> Matrix:
-        """Unit vectors (k, n) along the self-motions at some postures, each linked to the next or to the one before."""
-        other = np.where(self.linked[which], which + 1, which - 1)
-        way = self.q[other] - self.q[which]
-        return way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
 
 
 @kept
@@ -211,6 +210,9 @@ def served_curves(
     speed = np.sum(costs.joints[:, None] * (slopes @ twists[pose]) ** 2, axis=(1, 2))
     way = np.zeros_like(q)
     way[:-1] = np.diff(q, axis=0)
+    along = np.where(linked[:, None], way, np.roll(way, 1, axis=0))
+    along -= np.einsum("knm,kml,kl->kn", slopes, J, along, optimize=True)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     sign = np.where(linked, np.sign(np.linalg.det(np.concatenate([J, way[:, None]], axis=1))), 0.0)
     # Pairs of poses next to each other, and the motion of the tool from the one to the other
     known, first = np.unique(pose, return_index=True)
@@ -220,7 +222,7 @@ def served_curves(
     at = first[np.searchsorted(known, pairs[:, 0])]
     p, R = (np.ascontiguousarray(part) for part in (T[pairs[:, 1], :3, 3], T[pairs[:, 1], :3, :3]))
     moves = task.error(q[at], p, R) if len(pairs) else np.zeros((0, task.m))
-    return ServedCurves(task, costs, coordinates, twists, q, pose, linked, sign, slopes, speed, u, pairs, moves)
+    return ServedCurves(task, costs, coordinates, twists, q, pose, linked, sign, along, slopes, speed, u, pairs, moves)
 
 
 def _neighbours(known: Indices, places: Matrix) -> Indices:
@@ -270,10 +272,14 @@ class Pieces(Value):
         return np.maximum(self.start, self.end)
 
     def row_at(self, which: Indices, level: Vector) -> Indices:
-        """The rows (j,) of some pieces near levels (j,)."""
-        wide = np.where(self.end[which] == self.start[which], 1.0, self.end[which] - self.start[which])
-        share = np.clip((level - self.start[which]) / wide, 0.0, 1.0)
-        return self.first[which] + np.rint(share * (self.last[which] - self.first[which])).astype(int)
+        """The rows (j,) of some pieces next to levels (j,)."""
+        first, last, start = self.first[which], self.last[which], self.start[which] - self.travel[self.first[which]]
+        place = first + 0.5 * (last - first)
+        for _ in range(CLOSER):
+            i = np.clip(place.astype(int), first, last - 1)
+            step = self.travel[i + 1] - self.travel[i]
+            place = np.clip(i + (level - start - self.travel[i]) / step, first, last)
+        return np.rint(place).astype(int)
 
 
 def pieces_of(curves: ServedCurves, candidate: Candidate, g: Vector) -> Pieces:
@@ -319,7 +325,7 @@ def _branches(curves: ServedCurves, pieces: Pieces, side: Vector) -> Indices:
     i, j = pieces.row_at(a, level), pieces.row_at(b, level - turn)
     # How far they are apart, the shortest motion of the joints from the one pose to the other aside
     motion = np.einsum("knm,km->kn", curves.slopes[i], curves.moves[pair])
-    rest, along = curves.q[j] - curves.q[i] - motion, curves.along(i)
+    rest, along = curves.q[j] - curves.q[i] - motion, curves.along[i]
     part = np.sum(rest * along, axis=1)
     across = np.linalg.norm(rest - part[:, None] * along, axis=1)
     near = across < ALIKE[0] + ALIKE[1] * np.linalg.norm(motion, axis=1)

@@ -228,8 +228,8 @@ def _trouble(text: str, path: FilePath) -> str:
 SHARE = 0.5  # radius of the circle over the least half side of the workspace, to begin with
 LARGEST = 0.1  # its largest radius [m]
 SMALLER = 3  # times that the circle is made smaller, by half each, until both strategies follow it to its end
-# What an advice takes on two cores that do nothing else: 17 to 59 s of processor time on five arms, and compilers.
-DURATION = "up to a minute, with several redundant joints two"
+# What an advice takes, on two cores that do nothing else.
+DURATION = "some seconds, with several redundant joints up to two minutes"
 
 
 def advise_command(
