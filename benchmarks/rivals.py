@@ -17,6 +17,7 @@ import os
 import platform
 import subprocess
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -171,6 +172,7 @@ class Process:
     def tell(self, command: str) -> dict[str, Any]:
         """Give a command and wait for the reply. Raises: Stopped."""
         process, timer = self._process, Timer(SECONDS, self._process.kill)
+        begun = time.monotonic()
         timer.start()
         try:
             print(command, file=process.stdin, flush=True)
@@ -180,8 +182,8 @@ class Process:
         finally:
             timer.cancel()
         if not reply:
-            process.kill()
-            late = f"no reply in {SECONDS:g} s" if process.wait() == -9 else ""
+            process.wait()
+            late = f"no reply in {SECONDS:g} s" if time.monotonic() - begun >= SECONDS else ""
             raise Stopped(late or reason_of(self._said.read_text("utf-8", "replace")))
         return json.loads(reply)
 

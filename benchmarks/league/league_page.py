@@ -120,7 +120,7 @@ def _why(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
         yield f"""At their best these have the joints of that strategy all round the circle [rad]: {told}."""
     yield """A solver that is asked from one seed each time, and draws nothing at random, remembers nothing. It is a
         function of the pose, and returns. What it costs are jumps, where its search ends elsewhere:
-        [measured over a whole box](inverse.md#other-libraries-on-two-paths-to-each-pose)."""
+        [measured on straight legs](rivals.md#legs)."""
 
 
 def _tours(played: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:

@@ -142,6 +142,6 @@ def test_a_library_answers_in_turns_and_its_faults_and_its_end_are_told(
     assert (one.found, len(one.seconds), following.found) == (1, 20, None)
     assert [walk.whole for walk in (*one.legs, *following.legs)] == [True, True]
     assert "differ from ours" in process.tell("arm other")["fault"]
-    with pytest.raises(Stopped, match="ValueError: invalid literal"):
-        process.tell("turn nowhere")
+    with pytest.raises(Stopped, match="KeyError: 'nobody'"):
+        process.tell("arm nobody")
     process.close()

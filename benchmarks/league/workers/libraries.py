@@ -8,7 +8,9 @@ A library is imported by its own function, for the others are not there.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from functools import wraps
@@ -563,50 +565,49 @@ def newton(arm: Arm) -> Iterator[Setting]:
     """newton on the processor: its inverse kinematics of position, rotation and joint limits, in a loop."""
 
     @with_options
-    def begin(arm: Arm, one_seed: bool = False, **options: Any) -> Step:
+    def begin(arm: Arm, one_seed: bool = False) -> Step:
         """A run from the last answer, or from the start each time."""
-        solve, _ = newton_solver(arm, 24, **options)
+        solve, _ = newton_solver(arm, 24)
         return lambda q, pose, twist, h: solve(pose, arm.start if one_seed else q)
 
     example = "newton/examples/ik/example_ik_franka.py of 1.8"
     yield Setting("24 steps, last answer", begin(), True, example)
     yield Setting("24 steps, one seed", begin(one_seed=True))
-    yield Setting("24 steps, 64 seeds", begin(sampler="roberts", n_seeds=64, lambda_factor=4.0))
+
+
+def ssik_module(arm: Arm) -> Any:
+    """The module that `ssik build` makes of the URDF: solutions in native code for an arm that ssik does not ship."""
+    folder = Path(arm.urdf).parent
+    file = folder / f"{arm.name.replace('-', '_')}_of_ssik.py"
+    command = [str(Path(sys.executable).parent / "ssik"), "build", arm.urdf, "--base", arm.base, "--ee", arm.frame]
+    command += ["--out", str(file), "--module-name", file.stem, "--no-validate"]
+    subprocess.run(command, check=True, capture_output=True)
+    sys.path.insert(0, str(folder))
+    return importlib.import_module(file.stem)
 
 
 def ssik(arm: Arm) -> Iterator[Setting]:
-    """ssik: analytical solutions; its tracker, and its seeded solution in a loop, on its own arms or the URDF's."""
+    """ssik: analytical solutions; its tracker, and its seeded solution in a loop, on what it makes of the URDF."""
     import ssik
-
-    NAMES = {"panda": "franka_panda", "iiwa14": "iiwa14"}
-
-    def made(arm: Arm) -> ssik.Manipulator:
-        """The arm that it ships, where it is ours, or one of the URDF."""
-        if arm.name in NAMES:
-            return ssik.Manipulator.from_prebuilt(NAMES[arm.name])
-        return ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame)
 
     def tracked(arm: Arm) -> Step:
         """A run by its tracker."""
-        robot = made(arm)
-        base, tool = placed(arm, robot.fk)
-        tracker = robot.tracker(arm.start)
+        tracker = ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame).tracker(arm.start)
 
         def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray, h: float) -> np.ndarray | None:
-            found = tracker.update(base @ pose @ tool)
+            found = tracker.update(pose)
             return found.q if found.status.name == "OK" else None
 
         return step
 
+    made = ssik_module(arm)
+
     @with_options
     def nearest(arm: Arm, one_seed: bool) -> Step:
         """A run by the solution nearest to a seed: the last answer, or the start each time."""
-        robot = made(arm)
-        base, tool = placed(arm, robot.fk)
 
         def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray, h: float) -> np.ndarray | None:
-            seed = arm.start if one_seed else q
-            found = robot.solve(base @ pose @ tool, q_seed=seed, max_solutions=1)
+            found = made.solve(pose, q_seed=arm.start if one_seed else q, max_solutions=1)
             return found[0].q if found else None
 
         return step

@@ -8,19 +8,16 @@ It says on its output which ways it has on an arm, and answers a part of the pos
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import libraries
 import numpy as np
-from libraries import newton_solver
-from worker_loop import Arm, Way, agrees, answer_in_turns, placed
+from libraries import newton_solver, ssik_module
+from worker_loop import SAME, Arm, Way, agrees, answer_in_turns, placed
 
 Pose = np.ndarray
 Joints = np.ndarray
@@ -65,17 +62,7 @@ def ssik(arm: Arm) -> Iterator[Way]:
     """ssik, on what its `ssik build` makes of the URDF; its tracker on an arm that it ships, where that is better."""
     import ssik
 
-    def built() -> Any:
-        """The module that `ssik build` writes."""
-        folder = Path(arm.urdf).parent
-        file = folder / f"{arm.name.replace('-', '_')}_of_ssik.py"
-        command = [str(Path(sys.executable).parent / "ssik"), "build", arm.urdf, "--base", arm.base, "--ee", arm.frame]
-        command += ["--out", str(file), "--module-name", file.stem, "--no-validate"]
-        subprocess.run(command, check=True, capture_output=True)
-        sys.path.insert(0, str(folder))
-        return importlib.import_module(file.stem)
-
-    made = built()
+    made = ssik_module(arm)
     agrees(arm, made.fk)
 
     def first(found: list[Any]) -> Joints | None:
@@ -101,15 +88,14 @@ def ssik(arm: Arm) -> Iterator[Way]:
     )  # fmt: skip
     yield Way("one", f"{how}; `max_solutions=1`", lambda pose: first(made.solve(pose, max_solutions=1)))
     yield Way("seeded", f"{how}; `max_solutions=1`, seeded with the last answer", follow=lambda q: seeded)
-    shipped = {"panda": "franka_panda", "iiwa14": "iiwa14", "xarm7": "xarm7", "gen3": "gen3_ik"}.get(arm.name)
-    if shipped:
+    shipped = {"xarm7": "xarm7", "gen3": "gen3_ik"}.get(arm.name)
+    if shipped:  # of a file in which a right angle is 1.5708, and by another method, which is faster on these
         robot = ssik.Manipulator.from_prebuilt(shipped)
-        base, tool = placed(arm, robot.fk, 1e-4)
+        loose, what = 1e-4, "the arm that it ships, right to 1e-4 m"
     else:
-        robot, base, tool = ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame), np.eye(4), np.eye(4)
-        agrees(arm, robot.fk)
-    loose = 1e-4 if arm.name in ("xarm7", "gen3") else 1e-5
-    what = f"the arm that it ships ({loose:g} of tool error count as none)" if shipped else "an arm of the URDF"
+        robot = ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame)
+        loose, what = 1e-5, "an arm of the URDF"
+    base, tool = placed(arm, robot.fk, loose if shipped else SAME)
     yield Way("tracker", f"{what}, no limit of speed", follow=tracked, within=loose)
 
 
