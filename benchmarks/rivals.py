@@ -34,7 +34,7 @@ from benchmarks.league.played import ENTRIES, OURS, WORKERS, Entry, NoEnvironmen
 from benchmarks.league.scores import tool_errors
 from benchmarks.speed import load, processor
 from holokin.base.errors import HolokinError
-from holokin.motion.ik.self_motions import self_motions_at
+from holokin.motion.self_motions.self_motions import self_motions_at
 
 ROOT = Path(__file__).resolve().parents[1]
 ARMS = {

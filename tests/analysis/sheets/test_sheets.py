@@ -395,7 +395,7 @@ def test_of_many_poses_a_part_is_searched_and_the_map_says_what_all_of_them_get(
 
 
 def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    interrupted_in(monkeypatch, "best_constant", 4)
+    interrupted_in(monkeypatch, "served_weight", 400)
     task = planar_task()
     s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40)
     assert s.stopped

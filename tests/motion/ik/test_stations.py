@@ -11,8 +11,8 @@ from conftest import campaign
 from holokin.analysis.sheets.station_maps import _read, _written, make_station_map
 from holokin.base.errors import OutOfReachError
 from holokin.motion.ik.arm_inverse import ArmInverse
-from holokin.motion.ik.self_motions import self_motions_at
 from holokin.motion.ik.stations import FIRST, Hand, StationCalls, takes_stations
+from holokin.motion.self_motions.self_motions import self_motions_at
 
 ARMS = ("gen3", "sawyer", "yumi-arm", "rizon4")
 

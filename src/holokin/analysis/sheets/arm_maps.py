@@ -13,12 +13,12 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, BranchError, NativeError
 from ...base.progress import progress
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, kept
+from ...base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, kept
 from ...motion.checks import Clearances, Scene
 from ...motion.ik.arm_inverse import ArmInverse
 from ...motion.ik.arm_map import ArmMap, check_task, classes, digest, map_of_text, map_text, shipped, spin_axis
 from ...motion.ik.closed_leaf import DOUBT
-from ...motion.ik.held_coordinate import LEAST, HeldCoordinate, Spin
+from ...motion.ik.held_coordinate import HeldCoordinate, Spin
 from ...motion.ik.inverse_function import InverseKinematics
 from ...motion.ik.inverse_function import ik as leaf_ik
 from ...motion.ik.solutions import PoseSet
@@ -31,6 +31,8 @@ from ...strategies.tasks import pose
 from ...strategies.tasks.task import Task
 from ...symbolic.native.toolchain import cache_folder, keep
 from ...symbolic.native.toolchain import kept as kept_bytes
+from .held_arm import HeldArm
+from .level_fit import Ranges, Values, direction, fitted, polynomial, ranges_of, served_weight
 from .station_maps import station_map
 
 SAMPLES = 3_000
@@ -42,9 +44,6 @@ DRAWN = 40
 TRIAL = 2
 """Sheets by which the joint to hold is chosen."""
 
-BELOW = 4
-"""Sheets of an arm of seven joints, of those that its map has, with which a free spin is combined."""
-
 SHEETS = 16
 """The most of a map: two calls of eight side by side."""
 
@@ -54,189 +53,35 @@ WANTED = 0.997
 MISSED = 0.002
 """Share of the poses whose arcs within the limits may be missed between two values of what is held."""
 
-VALUES = 96
-"""Values of what is held at which the arcs of a pose are looked at."""
-
 TRIED = 3
 """Branches for which a rule is fitted, of which one becomes the next sheet: those with most poses to gain."""
 
 SERVED = 0.02
 """Weight of a pose that a sheet before serves: more sheets that serve it let `near` stay longer."""
 
-ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
-"""Rounds of a fit: how far off [rad or m] a value stops to count at first, and how that shrinks in each round."""
-
-STEPS, GAIN = 60, 1e-5
-"""The most steps of a round, and the share of the loss that a step gains at which it ends."""
-
-SEARCHED = 20
-"""The most lengths that are tried for a step."""
-
-INSIDE = 0.95
-"""Share of an interval of an arc in which a rule's value is to lie."""
-
 LOOKS = 64
 """Random postures of a robot of which one at least is to keep clear of a scene, or no pair is to touch at all."""
-
-STARTS = 24
-"""Angles at which each of the first terms of a rule that turns with the tool is tried, to begin with."""
-
-NATIVE_FROM = 2_000
-"""Poses from which native code tells what a rule sees of them: it is built once and asked hundreds of times."""
 
 Progress = Callable[[float, str], None]
 """Hears how far it is, from 0 to 1, and in words."""
 
 
-class _Arcs(NamedTuple):
-    """The intervals of what is held in which an arc is within the limits: pose (N,), middle and half of each (N,)."""
-
-    pose: Indices
-    middle: Vector
-    half: Vector
-
-
-@dataclass(frozen=True, eq=False)
-class _HeldArm(Value):
-    """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where.
-
-    whole: its map for whole poses, where the spin is held.
-    """
-
-    held: HeldCoordinate
-    whole: ArmMap | None = None
-
-    @cached_property
-    def inverse(self) -> ClosedInverse:
-        """The closed form."""
-        return ClosedInverse(self.held.arm, limits=True)
-
-    @cached_property
-    def below(self) -> _HeldArm | None:
-        """That of whole poses, where the spin is held."""
-        return None if self.whole is None else _HeldArm(self.whole.held)
-
-    @cached_property
-    def values(self) -> Vector:
-        """Values of what is held, evenly."""
-        return self.held.values(VALUES)
-
-    @cached_property
-    def branches(self) -> Matrix:
-        """What may choose a posture (B, b): all signs, or sheets of the map for whole poses."""
-        return SIGNS if self.whole is None or self.whole.held.none else self.whole.rows[:BELOW]
-
-    def terms(self, poses: Array) -> Matrix:
-        """The monomials (k, m) of poses (k, 4, 4)."""
-        return np.asarray(self.held.seen.batch(poses, native_from=NATIVE_FROM)[0]).reshape(len(poses), -1)
-
-    def _turned(self, poses: Array, spins: Vector) -> Array:
-        return np.asarray(self.held.turned.batch(poses, spins[:, None], native_from=NATIVE_FROM))
-
-    def _real(self, rows: Array) -> Flags:
-        """Which answers (..., 12) of the closed form are postures within the limits."""
-        return (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)
-
-    def arcs(self, poses: Array) -> Flags:
-        """Whether a posture is within the limits (k, C, B) at poses, values and branches."""
-        serves = np.zeros((len(poses), len(self.values), len(self.branches)), dtype=bool)
-        for first in range(0, len(poses), 500):
-            some = poses[first : first + 500]
-            each, values = np.repeat(some, len(self.values), axis=0), np.tile(self.values, len(some))
-            flags = (
-                self._real(self._at(each, len(some))) if self.below is None else self._below(self.below, each, values)
-            )
-            serves[first : first + 500] = flags.reshape(serves[first : first + 500].shape)
-        return serves
-
-    def _at(self, poses: Array, count: int) -> Array:
-        """The answers (k, 8, 12) of the closed form at poses, each of `count` at all values of the joint."""
-        every = [self.inverse.at(value) for value in self.values]
-        chain, own = (np.array([getattr(one, name) for one in every]) for name in ("chain", "own"))
-        return self.inverse.answers_of(*(np.tile(x, (count, 1)) for x in (chain, own)), poses=poses, threads=None)
-
-    def _below(self, below: _HeldArm, poses: Array, spins: Vector) -> Flags:
-        """Which branches (k, B) of the arm for whole poses serve poses with the tool turned."""
-        poses = self._turned(poses, spins)
-        if below.held.none:
-            return self._real(below.inverse.answers(poses, np.zeros((len(poses), 0))))
-        f, w = below.terms(poses), below.held.width
-        return np.column_stack([below.served(f, poses, row[:w], row[w:]) for row in self.branches])
-
-    def intervals(self, flags: Flags) -> _Arcs:
-        """Those in which arcs of one branch serve (k, C)."""
-        # A turn begins behind a value that does not serve.
-        k, count = flags.shape
-        begin = flags.argmin(axis=1) if self.held.turning else np.zeros(k, dtype=int)
-        flags = np.take_along_axis(flags, (begin[:, None] + np.arange(count)) % count, axis=1)
-        edge, step = np.zeros((k, 1), dtype=bool), self.values[1] - self.values[0]
-        change = np.diff(np.hstack([edge, flags, edge]).astype(int), axis=1)
-        (pose_, first), (_, after) = np.nonzero(change == 1), np.nonzero(change == -1)
-        middle = self.values[0] + step * (begin[pose_] + 0.5 * (first + after - 1))
-        return _Arcs(pose_, middle, 0.5 * step * (after - 1 - first) + 0.2 * step)
-
-    def off(self, value: Array, middle: Array) -> Array:
-        """From a middle to a value, of an angle the shorter way."""
-        gap = value - middle
-        return gap if self.held.slides else (gap + np.pi) % (2 * np.pi) - np.pi
-
-    def served(self, f: Matrix, poses: Array, rule: Vector, branch: Vector) -> Flags:
-        """Whether a sheet serves poses (k,), whose monomials are f (k, m)."""
-        low, high = self.held.range
-        if self.held.slides:
-            value, sound = np.clip(_times(f, rule), low, high), np.ones(len(f), dtype=bool)
-        else:
-            sine, cosine = _times(f, rule[: self.held.terms]), _times(f, rule[self.held.terms :])
-            value, sound = np.arctan2(sine, cosine), np.hypot(sine, cosine) > LEAST
-            value = value + 2 * np.pi * np.floor(((low + high) / 2 - value) / (2 * np.pi) + 0.5)
-            sound &= (value >= low) & (value <= high)
-        sign = int(np.flatnonzero((branch[-3:] == SIGNS).all(axis=1))[0])
-        if self.below is None:
-            return sound & self._real(self.inverse.answers(poses, value[:, None])[:, sign])
-        poses, below, w = self._turned(poses, value), self.below, self.below.held.width
-        if below.held.none:
-            return sound & self._real(below.inverse.answers(poses, np.zeros((len(poses), 0)))[:, sign])
-        return sound & below.served(below.terms(poses), poses, branch[:w], branch[w:])
-
-    @cached_property
-    def starts(self) -> Matrix:
-        """Numbers (j, p) of rules with which a fit may begin: constants; the first terms that turn with the tool, each
-        turned by some angles; of a slide also its place and constants."""
-        held, count = self.held, self.held.basis.shape[1]
-        if held.spin is not None:
-            c, starts = np.linspace(-np.pi, np.pi, STARTS, endpoint=False), []
-            for term in (0, count // 4):
-                some = np.zeros((STARTS, count))
-                some[:, term], some[:, count // 2 + term] = np.cos(c), np.sin(c)
-                starts.append(some)
-            return np.vstack(starts)
-        if not held.slides:
-            return held.constant(self.values)
-        beside = held.constant(np.linspace(-held.length, held.length, 49))
-        beside[:, -1] = held.length
-        return np.vstack([held.constant(self.values), beside])
-
-
-def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
-    """The rule (w,) whose value lies in an interval of the arcs at most of the poses' weight.
-
-        min   sum  w  z^2 / (z^2 + d^2),     z: how far the value is outside the interval that is nearest to it
-
-    with a d that shrinks from round to round, so that what is far outside counts less and less: by L-BFGS, from the
-    best of the `starts`. f: of all poses (k, m).
+def _fitted(arm: HeldArm, f: Matrix, arcs: Ranges, weights: Vector) -> Vector:
+    """The rule (w,) whose value lies in an interval of the arcs at most of the poses' weight, from the best of the
+    `starts`. f: of all poses (k, m).
     """
     held, m, basis = arm.held, f.shape[1], arm.held.basis
-    low, high = held.range
+    form = polynomial if held.slides else direction
+    limits = held.range if held.slides else None
 
-    def value_of(some: Matrix, rule: Vector) -> Vector:
-        return _times(some, rule) if held.slides else np.arctan2(_times(some, rule[:m]), _times(some, rule[m:]))
+    def rule(some: Matrix, share: Vector, x: Vector) -> Values:
+        at = form(some, share, basis @ x)
+        return Values(at.values, lambda slopes: basis.T @ at.gradient(slopes), at.penalty)
 
     # The start that hits the most.
-    hits = []
-    for x in arm.starts:
-        value = value_of(f[arcs.pose], basis @ x)
-        value = np.clip(value, low, high) if held.slides else value
-        hits.append(weights[np.unique(arcs.pose[np.abs(arm.off(value, arcs.middle)) <= arcs.half])].sum())
+    of_arcs = f[arcs.pose]
+    values = (rule(of_arcs, np.ones(len(of_arcs)), x).values for x in arm.starts)
+    hits = [served_weight(np.clip(v, *limits) if limits else v, arcs, weights, arm.off) for v in values]
     size = np.abs(f).max(axis=0)
     scale = np.tile(size, held.width // m)
     # Terms of one pair of those that turn with the tool are scaled alike.
@@ -244,92 +89,8 @@ def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
         size[1:] = np.tile(np.maximum(*size[1:].reshape(2, -1)), 2)
         scale = np.tile(size, 2)
     x = np.linalg.lstsq(basis, scale * (basis @ arm.starts[int(np.argmax(hits))]), rcond=None)[0]
-    f = f / size
-    for round_ in range(ROUNDS):
-        value = value_of(f, basis @ x)
-        value = np.clip(value, low, high) if held.slides else value
-        outside = np.abs(arm.off(value[arcs.pose], arcs.middle)) - arcs.half
-        order = np.lexsort((outside, arcs.pose))
-        nearest = order[np.unique(arcs.pose[order], return_index=True)[1]]
-        some, middle, half = f[arcs.pose[nearest]], arcs.middle[nearest], INSIDE * arcs.half[nearest]
-        w, d = weights[arcs.pose[nearest]] / len(nearest), FIRST * CLOSER**round_
-        share = w / w.sum()
-        # A slide may be asked to go on beyond its limits where an arc is served at these.
-        ends = [held.slides & (np.abs(end - middle) <= arcs.half[nearest]) for end in (low, high)]
-
-        def lost(off: Vector) -> tuple[Vector, Vector]:
-            z = np.sign(off) * np.maximum(np.abs(off) - half, 0)
-            z[(ends[0] & (off < 0)) | (ends[1] & (off > 0))] = 0.0
-            bound = z * z + d * d
-            return w * z * z / bound, w * 2 * z * d * d / bound**2
-
-        def loss(x: Vector) -> tuple[float, Vector]:
-            rule = basis @ x
-            if held.slides:
-                values, slope = lost(_times(some, rule) - middle)
-                return float(values.sum() + 1e-7 * (x @ x)), _onto(some, slope) + 2e-7 * x
-            # Beside the misses: the vector is to have length 1, which no angle tells, and coefficients are to be small.
-            sine, cosine = _times(some, rule[:m]), _times(some, rule[m:])
-            square = sine * sine + cosine * cosine + 1e-12
-            values, slope = lost(arm.off(np.arctan2(sine, cosine), middle))
-            length = 4e-3 * share * (square - 1)
-            by_sine = slope * cosine / square + length * sine
-            by_cosine = -slope * sine / square + length * cosine
-            value = values.sum() + 1e-3 * float(share @ (square - 1) ** 2) + 1e-7 * (x @ x)
-            return float(value), basis.T @ np.concatenate([_onto(some, by_sine), _onto(some, by_cosine)]) + 2e-7 * x
-
-        x = _lowest(loss, x)
+    x = fitted(rule, x, f / size, arcs, weights, arm.off, limits)
     return np.array([float(f"{number:.6g}") for number in basis @ x / scale])
-
-
-def _times(f: Matrix, rule: Vector) -> Vector:
-    """f rule, in the same order of sums however many cores there are: a fit follows the last bit."""
-    return np.einsum("ij,j->i", f, rule)
-
-
-def _onto(f: Matrix, slope: Vector) -> Vector:
-    """f^T slope, likewise."""
-    return np.einsum("ij,i->j", f, slope)
-
-
-def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector:
-    """Where a loss is lowest near x, by L-BFGS: as SciPy's, but on one core, and the same on each number of them."""
-    value, slope = loss(x)
-    pairs: list[tuple[Vector, Vector, float]] = []
-    for _ in range(STEPS):
-        # The direction, by the last steps and how slopes changed over them.
-        direction, shares = -slope, []
-        for move, change, product in reversed(pairs):
-            shares.append(float(move @ direction) / product)
-            direction = direction - shares[-1] * change
-        if pairs:
-            move, change, product = pairs[-1]
-            direction = direction * product / float(change @ change)
-        else:
-            direction = direction * min(1.0, 1 / max(float(np.abs(slope).sum()), 1e-12))
-        for (move, change, product), share in zip(pairs, reversed(shares), strict=True):
-            direction = direction + (share - float(change @ direction) / product) * move
-        # A step that leads down enough, and over which the slope rises enough.
-        descent, low, high, step = float(slope @ direction), 0.0, np.inf, 1.0
-        reached, ahead = loss(x + direction)
-        for _ in range(SEARCHED):
-            if not reached <= value + 1e-4 * step * descent:
-                high = step
-            elif float(ahead @ direction) < 0.9 * descent:
-                low = step
-            else:
-                break
-            step = 0.5 * (low + high) if np.isfinite(high) else 2 * step
-            reached, ahead = loss(x + step * direction)
-        if not reached < value:
-            break
-        move, change = step * direction, ahead - slope
-        if (product := float(move @ change)) > 0:
-            pairs = [*pairs[-9:], (move, change, product)]
-        x, slope, gain, value = x + move, ahead, value - reached, reached
-        if gain < GAIN * value:
-            break
-    return x
 
 
 class _Trial(NamedTuple):
@@ -338,7 +99,7 @@ class _Trial(NamedTuple):
     reached: share of poses that have an interval of any arc. complete: False where Ctrl-C ended it.
     """
 
-    arm: _HeldArm
+    arm: HeldArm
     rules: list[Vector]
     branches: list[Vector]
     served: float
@@ -358,7 +119,7 @@ class _Trial(NamedTuple):
 
 
 def _fit(
-    arm: _HeldArm, samples: int, most: int, report: Progress, begun: ArmMap | _Trial | None = None, stops: bool = False
+    arm: HeldArm, samples: int, most: int, report: Progress, begun: ArmMap | _Trial | None = None, stops: bool = False
 ) -> _Trial:
     """Sheets one after another, each of which serves the most of what those before do not.
 
@@ -413,7 +174,7 @@ def _fit(
 
 
 def _next_sheet(
-    arm: _HeldArm, f: Matrix, poses: Array, arcs: Flags, weights: Vector
+    arm: HeldArm, f: Matrix, poses: Array, arcs: Flags, weights: Vector
 ) -> tuple[Vector, Vector, Flags] | None:
     """(rule, branch, which poses it serves) of the sheet that serves the most of the weight, of those that could."""
     gains = weights @ arcs.any(axis=1)
@@ -421,7 +182,7 @@ def _next_sheet(
     for i in np.argsort(-gains, kind="stable")[:TRIED].tolist():
         if not gains[i] > 0:
             break
-        rule, branch = _fitted(arm, f, arm.intervals(arcs[:, :, i]), weights), arm.branches[i]
+        rule, branch = _fitted(arm, f, ranges_of(arcs[:, :, i], arm.values, arm.held.turning), weights), arm.branches[i]
         serves = arm.served(f, poses, rule, branch)
         if weights @ serves > gain:
             best, gain = (rule, branch, serves), float(weights @ serves)
@@ -453,14 +214,14 @@ def make_arm_map(
         if not whole.complete:
             raise KeyboardInterrupt  # which that call heard, and kept what it had
         held = HeldCoordinate(whole.arm, whole.held.length, Spin.of(robot, task.tip, axis), whole.held)
-        found = _fit(_HeldArm(held, whole), samples, SHEETS, report, begun, stops=True)
+        found = _fit(HeldArm(held, whole), samples, SHEETS, report, begun, stops=True)
         return found.as_map(whole.choices if whole.held.none else whole.rows)
     hand = [HeldCoordinate(arm, 1.0) for arm in arms]
     if hand[0].none:
         return _of_six(arms[0], poses)
     # The joint to hold: a few sheets of each. Then as many as it takes.
-    lengths = [float(f"{np.abs(_HeldArm(one).terms(poses)[:, 1:4]).max():.6g}") for one in hand]
-    every = [_HeldArm(HeldCoordinate(one, length)) for one, length in zip(arms, lengths, strict=True)]
+    lengths = [float(f"{np.abs(HeldArm(one).terms(poses)[:, 1:4]).max():.6g}") for one in hand]
+    every = [HeldArm(HeldCoordinate(one, length)) for one, length in zip(arms, lengths, strict=True)]
     if begun is None:
         trials = []
         for i, arm in enumerate(every):
@@ -476,7 +237,7 @@ def make_arm_map(
     return found.as_map(SIGNS[_possible(arm, poses, rng)])
 
 
-def _possible(arm: _HeldArm, poses: Array, rng: np.random.Generator) -> Flags:
+def _possible(arm: HeldArm, poses: Array, rng: np.random.Generator) -> Flags:
     """Which choices of signs (8,) postures within the limits have, at random values of the held joint."""
     rows = arm.inverse.answers(np.repeat(poses, 8, axis=0), rng.uniform(*arm.held.range, (8 * len(poses), 1)))
     return np.asarray(((rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)).any(axis=0))

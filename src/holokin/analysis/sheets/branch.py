@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...base.types import Indices, Matrix, Value, Vector
+from ...base.types import Array, Indices, Matrix, Value, Vector
 from ...symbolic import wrapped
 from ..coverage.starts import Candidate
 from .level_fit import Ranges
@@ -32,8 +32,9 @@ class Branch(Value):
     postures: Callable[[Indices, Vector], Matrix]
     turning: bool = False
 
-    def wrap(self, gap: Vector) -> Vector:
-        """Differences (N,) of levels, the shorter way where a whole turn more is the same posture."""
+    def off(self, levels: Array, middle: Array) -> Array:
+        """From a middle to a level, the shorter way where a whole turn more is the same posture."""
+        gap = levels - middle
         return wrapped(gap) if self.turning else gap
 
     @cached_property

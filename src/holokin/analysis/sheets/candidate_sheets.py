@@ -20,7 +20,7 @@ from ...symbolic import Function, jacobian
 from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
 from ..coverage.starts import FREE, Candidate, postures_at
 from .branch import Branch
-from .level_fit import best_constant, fitted, polynomial
+from .level_fit import fitted, polynomial, served_weight
 from .set_cover import ROUND
 from .sheet import Sheet, known, nearby, neighbours, turn_length
 from .sheet_growth import STARTS, grown, lines_served, one_function, side_by_side
@@ -213,9 +213,11 @@ class CandidateSheets:
 
     def _fit(self, branch: Branch, weights: Vector, f: Matrix, slopes: Array, degree: int) -> None:
         x = np.zeros(f.shape[1])
-        x[0] = best_constant(branch.ranges, weights, branch.constants, branch.wrap)
+        count = len(branch.ranges.pose)
+        hits = [served_weight(np.full(count, c), branch.ranges, weights, branch.off) for c in branch.constants]
+        x[0] = branch.constants[int(np.argmax(hits))]
         if degree:
-            x = fitted(polynomial, x, f, branch.ranges, weights, branch.wrap)
+            x = fitted(polynomial, x, f, branch.ranges, weights, branch.off)
         self.tried += 1
         x = np.array([float(f"{value:.{DIGITS}g}") for value in x])
         levels = f @ x

@@ -1,4 +1,4 @@
-"""An arm with one joint held: the values of that joint at which poses have postures that are allowed, by signs."""
+"""An arm with a joint held, or the spin of its tool: the values of what is held at which poses have postures."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ import numpy as np
 
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.checks import Clear
+from ...motion.ik.arm_map import ArmMap
 from ...motion.ik.closed_leaf import DOUBT
-from ...robot.closed_form import ArmClass, ClosedInverse, NoClass, arm_class
+from ...motion.ik.held_coordinate import LEAST as SOUND
+from ...motion.ik.held_coordinate import HeldCoordinate
+from ...robot.closed_form import ClosedInverse, NoClass, arm_class
 from ...robot.closed_form.closed_inverse import SIGNS
 from ...strategies import holonomic
 from ...strategies.constraints import lock
@@ -18,95 +21,155 @@ from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
 from ..coverage.starts import Candidate
 from .branch import Branch
-from .level_fit import Ranges
+from .level_fit import ranges_of, times
 
 VALUES = 96
-"""Values of the held joint at which the postures of a pose are looked at."""
+"""Values of what is held at which the arcs of a pose are looked at."""
+
+BELOW = 4
+"""Sheets of an arm of seven joints, of those that its map has, with which a free spin is combined."""
 
 TOGETHER = 500
 """Poses whose postures are looked at together."""
 
+STARTS = 24
+"""Angles at which each of the first terms of a rule that turns with the tool is tried, to begin with."""
+
+NATIVE_FROM = 2_000
+"""Poses from which native code tells what a rule sees of them: it is built once and asked hundreds of times."""
+
 
 @dataclass(frozen=True, eq=False)
 class HeldArm(Value):
-    """An arm of which one joint is held, or of six joints none, so that the others have a closed inverse."""
+    """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where.
 
-    arm: ArmClass
+    whole: its map for whole poses, where the spin is held.
+    """
+
+    held: HeldCoordinate
+    whole: ArmMap | None = None
 
     @cached_property
     def inverse(self) -> ClosedInverse:
-        """The closed form, within the joint limits."""
-        return ClosedInverse(self.arm, limits=True)
+        """The closed form."""
+        return ClosedInverse(self.held.arm, limits=True)
 
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Of the held joint."""
-        k, robot = self.arm.held[0], self.arm.robot
-        return float(robot.lower[k]), float(robot.upper[k])
-
-    @property
-    def turning(self) -> bool:
-        """Whether they leave all of a turn."""
-        low, high = self.limits
-        return high - low >= 2 * np.pi
+    @cached_property
+    def below(self) -> HeldArm | None:
+        """That of whole poses, where the spin is held."""
+        return None if self.whole is None else HeldArm(self.whole.held)
 
     @cached_property
     def values(self) -> Vector:
-        """Values of the held joint, evenly."""
-        ends = (-np.pi, np.pi) if self.turning else self.limits
-        return np.linspace(*ends, VALUES, endpoint=not self.turning)
+        """Values of what is held, evenly."""
+        return self.held.values(VALUES)
 
-    def postures(self, rows: Array, held: Matrix) -> Matrix:
-        """The postures (k, n) of answers (k, 12) and values (k, r) of the held joints."""
-        q = np.zeros((len(rows), self.arm.robot.n))
-        q[:, self.inverse.others], q[:, list(self.arm.held)] = rows[:, :6], held
+    @cached_property
+    def branches(self) -> Matrix:
+        """What may choose a posture (B, b): all signs, or sheets of the map for whole poses."""
+        return SIGNS if self.whole is None or self.whole.held.none else self.whole.rows[:BELOW]
+
+    def terms(self, poses: Array) -> Matrix:
+        """The monomials (k, m) of poses (k, 4, 4)."""
+        return np.asarray(self.held.seen.batch(poses, native_from=NATIVE_FROM)[0]).reshape(len(poses), -1)
+
+    def _turned(self, poses: Array, spins: Vector) -> Array:
+        return np.asarray(self.held.turned.batch(poses, spins[:, None], native_from=NATIVE_FROM))
+
+    def _real(self, rows: Array) -> Flags:
+        """Which answers (..., 12) of the closed form are postures within the limits."""
+        return (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)
+
+    def arcs(self, poses: Array, clear: Clear | None = None) -> Flags:
+        """Whether a posture is within the limits (k, C, B) at poses, values and branches, and where the arm is asked
+        for whole poses clear of something."""
+        serves = np.zeros((len(poses), len(self.values), len(self.branches)), dtype=bool)
+        for first in range(0, len(poses), TOGETHER):
+            some = poses[first : first + TOGETHER]
+            each, values = np.repeat(some, len(self.values), axis=0), np.tile(self.values, len(some))
+            if self.below is not None:
+                flags = self._below(self.below, each, values)
+            else:
+                rows = self._at(each, len(some))
+                flags = self._real(rows)
+                if clear is not None and flags.any():
+                    flags[flags] = clear(self._postures(rows[flags], values[np.nonzero(flags)[0], None]))
+            serves[first : first + TOGETHER] = flags.reshape(serves[first : first + TOGETHER].shape)
+        return serves
+
+    def _at(self, poses: Array, count: int) -> Array:
+        """The answers (k, 8, 12) of the closed form at poses, each of `count` at all values of the joint."""
+        every = [self.inverse.at(value) for value in self.values]
+        chain, own = (np.array([getattr(one, name) for one in every]) for name in ("chain", "own"))
+        return self.inverse.answers_of(*(np.tile(x, (count, 1)) for x in (chain, own)), poses=poses, threads=None)
+
+    def _below(self, below: HeldArm, poses: Array, spins: Vector) -> Flags:
+        """Which branches (k, B) of the arm for whole poses serve poses with the tool turned."""
+        poses = self._turned(poses, spins)
+        if below.held.none:
+            return self._real(below.inverse.answers(poses, np.zeros((len(poses), 0))))
+        f, w = below.terms(poses), below.held.width
+        return np.column_stack([below.served(f, poses, row[:w], row[w:]) for row in self.branches])
+
+    def _postures(self, rows: Array, values: Matrix) -> Matrix:
+        """The postures (k, n) of answers (k, 12) at values (k, 1) of the joint."""
+        q = np.zeros((len(rows), self.held.robot.n))
+        q[:, self.inverse.others], q[:, list(self.held.arm.held)] = rows[:, :6], values
         return q
 
-    def postures_at(self, poses: Array, values: Matrix, sign: int, clear: Clear | None = None) -> Matrix:
-        """The postures (k, n) of a choice of signs at poses (k, 4, 4) and values (k, r); NaN where none is allowed."""
-        robot, held = self.arm.robot, list(self.arm.held)
-        if held and self.turning:
-            middle = sum(self.limits) / 2
-            values = values + 2 * np.pi * np.floor((middle - values) / (2 * np.pi) + 0.5)
-        rows = self.inverse.answers(poses, values)[:, sign]
-        q = self.postures(rows, values)
-        within = ((values >= robot.lower[held]) & (values <= robot.upper[held])).all(axis=1)
-        allowed = (rows[:, 9] > DOUBT) & (rows[:, 10] >= 0) & within
+    def postures(self, poses: Array, values: Vector, sign: int, clear: Clear | None) -> Matrix:
+        """The postures (k, n) of a choice of signs at poses (k, 4, 4) and values (k,); NaN where none is allowed."""
+        low, high = self.held.range
+        if self.held.turning:
+            values = values + 2 * np.pi * np.floor(((low + high) / 2 - values) / (2 * np.pi) + 0.5)
+        rows = self.inverse.answers(poses, values[:, None])[:, sign]
+        q = self._postures(rows, values[:, None])
+        allowed = self._real(rows) & (values >= low) & (values <= high)
         if clear is not None and allowed.any():
             allowed[allowed] = clear(q[allowed])
         q[~allowed] = np.nan
         return q
 
-    def allowed(self, poses: Array, clear: Clear | None = None) -> Flags:
-        """Whether a posture is allowed (k, C, 8) at poses, values and signs."""
-        held = [self.inverse.at(value) for value in self.values]
-        chain, own = (np.array([getattr(at, name) for at in held]) for name in ("chain", "own"))
-        serves = np.zeros((len(poses), len(self.values), len(SIGNS)), dtype=bool)
-        for first in range(0, len(poses), TOGETHER):
-            some = poses[first : first + TOGETHER]
-            each = np.repeat(some, len(self.values), axis=0)
-            rows = self.inverse.answers_of(
-                *(np.tile(x, (len(some), 1)) for x in (chain, own)), poses=each, threads=None
-            )
-            rows = rows.reshape(*serves[first : first + TOGETHER].shape, -1)
-            flags = (rows[..., 9] > DOUBT) & (rows[..., 10] >= 0)
-            if clear is not None and flags.any():
-                _, value, _ = np.nonzero(flags)
-                flags[flags] = clear(self.postures(rows[flags], self.values[value, None]))
-            serves[first : first + TOGETHER] = flags
-        return serves
+    def off(self, value: Array, middle: Array) -> Array:
+        """From a middle to a value, of an angle the shorter way."""
+        gap = value - middle
+        return gap if self.held.slides else (gap + np.pi) % (2 * np.pi) - np.pi
 
-    def ranges(self, flags: Flags) -> Ranges:
-        """The ranges of the held joint in which postures of one choice of signs are allowed (k, C)."""
-        # A turn begins behind a value that is not allowed.
-        k, count = flags.shape
-        begin = flags.argmin(axis=1) if self.turning else np.zeros(k, dtype=int)
-        flags = np.take_along_axis(flags, (begin[:, None] + np.arange(count)) % count, axis=1)
-        edge, step = np.zeros((k, 1), dtype=bool), self.values[1] - self.values[0]
-        change = np.diff(np.hstack([edge, flags, edge]).astype(int), axis=1)
-        (pose, first), (_, after) = np.nonzero(change == 1), np.nonzero(change == -1)
-        middle = self.values[0] + step * (begin[pose] + 0.5 * (first + after - 1))
-        return Ranges(pose, middle, 0.5 * step * (after - 1 - first) + 0.2 * step)
+    def served(self, f: Matrix, poses: Array, rule: Vector, branch: Vector) -> Flags:
+        """Whether a sheet serves poses (k,), whose monomials are f (k, m)."""
+        low, high = self.held.range
+        if self.held.slides:
+            value, sound = np.clip(times(f, rule), low, high), np.ones(len(f), dtype=bool)
+        else:
+            sine, cosine = times(f, rule[: self.held.terms]), times(f, rule[self.held.terms :])
+            value, sound = np.arctan2(sine, cosine), np.hypot(sine, cosine) > SOUND
+            value = value + 2 * np.pi * np.floor(((low + high) / 2 - value) / (2 * np.pi) + 0.5)
+            sound &= (value >= low) & (value <= high)
+        sign = int(np.flatnonzero((branch[-3:] == SIGNS).all(axis=1))[0])
+        if self.below is None:
+            return sound & self._real(self.inverse.answers(poses, value[:, None])[:, sign])
+        poses, below, w = self._turned(poses, value), self.below, self.below.held.width
+        if below.held.none:
+            return sound & self._real(below.inverse.answers(poses, np.zeros((len(poses), 0)))[:, sign])
+        return sound & below.served(below.terms(poses), poses, branch[:w], branch[w:])
+
+    @cached_property
+    def starts(self) -> Matrix:
+        """Numbers (j, p) of rules with which a fit may begin: constants; the first terms that turn with the tool, each
+        turned by some angles; of a slide also its place and constants."""
+        held, count = self.held, self.held.basis.shape[1]
+        if held.spin is not None:
+            c, starts = np.linspace(-np.pi, np.pi, STARTS, endpoint=False), []
+            for term in (0, count // 4):
+                some = np.zeros((STARTS, count))
+                some[:, term], some[:, count // 2 + term] = np.cos(c), np.sin(c)
+                starts.append(some)
+            return np.vstack(starts)
+        if not held.slides:
+            return held.constant(self.values)
+        beside = held.constant(np.linspace(-held.length, held.length, 49))
+        beside[:, -1] = held.length
+        return np.vstack([held.constant(self.values), beside])
 
 
 LEAST = 0.05
@@ -116,27 +179,23 @@ LEAST = 0.05
 def branches_by_signs(task: Task, poses: Array, clear: Clear | None) -> list[Branch]:
     """The branches of all joints that, held, leave a closed form whose signs tell postures apart: the exact ranges of
     the joint at poses (k, 4, 4). None where there is no such joint."""
-    robot, branches = task.robot, []
+    robot, branches = task.robot, list[Branch]()
     arms = [arm_class(robot, (k,), task.tip) for k in range(robot.n)] if asks_whole_pose(task) else []
     for arm in arms:
         if isinstance(arm, NoClass) or not arm.proven or not robot.hinges[list(arm.held)].all():
             continue
-        held_arm, name = HeldArm(arm), robot.joint_names[arm.held[0]]
-        keys, strategy = {"kind": "lock", "joints": [name]}, holonomic(task, lock(name), name=f"lock {name}")
-        flags = held_arm.allowed(poses, clear)
+        held_arm, name = HeldArm(HeldCoordinate(arm, 1.0)), robot.joint_names[arm.held[0]]
+        candidate = Candidate(
+            f"lock {name}", {"kind": "lock", "joints": [name]}, task, holonomic(task, lock(name), name=f"lock {name}")
+        )
+        flags, turning = held_arm.arcs(poses, clear), held_arm.held.turning
         for sign in np.flatnonzero(flags.any(axis=1).mean(axis=0) > LEAST).tolist():
-            branches.append(
-                Branch(
-                    Candidate(strategy.name, keys, task, strategy),
-                    held_arm.ranges(flags[:, :, sign]),
-                    partial(_postures, held_arm, poses, sign, clear),
-                    held_arm.turning,
-                )
-            )
+            ranges = ranges_of(flags[:, :, sign], held_arm.values, turning)
+            branches.append(Branch(candidate, ranges, partial(_postures, held_arm, poses, sign, clear), turning))
     return branches
 
 
 def _postures(
     held_arm: HeldArm, poses: Array, sign: int, clear: Clear | None, which: Indices, levels: Vector
 ) -> Matrix:
-    return held_arm.postures_at(poses[which], levels[:, None], sign, clear)
+    return held_arm.postures(poses[which], levels, sign, clear)

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...base.types import Indices, Matrix, Vector
+from ...base.types import Array, Flags, Indices, Matrix, Vector
 
-ROUNDS, FIRST, CLOSER = 10, 1.0, 0.65
-"""Rounds of a fit: how far off a value stops to count at first, and how that shrinks in each round."""
+ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
+"""Rounds of a fit: how far off [rad or m] a value stops to count at first, and how that shrinks in each round."""
 
 INSIDE = 0.95
 """Share of a range in which a value is to lie."""
@@ -24,6 +24,9 @@ SEARCHED = 20
 SMALL = 1e-7
 """What the square of a coefficient costs against a pose that is missed."""
 
+Off = Callable[[Array, Array], Array]
+"""(values, middles) -> from a middle to a value, of an angle the shorter way."""
+
 
 class Ranges(NamedTuple):
     """Ranges in which a value is allowed: pose (N,), middle and half of each (N,); a pose may have several."""
@@ -33,24 +36,40 @@ class Ranges(NamedTuple):
     half: Vector
 
 
+def ranges_of(flags: Flags, values: Vector, turning: bool) -> Ranges:
+    """The ranges of values (C,), evenly spaced, that are allowed at poses (k, C); turning: they go all round a turn."""
+    # A turn begins behind a value that is not allowed.
+    k, count = flags.shape
+    begin = flags.argmin(axis=1) if turning else np.zeros(k, dtype=int)
+    flags = np.take_along_axis(flags, (begin[:, None] + np.arange(count)) % count, axis=1)
+    edge, step = np.zeros((k, 1), dtype=bool), values[1] - values[0]
+    change = np.diff(np.hstack([edge, flags, edge]).astype(int), axis=1)
+    (pose, first), (_, after) = np.nonzero(change == 1), np.nonzero(change == -1)
+    middle = values[0] + step * (begin[pose] + 0.5 * (first + after - 1))
+    return Ranges(pose, middle, 0.5 * step * (after - 1 - first) + 0.2 * step)
+
+
 class Values(NamedTuple):
-    """Values (k,) of a rule at poses, the gradient (t,) that slopes (k,) by the values give, and a penalty of the rule
-    with its gradient (t,)."""
+    """Values (k,) of a rule at poses, a penalty of the rule, and what slopes (k,) by the values become: the gradient
+    (t,) by the coefficients, with that of the penalty."""
 
     values: Vector
     gradient: Callable[[Vector], Vector]
     penalty: float = 0.0
-    penalty_gradient: Vector | float = 0.0
+
+
+Rule = Callable[[Matrix, Vector, Vector], Values]
+"""(features of poses (k, m), their shares of the weight (k,), coefficients (t,)) -> the rule's values there."""
 
 
 def fitted(
-    rule: Callable[[Matrix, Vector], Values],
+    rule: Rule,
     x: Vector,
     f: Matrix,
     ranges: Ranges,
     weights: Vector,
-    wrap: Callable[[Vector], Vector],
-    inside: float = INSIDE,
+    off: Off,
+    limits: tuple[float, float] | None = None,
 ) -> Vector:
     """The coefficients x (t,) of a rule whose values lie in a range at most of the poses' weight.
 
@@ -59,53 +78,59 @@ def fitted(
     with a d that shrinks from round to round, so that what is far outside counts less and less: by L-BFGS.
 
     Args:
-        rule: (features of some poses (k, m), x) -> its values there. x: to begin with. f: features of all poses (k, m).
-        weights: of these (k,). wrap: of differences of values, the shorter way.
+        x: to begin with. f: features of all poses (k, m). weights: of these (k,). limits: to which values are clipped,
+            so that they may go on beyond these where a range reaches them.
     """
+    low, high = (-np.inf, np.inf) if limits is None else limits
     for round_ in range(ROUNDS):
         # The range of each pose that is nearest to its value now.
-        outside = np.abs(wrap(rule(f, x).values[ranges.pose] - ranges.middle)) - ranges.half
+        value = np.clip(rule(f, weights, x).values, low, high)
+        outside = np.abs(off(value[ranges.pose], ranges.middle)) - ranges.half
         order = np.lexsort((outside, ranges.pose))
         nearest = order[np.unique(ranges.pose[order], return_index=True)[1]]
-        some, middle, half = f[ranges.pose[nearest]], ranges.middle[nearest], inside * ranges.half[nearest]
+        some, middle, half = f[ranges.pose[nearest]], ranges.middle[nearest], INSIDE * ranges.half[nearest]
         w, d = weights[ranges.pose[nearest]] / len(nearest), FIRST * CLOSER**round_
+        share = w / w.sum()
+        ends = [np.abs(end - middle) <= ranges.half[nearest] for end in (low, high)]
 
         def loss(x: Vector) -> tuple[float, Vector]:
-            at = rule(some, x)
-            off = wrap(at.values - middle)
-            z = np.sign(off) * np.maximum(np.abs(off) - half, 0)
+            at = rule(some, share, x)
+            gap = off(at.values, middle)
+            z = np.sign(gap) * np.maximum(np.abs(gap) - half, 0)
+            z[(ends[0] & (gap < 0)) | (ends[1] & (gap > 0))] = 0.0
             bound = z * z + d * d
-            gradient = at.gradient(w * 2 * z * d * d / bound**2) + at.penalty_gradient + 2 * SMALL * x
-            return float((w * z * z / bound).sum() + at.penalty + SMALL * (x @ x)), gradient
+            value = (w * z * z / bound).sum() + at.penalty + SMALL * (x @ x)
+            return float(value), at.gradient(w * 2 * z * d * d / bound**2) + 2 * SMALL * x
 
         x = _lowest(loss, x)
     return x
 
 
-def polynomial(f: Matrix, x: Vector) -> Values:
+def polynomial(f: Matrix, _share: Vector, x: Vector) -> Values:
     """The rule f x (k,), f the monomials of the poses (k, t)."""
-    return Values(times(f, x), lambda slopes: onto(f, slopes))
+    return Values(times(f, x), lambda slopes: _onto(f, slopes))
 
 
-def direction(f: Matrix, x: Vector) -> Values:
+def direction(f: Matrix, share: Vector, x: Vector) -> Values:
     """The rule atan2(f a, f b) (k,), x = (a, b); the vector is to have length 1, which no angle tells."""
     m = f.shape[1]
     sine, cosine = times(f, x[:m]), times(f, x[m:])
     square = sine * sine + cosine * cosine + 1e-12
 
+    length = 4e-3 * share * (square - 1)
+
     def gradient(slopes: Vector) -> Vector:
-        slope = slopes / square
-        return np.concatenate([onto(f, slope * cosine), onto(f, -slope * sine)])
+        by_sine = slopes * cosine / square + length * sine
+        by_cosine = -slopes * sine / square + length * cosine
+        return np.concatenate([_onto(f, by_sine), _onto(f, by_cosine)])
 
-    length = 4e-3 * (square - 1) / len(f)
-    along = np.concatenate([onto(f, length * sine), onto(f, length * cosine)])
-    return Values(np.arctan2(sine, cosine), gradient, float(1e-3 * ((square - 1) ** 2).mean()), along)
+    return Values(np.arctan2(sine, cosine), gradient, 1e-3 * float(share @ (square - 1) ** 2))
 
 
-def best_constant(ranges: Ranges, weights: Vector, values: Vector, wrap: Callable[[Vector], Vector]) -> float:
-    """That of some values which lies in a range at most of the poses' weight."""
-    hits = [weights[np.unique(ranges.pose[np.abs(wrap(c - ranges.middle)) <= ranges.half])].sum() for c in values]
-    return float(values[int(np.argmax(hits))])
+def served_weight(values: Vector, ranges: Ranges, weights: Vector, off: Off) -> float:
+    """The weight of the poses whose ranges hold values (N,), one for each range."""
+    inside = np.abs(off(values, ranges.middle)) <= ranges.half
+    return float(weights[np.unique(ranges.pose[inside])].sum())
 
 
 # --- On one core, and the same on any number of them: a fit follows the last bit.
@@ -116,7 +141,7 @@ def times(f: Matrix, rule: Vector) -> Vector:
     return np.einsum("ij,j->i", f, rule)
 
 
-def onto(f: Matrix, slope: Vector) -> Vector:
+def _onto(f: Matrix, slope: Vector) -> Vector:
     """f^T slope, likewise."""
     return np.einsum("ij,i->j", f, slope)
 

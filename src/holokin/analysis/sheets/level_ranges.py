@@ -13,15 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.checks import Clear
-from ...motion.self_motions.stretches import onto
 from ...motion.ik.leaf import leaf_step
 from ...motion.self_motions.pose_reach import at_best_turns
 from ...motion.self_motions.posture_search import EXACT, newton
 from ...motion.self_motions.self_motions import SelfMotions
+from ...motion.self_motions.stretches import onto
 from ...strategies import HolonomicStrategy
 from ...symbolic import wrapped
 from ..coverage.leaf_lines import one_by_one
@@ -303,14 +302,19 @@ class _Look:
             other = seen.side[beside] * seen.side[at] < 0
         share = ENDS * np.clip(np.where(other, np.fmin(share, fold), share), 0, 1)
         has, found, levels = np.zeros(len(at), dtype=bool), seen.q[at], np.zeros(len(at))
-        poses = pose_from(self.curves.p, self.curves.R)
         left = np.flatnonzero((curve[beside] == curve[at]) & (beside != at) & (share > SMALL))
         for _ in range(TRIES):
             if not len(left):
                 break
             row = at[left]
             now = self(
-                onto(self.strategy.task, self.curves.p[pose[row]], self.curves.R[pose[row]], seen.q[row] + share[left, None] * step[left]), pose[row]
+                onto(
+                    self.strategy.task,
+                    self.curves.p[pose[row]],
+                    self.curves.R[pose[row]],
+                    seen.q[row] + share[left, None] * step[left],
+                ),
+                pose[row],
             )
             good = now.allowed & (now.side == seen.side[row]) & (np.abs(now.q - seen.q[row]).max(axis=1) < SAME)
             has[left[good]], found[left[good]], levels[left[good]] = True, now.q[good], now.c[good]

@@ -15,15 +15,16 @@ from ...base.progress import progress
 from ...base.types import Array, Indices, Matrix, Vector
 from ...motion.ik.arm_map import digest
 from ...motion.ik.leaf import leaf_step
-from ...motion.self_motions.self_motions import SelfMotions, self_motions_at
 from ...motion.ik.stations import Hand, StationMap, strategy_of, takes_stations
+from ...motion.self_motions.self_motions import SelfMotions, self_motions_at
 from ...robot import with_limits
 from ...strategies.tasks import pose
 from ...strategies.tasks.task import Task
 from ...symbolic.native.toolchain import cache_folder, keep
 from ...symbolic.native.toolchain import kept as kept_bytes
 from ..coverage.starts import Candidate
-from .level_ranges import Branch, branches_by_curves, widest
+from .level_fit import fitted, polynomial, served_weight
+from .level_ranges import LinkedBranch, branches_by_curves, widest
 from .sheet import nearby, turn_length
 
 SAMPLES, TRIED_ON, NEIGHBOURS = 1_200, 200, 6
@@ -41,10 +42,8 @@ SHEETS, GAIN = 16, 0.002
 TRIED, SERVED = 3, 0.02
 """Branches to which a rule is fitted for the next sheet: those with most to gain; weight of a pose served before."""
 
-ROUNDS, FIRST, CLOSER, INSIDE = 7, 1.0, 0.6, 0.9
-"""Rounds of a fit, how far off [rad] a level stops to count at first, how that shrinks, and the share of an interval in
-which it is to lie."""
-
+LEVELS = 64
+"""Constant levels of which the best begins a fit."""
 
 FORMAT = 1
 """Of a map's file: changed when those of before cannot be read."""
@@ -161,36 +160,17 @@ def _first(motions: SelfMotions, count: int) -> SelfMotions:
     )
 
 
-def _fitted(f: Matrix, branch: Branch, weights: Vector) -> Vector:
-    """The rule (m,) whose level lies in the branch's intervals at most of the poses' weight.
-
-        min   sum  w  z^2 / (z^2 + d^2),     z: how far the level is outside the interval
-
-    with a d that shrinks from round to round: by L-BFGS, from the best constant. f: of all poses (k, m).
-    """
-    from scipy.optimize import minimize
-
-    f, w, scale = f[branch.pose], weights[branch.pose] / len(branch.pose), np.abs(f).max(axis=0)
-    middle, half = (branch.low + branch.high) / 2, (branch.high - branch.low) / 2
-    levels = np.linspace(branch.low.min(), branch.high.max(), 64)
-    rule = np.zeros(f.shape[1])
-    rule[0] = scale[0] * levels[np.argmax([w @ (np.abs(c - middle) <= half) for c in levels])]
-    f = f / scale
-    for round_ in range(ROUNDS):
-        d = FIRST * CLOSER**round_
-
-        def loss(x: Vector) -> tuple[float, Vector]:
-            off = f @ x - middle
-            z = np.sign(off) * np.maximum(np.abs(off) - INSIDE * half, 0)
-            bound = z * z + d * d
-            return float((w * z * z / bound).sum() + 1e-7 * (x @ x)), f.T @ (w * 2 * z * d * d / bound**2) + 2e-7 * x
-
-        options = {"maxiter": 60, "ftol": 1e-6, "gtol": 1e-7}
-        rule = minimize(loss, rule, jac=True, method="L-BFGS-B", options=options).x
-    return np.array([float(f"{x:.6g}") for x in rule / scale])
+def _fitted(f: Matrix, branch: LinkedBranch, weights: Vector) -> Vector:
+    """The rule (m,) whose level lies in the branch's intervals at most of the poses' weight. f: of all poses (k, m)."""
+    ranges, scale, x = branch.ranges, np.abs(f).max(axis=0), np.zeros(f.shape[1])
+    levels = np.linspace(branch.low.min(), branch.high.max(), LEVELS)
+    hits = [served_weight(np.full(len(ranges.pose), c), ranges, weights, np.subtract) for c in levels]
+    x[0] = scale[0] * levels[int(np.argmax(hits))]
+    x = fitted(polynomial, x, f / scale, ranges, weights, np.subtract)
+    return np.array([float(f"{number:.6g}") for number in x / scale])
 
 
-def _stations(f: Matrix, branch: Branch, rule: Vector) -> Matrix:
+def _stations(f: Matrix, branch: LinkedBranch, rule: Vector) -> Matrix:
     """The postures (k, n) of a sheet at the poses; NaN where it has none."""
     poses: Indices = np.arange(len(f))
     return branch.postures(poses, f @ rule)

@@ -25,10 +25,10 @@ from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
 from ...symbolic import wrapped
 from ...symbolic.native import allowed, weak
-from .closed_leaf import BOUNDLESS, DOUBT
-from .pose_paths import PosePaths
 from ..self_motions.pose_reach import at_best_turns, reach_of, turns_of
 from ..self_motions.self_motions import self_motions_at
+from .closed_leaf import BOUNDLESS, DOUBT
+from .pose_paths import PosePaths
 from .solutions import InverseStatus
 
 LENGTH = 0.3 / 2**0.5
