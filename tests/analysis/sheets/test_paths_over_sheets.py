@@ -12,9 +12,8 @@ import holokin as hk
 from handmade_sheets import LIMIT, map_of, panda_map, planar_map, planar_task
 from holokin.analysis.coverage.starts import Candidate, reached
 from holokin.analysis.sheets import Sheet, Sheets, self_motion_between
-from holokin.analysis.sheets.branch import Branch
+from holokin.analysis.sheets.branch import Branch, branches_by_signs
 from holokin.analysis.sheets.candidate_sheets import CandidateSheets
-from holokin.analysis.sheets.held_arm import branches_by_signs
 from holokin.analysis.sheets.level_ranges import branches_by_curves
 from holokin.analysis.sheets.sheet import known, nearby
 from holokin.app.job.runner import _strategy

@@ -19,9 +19,8 @@ from ...robot import check_metres
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import Candidate, check_that_joints_move
-from .branch import Branch
+from .branch import Branch, branches_by_signs
 from .candidate_sheets import OTHERS, CandidateSheets
-from .held_arm import branches_by_signs
 from .level_ranges import branches_by_curves
 from .set_cover import Cover, continued, fewest, labelled, same_postures
 from .sheet import Sheet, known, nearby, neighbours, postures_of_sheets, spread_out, turn_length

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ...base.types import Array, Flags, Matrix, Value, Vector
 from ...motion.checks import Clear
 from ...motion.ik.arm_map import ArmMap
 from ...motion.ik.closed_leaf import DOUBT
 from ...motion.ik.held_coordinate import LEAST as SOUND
 from ...motion.ik.held_coordinate import HeldCoordinate
-from ...robot.closed_form import ClosedInverse, NoClass, arm_class
+from ...robot.closed_form import ClosedInverse
 from ...robot.closed_form.closed_inverse import SIGNS
-from ...strategies import holonomic
-from ...strategies.constraints import lock
-from ...strategies.tasks.frame_task import asks_whole_pose
-from ...strategies.tasks.task import Task
-from ..coverage.starts import Candidate
-from .branch import Branch
-from .level_fit import ranges_of, times
+from .level_fit import times
 
 VALUES = 96
 """Values of what is held at which the arcs of a pose are looked at."""
@@ -170,32 +164,3 @@ class HeldArm(Value):
         beside = held.constant(np.linspace(-held.length, held.length, 49))
         beside[:, -1] = held.length
         return np.vstack([held.constant(self.values), beside])
-
-
-LEAST = 0.05
-"""Share of the poses that a choice of signs serves at least, if rules are fitted to it."""
-
-
-def branches_by_signs(task: Task, poses: Array, clear: Clear | None) -> list[Branch]:
-    """The branches of all joints that, held, leave a closed form whose signs tell postures apart: the exact ranges of
-    the joint at poses (k, 4, 4). None where there is no such joint."""
-    robot, branches = task.robot, list[Branch]()
-    arms = [arm_class(robot, (k,), task.tip) for k in range(robot.n)] if asks_whole_pose(task) else []
-    for arm in arms:
-        if isinstance(arm, NoClass) or not arm.proven or not robot.hinges[list(arm.held)].all():
-            continue
-        held_arm, name = HeldArm(HeldCoordinate(arm, 1.0)), robot.joint_names[arm.held[0]]
-        candidate = Candidate(
-            f"lock {name}", {"kind": "lock", "joints": [name]}, task, holonomic(task, lock(name), name=f"lock {name}")
-        )
-        flags, turning = held_arm.arcs(poses, clear), held_arm.held.turning
-        for sign in np.flatnonzero(flags.any(axis=1).mean(axis=0) > LEAST).tolist():
-            ranges = ranges_of(flags[:, :, sign], held_arm.values, turning)
-            branches.append(Branch(candidate, ranges, partial(_postures, held_arm, poses, sign, clear), turning))
-    return branches
-
-
-def _postures(
-    held_arm: HeldArm, poses: Array, sign: int, clear: Clear | None, which: Indices, levels: Vector
-) -> Matrix:
-    return held_arm.postures(poses[which], levels, sign, clear)
