@@ -88,12 +88,10 @@ def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector
         value = cost(q)
         return np.where(np.isfinite(value), value, UNCOUNTED * (1 + np.maximum(excess_of(q), 0.0)))
 
-    # Ever shorter parts of all of them, of the best ones and of those that may count, then of the best ones.
+    # Ever shorter parts of them, and fewer and fewer.
     for times, count in CLOSER:
         low, high, value = stretches.bracket(ranked, times)
-        order = np.lexsort((value, pose))
-        first = np.searchsorted(pose[order], pose[order])
-        chosen = order[np.arange(len(order)) - first < count]
+        chosen = _lowest(value, value, pose, count)
         pose, stretches = pose[chosen], stretches.some(chosen).part(low[chosen], high[chosen])
     q = np.concatenate([stretches.a, stretches.a + stretches.move])
     np.minimum.at(best, np.tile(pose, 2), cost(q))
