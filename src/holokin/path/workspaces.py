@@ -85,7 +85,7 @@ def sobol(dimension: int, count: int, seed: int) -> Matrix:
     points = np.tile(shift.astype(np.uint32), (count, 1))
     for j in range(int(count).bit_length()):
         points[gray >> j & 1 == 1] ^= numbers[:, j]
-    return points * 2.0**-BITS
+    return np.asarray(points * 2.0**-BITS, dtype=float)
 
 
 def _direction_numbers(dimension: int) -> list[int]:

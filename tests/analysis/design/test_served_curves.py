@@ -16,6 +16,7 @@ from holokin.analysis.design.served_curves import FASTEST, best_leaf, designed_o
 from holokin.analysis.design.trials import is_proven, tried
 from holokin.base.errors import ArgumentError, OutOfReachError
 from holokin.motion.checks import Clearances
+from holokin.motion.ik import all_postures
 from holokin.robot import Box
 from holokin.strategies.constraints import tilted
 
@@ -72,7 +73,7 @@ def test_the_share_that_a_leaf_serves_is_the_one_that_paths_on_it_find(case: Cas
 
 
 def test_the_joint_speed_of_a_design_is_the_least_and_what_its_slope_adds(case: Case) -> None:
-    """|G P|^2 = |J^+ P|^2 + |z|^2 |D_P h - J_g J^+ P|^2. Referee: G of the strategy that is built, by a linear solve."""
+    """|G P|^2 = |J^+ P|^2 + |z|^2 |D_P h - J_g J^+ P|^2. Referee: G of the strategy that is built."""
     one, curves = candidate("joint 6"), case.curves
     assert curves is not None and one.strategy is not None
     leaf = best_leaf(curves, pieces_of(curves, one, curves.levels([one])[:, 0]))
@@ -111,7 +112,7 @@ def test_a_leaf_through_a_start_is_kept(monkeypatch: pytest.MonkeyPatch) -> None
 
 # --- What is in the way.
 
-TABLE = hk.obstacle("table", Box([0.3, 0.6, 0.01]), (0.65, 0.1, 0.35))
+TABLE = hk.obstacle("table", Box(np.array([0.3, 0.6, 0.01])), (0.65, 0.1, 0.35))
 
 
 def blocked(scene: hk.Scene, monkeypatch: pytest.MonkeyPatch, robot: hk.Robot | None = None) -> str:
@@ -124,7 +125,7 @@ def blocked(scene: hk.Scene, monkeypatch: pytest.MonkeyPatch, robot: hk.Robot | 
 def test_one_reason_for_all_poses_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """A block about the workspace, in which the hand is wherever the tool is; a workspace that is out of reach; a
     joint whose range is too narrow; the start."""
-    block = hk.obstacle("block", Box([0.3, 0.3, 0.3]), (0.45, 0.1, 0.35))
+    block = hk.obstacle("block", Box(np.array([0.3, 0.3, 0.3])), (0.45, 0.1, 0.35))
     assert "block" in (said := blocked(hk.Scene([block]), monkeypatch)) and "at every posture: 32" in said
     assert "no strategy can serve" in said
     far = hk.workspace(box=([3.0, 0, 0.3], [0.1] * 3))
@@ -134,7 +135,7 @@ def test_one_reason_for_all_poses_is_named(monkeypatch: pytest.MonkeyPatch) -> N
         hk.advise(hk.pose(panda(panda_joint4=(-0.2, -0.1))), SPACE)
     with pytest.raises(ArgumentError, match=r"the distance of .* and block at the start posture"):
         at = panda().pose(PANDA_START)[:3, 3]
-        near = hk.obstacle("block", Box([0.1, 0.1, 0.1]), at)
+        near = hk.obstacle("block", Box(np.array([0.1, 0.1, 0.1])), at)
         hk.advise(hk.pose(panda()), SPACE, q0=PANDA_START, scene=hk.Scene([near]))
 
 
@@ -149,7 +150,7 @@ def test_poses_at_which_nothing_helps_are_those_without_a_clear_posture(monkeypa
     angles = np.linspace(robot.lower[6], robot.upper[6], 60)
     wrong = 0
     for pose, impossible in zip(case.poses.T, lost, strict=True):
-        Q = np.vstack([hk.motion.ik.all_postures(other, pose, level=c).q.reshape(-1, 7) for c in angles])
+        Q = np.vstack([all_postures(other, pose, level=c).q.reshape(-1, 7) for c in angles])
         wrong += bool(impossible) != (not np.all(apart.distances(Q) >= apart.limits, axis=1).any())
     assert wrong <= 1  # where but a few hundredths of a radian are clear
     causes = case.blocked.causes(lost)

@@ -51,6 +51,7 @@ from .served_curves import (
     Leaf,
     ServedCurves,
     Within,
+    best_branch,
     best_leaf,
     designed_on,
     leaf_through,
@@ -85,6 +86,9 @@ DESIGNED = 128
 TRIED = 2
 """Strategies whose leaves are followed to all poses, besides the best proven one and those designed."""
 
+DESIGNS = 4
+"""Joints held over which strategies are designed at most: how well one serves by itself does not tell which is best."""
+
 MOST = 3
 """Strategies whose cusps are looked for at most."""
 
@@ -92,8 +96,8 @@ PARTLY = 0.5
 """Share of the workspace from which on the largest part that is served from end to end is looked for."""
 
 CHEAPER = 0.3
-"""Difference of what designs cost, see `designed_on`, from which on one that is not proven is looked at, too: log 1.3 of
-squared joint speed, or 1.5 % of the poses."""
+"""Difference of what designs cost, see `designed_on`, from which on one that is not proven is tried, too: the
+logarithm of 1.3 times the squared joint speed, or 1.5 % of the poses."""
 
 SEARCHED = 16
 """Poses at which it is looked what is in the way, where postures are searched for."""
@@ -185,9 +189,8 @@ class Case:
             proven = [leaf for leaf in leaves if is_proven(leaf)]
             others = [leaf for leaf in leaves if not is_proven(leaf) and leaf.candidate.kind != "stationary"]
             # The design over a joint held, which is proven, of the least cost; and another one that costs less by far
-            designs = sorted(
-                filter(None, (self._designed_on(curves, leaf) for leaf in proven[:2])), key=lambda d: d[2]
-            )[:1]
+            designs = list(filter(None, (self._designed_on(curves, leaf) for leaf in proven[:DESIGNS])))
+            designs = sorted(designs, key=lambda made: made[2])[:1]
             for other in filter(None, (self._designed_on(curves, leaf) for leaf in others[:1])):
                 designs += [other] if not designs or other[2] < designs[0][2] - CHEAPER else []
             for leaf in dict.fromkeys([*leaves[:TRIED], *proven[:1]]):
@@ -203,6 +206,8 @@ class Case:
         base = leaf.candidate.strategy
         name = f"designed from {leaf.candidate.name}"
         self.progress(name)
+        if self.q0 is None and (branch := best_branch(curves, leaf.pieces)) is not None:
+            leaf = branch
         made = designed_on(curves, leaf, degree=2)
         if base is None or made is None:
             return None

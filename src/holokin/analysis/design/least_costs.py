@@ -49,7 +49,7 @@ def one_redundant(task: Task) -> bool:
     return task.n - task.m == 1
 
 
-def traced_through(
+def _traced_through(
     task: Task, Q: Matrix, p: Matrix, R: Array, *, step: float = STEP, length: float = 20.0
 ) -> SelfMotions:
     """The self-motions through postures Q (S, n) at tool poses p (S, 3), R (S, 3, 3), so far each way [joint units].
@@ -98,7 +98,7 @@ def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector
     return best
 
 
-def postures_found(task: Task, Q: Matrix, p: Matrix, R: Array, starts: int) -> SelfMotions:
+def _postures_found(task: Task, Q: Matrix, p: Matrix, R: Array, starts: int) -> SelfMotions:
     """Postures at tool poses p (S, 3), R (S, 3, 3), each a curve of its own: Q (S, n), and those that Newton's method
     finds from so many starts at each pose."""
     task = task._geometric_twin  # which has no singular angles on the way
@@ -108,7 +108,7 @@ def postures_found(task: Task, Q: Matrix, p: Matrix, R: Array, starts: int) -> S
     return SelfMotions(task, p, R, q, pose, np.arange(len(q)), np.zeros(len(q), dtype=bool))
 
 
-def least_on_lines(postures: SelfMotions, cost: Cost, over: Cost, *, step: float = STEP) -> Vector:
+def _least_on_lines(postures: SelfMotions, cost: Cost, over: Cost, *, step: float = STEP) -> Vector:
     """The least cost (S,) that lines in random directions of the self-motions come down to, from the best postures.
 
     Twelve lines for each redundant joint, of ten steps each way: a third of them from the six best postures of a pose,
@@ -222,7 +222,7 @@ class LeastCosts(Value):
         return self._over_postures(allowed_cost)
 
     def _over_postures(self, cost: Cost) -> Vector:
-        least = least_on_curves if one_redundant(self.postures.task) else least_on_lines
+        least = least_on_curves if one_redundant(self.postures.task) else _least_on_lines
         return least(self.postures, cost, self._over)
 
     def _J(self, q: Matrix) -> Array:
@@ -255,7 +255,7 @@ class Floor(Value):
     def here(self) -> LeastCosts:
         """The least costs over the self-motions of the strategy's postures."""
         task, curves = self.coordinates.chart, one_redundant(self.coordinates.chart)
-        through = traced_through if curves else partial(postures_found, starts=0)
+        through = _traced_through if curves else partial(_postures_found, starts=0)
         return self._over(through(task, self.Q, self.p, self.R))
 
     @cached_property
@@ -269,7 +269,7 @@ class Floor(Value):
             motions = self_motions_at(task, self.p, self.R)
             near = self.Q[motions.pose]
             return self._over(replace(motions, q=near + joint_gap(task.robot, motions.q, near)))
-        return self._over(postures_found(task, self.Q, self.p, self.R, STARTS))
+        return self._over(_postures_found(task, self.Q, self.p, self.R, STARTS))
 
     def _over(self, postures: SelfMotions) -> LeastCosts:
         return LeastCosts(postures, self.coordinates, self.costs, self.allowed)

@@ -107,6 +107,6 @@ def _counted(apart: Clearances, near: Flags, pose: Indices, count: int) -> tuple
     pairs, things = np.zeros((count, near.shape[1])), np.zeros((count, len(names)))
     np.add.at(pairs, pose, near)
     np.add.at(things, pose, near.astype(float) @ of_thing > 0)
-    clear = ~near.any(axis=1)
+    clear = np.asarray(~near.any(axis=1))
     postures, cleared = (np.bincount(pose[rows], minlength=count) for rows in (slice(None), clear))
     return Obstructions(postures, cleared, pairs, things, apart.limits, apart.names, names), clear

@@ -126,8 +126,8 @@ class ServedCurves(Value):
     """The postures q (N, n) of S poses, at those of `pose` (N,), that serve them: within the joint limits, and clear.
 
     linked (N,): the next posture follows on the same self-motion, and all between serve. sign (N,): of
-    det [J; dq], dq the way to the next one, which is the same all along a self-motion. along (N, n): unit vectors of the
-    self-motions. slopes (N, n, m): J^+ with the
+    det [J; dq], dq the way to the next one, which is the same all along a self-motion. along (N, n): unit vectors of
+    the self-motions. slopes (N, n, m): J^+ with the
     weights of the costs; speed (N,): the squared joint speed with these, the least there. u (S, d): the poses in
     coordinates, NaN where none serves. pairs (e, 2): poses next to each other, and the tool's motion (e, m) between.
     """
@@ -150,7 +150,7 @@ class ServedCurves(Value):
     @cached_property
     def served(self) -> Flags:
         """Which poses some posture serves (S,)."""
-        return np.isfinite(self.u).all(axis=1)
+        return np.asarray(np.isfinite(self.u).all(axis=1))
 
     @cached_property
     def floor(self) -> Vector:
@@ -170,7 +170,7 @@ class ServedCurves(Value):
         """The levels g (N, c) of candidates with a constraint of one row."""
         q = symbol("q", self.task.n)
         kinematics = self.task.kinematics(q)
-        rules = [c.strategy.constraint.expand(self.task, kinematics, q) for c in candidates if c.strategy is not None]
+        rules = [_strategy(c).constraint.expand(self.task, kinematics, q) for c in candidates]
         return Function("levels", {"q": q}, {"g": vertcat(*rules)}).batch(self.q).reshape(len(self.q), -1)
 
     def terms(self, candidate: Candidate, which: Indices) -> tuple[Vector, Vector, Matrix]:
@@ -178,12 +178,19 @@ class ServedCurves(Value):
         J_g J^+ P (k, d): a strategy g = h(x) has as squared joint speed the first and the second times
         |D_P h - J_g J^+ P|^2.
         """
-        J_g = _rows(candidate.strategy).batch(self.q[which]).reshape(len(which), -1)
+        J_g = _rows(_strategy(candidate)).batch(self.q[which]).reshape(len(which), -1)
         along = self.along[which]
         with np.errstate(divide="ignore"):
             metric = np.sum(self.costs.joints * along**2, axis=1) / np.sum(J_g * along, axis=1) ** 2
         wanted = np.einsum("kn,knm,kmd->kd", J_g, self.slopes[which], self.twists[self.pose[which]], optimize=True)
         return self.speed[which], np.minimum(metric, FASTEST), wanted
+
+
+def _strategy(candidate: Candidate) -> HolonomicStrategy:
+    """That of a candidate which has one. Raises: ValueError."""
+    if candidate.strategy is None:
+        raise ValueError(candidate.name)
+    return candidate.strategy
 
 
 @kept
@@ -284,7 +291,7 @@ class Pieces(Value):
 
 def pieces_of(curves: ServedCurves, candidate: Candidate, g: Vector) -> Pieces:
     """The pieces of a candidate with levels g (N,)."""
-    angular = candidate.strategy is not None and candidate.strategy.constraint.angular[0]
+    angular = _strategy(candidate).constraint.angular[0]
     step = np.zeros(len(g))
     step[:-1] = np.diff(g)
     if angular:
@@ -410,11 +417,34 @@ def best_leaf(curves: ServedCurves, pieces: Pieces) -> Leaf | None:
     return min((leaf for leaf in leaves if leaf.easy >= easy), key=lambda leaf: leaf.squared_speed, default=None)
 
 
+def best_branch(curves: ServedCurves, pieces: Pieces) -> Leaf | None:
+    """The branch that has pieces at most poses, on whatever levels; of those at nearly as many the one with the least
+    joint speed: its leaf on the level in the middle of those that are best. None where there is none."""
+    if not len(pieces.first):
+        return None
+    ends = np.column_stack([pieces.first, pieces.last + 1]).ravel()
+    least = np.minimum.reduceat(np.append(curves.speed, np.inf), ends)[::2]
+    best = np.full((int(pieces.branch.max()) + 1, len(curves.u)), np.inf)
+    np.minimum.at(best, (pieces.branch, pieces.pose), least)
+    counts = np.isfinite(best).sum(axis=1)
+    enough = np.flatnonzero(counts >= max(1.0, counts.max() - EQUAL * len(curves.u)))
+    speeds = [best[i][np.isfinite(best[i])].mean() for i in enough]
+    branch = int(enough[int(np.argmin(speeds))])
+    levels = []
+    for piece in np.flatnonzero((pieces.branch == branch) & (least <= best[pieces.branch, pieces.pose])):
+        rows, g = pieces.levels(int(piece))
+        levels.append(g[int(np.argmin(curves.speed[rows]))])
+    if pieces.angular:
+        levels = np.unwrap(np.sort(np.mod(levels, 2 * np.pi)))
+    found = _leaves(curves, pieces, [(branch, float(np.median(levels)))])
+    return found[0] if found else None
+
+
 def leaf_through(curves: ServedCurves, pieces: Pieces, q0: Vector) -> Leaf | None:
     """The leaf through a posture (n,), on the branch that leads to the poses nearest to the tool there; None where it
     leads to none."""
-    strategy, c = pieces.candidate.strategy, pieces.candidate.level
-    if strategy is None or not len(pieces.first):
+    strategy, c = _strategy(pieces.candidate), pieces.candidate.level
+    if not len(pieces.first):
         return None
     level = float(np.ravel(strategy.constraint_value(q0))[0]) if c is None else c
     which, rows = _on(pieces, np.arange(len(pieces.first)), level)
@@ -504,8 +534,8 @@ class _Tables(NamedTuple):
 
 
 def designed_on(curves: ServedCurves, leaf: Leaf, degree: int) -> tuple[Polynomial, float] | None:
-    """The polynomial h(x) for which g = h(x), on the branch of a leaf, serves most poses with the least joint speed, and its
-    cost; None where there are too few poses."""
+    """The polynomial h(x) for which g = h(x), on the branch of a leaf, serves most poses with the least joint speed;
+    and its cost. None where there are too few poses."""
     tables = _tables(curves, leaf)
     coordinates, terms = curves.coordinates, monomials_up_to(curves.coordinates.d, degree)
     values, slopes = values_and_slopes(curves.u[tables.pose], terms)

@@ -102,8 +102,8 @@ def _cells(law: RatedStrategy) -> list[str]:
 
 
 def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
-    """The strategies as bars of what they do not serve, of what is left to the limits and of joint speed, and below them
-    the robot with what the best serves.
+    """The strategies as bars: what they do not serve, what is left to the limits, their joint speed; and below them the
+    robot with what the best serves.
 
     Args:
         robot: the same with what it carries; by default the robot of the advice.

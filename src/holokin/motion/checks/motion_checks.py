@@ -386,7 +386,7 @@ class Clearances(Value):
 
     def clear(self, Q: Matrix) -> Flags:
         """Which postures (k, n) keep all pairs as far apart as is asked of them (k,)."""
-        return ~self.too_near(Q).any(axis=1)
+        return np.asarray(~self.too_near(Q).any(axis=1))
 
     def too_near(self, Q: Matrix) -> Flags:
         """Which pairs are nearer than is asked of them at postures (k, n) -> (k, P)."""
