@@ -391,9 +391,9 @@ TABLES: tuple[tuple[str, str, Callable[[Mark], str]], ...] = (
     (
         "Legs",
         """Straight legs of {LENGTH} m ({legs} of them), turned by up to {TILT} degrees, out and back, a sample every
-        {SPACING} mm. Each begins at a random posture and has postures within the limits along it, perhaps not on one continuous path
-        of the joints. First: how many are whole, with an answer at every sample and no jump. Then: how many more have
-        all answers, but a joint jumps, by more than {JUMP} rad from a sample to the next.""",
+        {SPACING} mm. Each begins at a random posture and has postures within the limits along it, perhaps not on one
+        continuous path of the joints. First: how many are whole, with an answer at every sample and no jump. Then: how
+        many more have all answers, but a joint jumps, by more than {JUMP} rad from a sample to the next.""",
         _legs,
     ),
     (
@@ -473,11 +473,14 @@ def rivals_text(found: Run, day: datetime.date) -> str:
         f"""Measured on {day:%d %B %Y} with {versions}; Python {platform.python_version()}, {platform.system()}
         {platform.machine()}, {processor()}, {load()}, in {found.seconds / 60:.0f} minutes. Each library runs in an
         environment of its own, all on one core, in turns: a tenth of the poses and paths each time. All get the same
-        URDF and the same poses; for pink and placo endless joints have two turns in it. Before, the forward
-        kinematics of each are compared with ours: they agree to 1e-9, those of newton and PyRoki, in single precision, to 1e-5. Where a
-        library has no answer to give, the cell is "-" and [the reason](#not-measured) stands below.""",
+        URDF and the same poses; for pink and placo endless joints have two turns in it. Before, the forward kinematics
+        of each are compared with ours: they agree to 1e-9, those of newton and PyRoki, in single precision, to 1e-5,
+        those of the xArm 7 and the Gen3 that ssik ships, for its tracker, to 1e-4. Where a library has no answer to
+        give, the cell is "-" and [the reason](#not-measured) stands below.""",
         """Legs and circles begin at a random posture. A library that has joints of its own for the first pose begins
-        there. What follows is asked from the last answer, if the library takes one.""",
+        there. What follows is asked from the last answer, if the library takes one. `ik.near(pose, q)` keeps to one of
+        few sheets of the whole arm and changes to another where this one ends; a library that goes on from its last
+        answer may pass there without a jump.""",
     )
     parts = ["# Rivals\n", *(f"{wrapped(words)}\n" for words in head)]
     for title, words, cell in TABLES:
