@@ -1,6 +1,6 @@
 """Which libraries give the same joints at the same pose? The league: writes docs/league.md and docs/league.png.
 
-    python -m benchmarks.league                            # needs: pip install -e ".[test]"; half an hour, 6 GB
+    python -m benchmarks.league                            # needs: pip install -e ".[test]"; about 45 minutes, 8 GB
     python -m benchmarks.league --only pink placo --out /somewhere --environments /a/folder
 
 Every library is installed into an environment of its own (venv and pip), gets the robots and the paths as files, and

@@ -30,8 +30,14 @@ SINGLE = 1e-5
 
 
 def middle_of(arm: Arm) -> Joints:
-    """The middle of the joint ranges."""
-    return (arm.lower + arm.upper) / 2
+    """The middle of the joint ranges, 0 of an endless joint."""
+    endless = np.isinf(arm.upper - arm.lower)
+    return sum(np.where(endless, 0.0, side) for side in (arm.lower, arm.upper)) / 2
+
+
+def with_turns(arm: Arm) -> str:
+    """The URDF in which endless joints have two turns: Pinocchio would write each as two numbers."""
+    return arm.urdf.replace(".urdf", "-turns.urdf")
 
 
 def holokin(arm: Arm) -> Iterator[Way]:
@@ -231,7 +237,7 @@ def pink(arm: Arm) -> Iterator[Way]:
     import pink
     import pinocchio as pin
 
-    model = pin.buildModelFromUrdf(arm.urdf)
+    model = pin.buildModelFromUrdf(with_turns(arm))
     data, frame, middle = model.createData(), model.getFrameId(arm.frame), middle_of(arm)
 
     def forward(q: Joints) -> Pose:
@@ -304,7 +310,7 @@ def placo(arm: Arm) -> Iterator[Way]:
     with contextlib.redirect_stdout(io.StringIO()):
         import placo
 
-    robot, middle = placo.RobotWrapper(arm.urdf, placo.Flags.ignore_collisions), middle_of(arm)
+    robot, middle = placo.RobotWrapper(with_turns(arm), placo.Flags.ignore_collisions), middle_of(arm)
 
     def put(q: Joints) -> None:
         robot.state.q[7:] = q
