@@ -83,7 +83,7 @@ def obstructions(apart: Clearances | None, Q: Matrix, pose: Indices, count: int)
     known = np.unique(pose)
     first = np.isin(pose, known[:: max(1, len(known) // FIRST)])
     near = apart.too_near(Q[first])
-    names, of_thing = _things(apart)
+    _, of_thing = _things(apart)
     for t in np.flatnonzero((near.astype(float) @ of_thing > 0).all(axis=0)):
         alone = apart.some(np.flatnonzero(of_thing[:, t]))
         near = alone.too_near(Q)
@@ -103,7 +103,7 @@ def _things(apart: Clearances) -> tuple[tuple[str, ...], Matrix]:
 
 def _counted(apart: Clearances, near: Flags, pose: Indices, count: int) -> tuple[Obstructions, Flags]:
     """Flags of pairs (N, P) at postures, counted for each pose."""
-    names, of_thing = _things(apart)
+    _, of_thing = _things(apart)
     pairs, things = np.zeros((count, near.shape[1])), np.zeros((count, len(names)))
     np.add.at(pairs, pose, near)
     np.add.at(things, pose, near.astype(float) @ of_thing > 0)

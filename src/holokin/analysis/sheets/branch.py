@@ -1,4 +1,4 @@
-"""Where the level of a strategy may lie at sampled poses: ranges, on each branch of its leaves; those of held joints."""
+"""Where the level of a strategy may lie at sampled poses, on each branch of its leaves; those of held joints."""
 
 from __future__ import annotations
 
