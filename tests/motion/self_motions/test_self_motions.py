@@ -210,6 +210,14 @@ def stacked(strategy: hk.HolonomicStrategy, q: np.ndarray) -> np.ndarray:
     return np.vstack([strategy.task.jacobian(q), np.array(slope) / 2e-6])
 
 
+def test_self_motions_that_touch_something_everywhere_have_no_arc() -> None:
+    task = hk.pose(hk.load("panda"))
+    pose = task.robot.pose([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    found = self_motion(task, pose, clear=lambda Q: np.zeros(len(Q), dtype=bool))
+    assert found.arcs == ()
+    assert found.components == self_motion(task, pose).components > 0
+
+
 def test_a_contact_ends_an_arc_to_round_off() -> None:
     task = hk.pose(hk.load("panda"))
     q = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])

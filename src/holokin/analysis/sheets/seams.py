@@ -160,8 +160,8 @@ def seams_of(
     """
     poses, q = _placed(task, sheets, poses, q, clear, at, middle)
     every = [_change(task, poses, q, first, second, clear) for first, second in combinations(range(len(sheets)), 2)]
-    found, missing = (tuple(one for one in every if isinstance(one, kind)) for kind in (Seam, NoSeam))
-    return Seams(found, missing)
+    found = tuple(one for one in every if isinstance(one, Seam))
+    return Seams(found, tuple(one for one in every if isinstance(one, NoSeam)))
 
 
 def _change(task: Task, poses: Array, q: Array, first: int, second: int, clear: Clearances | None) -> Seam | NoSeam:

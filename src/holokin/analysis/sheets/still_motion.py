@@ -265,7 +265,8 @@ def _places(tracer: CurveTracer, q: Matrix, number: Indices, first: Indices, Q: 
     # The nearest row comes last, of those with a row beside them on that side: not the seam of one that is closed.
     for k in on[np.lexsort((-np.abs(length[on]), step[on] > 0))].tolist():
         turns = 2 * np.pi * np.round((Q[i[k]] - q[row[k]]) / (2 * np.pi)) * robot.hinges
-        places[i[k]] = _Place(row[k] - first[i[k]] + float(np.clip(length[k] / max(step[k], TINY), -1, 1)), turns)
+        share = float(np.clip(length[k] / max(step[k], TINY), -1, 1))
+        places[i[k]] = _Place(float(row[k] - first[i[k]]) + share, turns)
     return places
 
 

@@ -252,13 +252,13 @@ def _traced(tracer: CurveTracer, q: Matrix, pose: Indices) -> _Curves:
     """The curves through postures (k, n) at the poses (k,); those that end at the limit of a slide reach it."""
     task, every = tracer.task, np.arange(len(q))
     own = CurveTracer(task, tracer.p[pose], tracer.R[pose])
-    way = {"step": STEP, "length": LONGEST, "limits": ~task.robot.hinges}
-    postures, size, _, endings = own.postures(q, null_vectors(task, q), **way)
+    slides = ~task.robot.hinges
+    postures, size, _, endings = own.postures(q, null_vectors(task, q), step=STEP, length=LONGEST, limits=slides)
     ends, curve = np.array(endings, dtype=object).reshape(-1, 2), np.repeat(every, size)
     short = np.flatnonzero((ends[:, 1] == CurveEnd.CLOSED) & (size <= SHORT))
     if len(short):
-        beside = CurveTracer(task, own.p[short], own.R[short])
-        finer = beside.postures(q[short], null_vectors(task, q[short]), **way | {"step": STEP / FINER})
+        beside, v = CurveTracer(task, own.p[short], own.R[short]), null_vectors(task, q[short])
+        finer = beside.postures(q[short], v, step=STEP / FINER, length=LONGEST, limits=slides)
         size[short], ends[short] = finer[1], np.array(finer[3], dtype=object).reshape(-1, 2)
         others = ~np.isin(curve, short)
         which = np.append(curve[others], np.repeat(short, finer[1]))
