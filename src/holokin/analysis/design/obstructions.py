@@ -83,7 +83,7 @@ def obstructions(apart: Clearances | None, Q: Matrix, pose: Indices, count: int)
     known = np.unique(pose)
     first = np.isin(pose, known[:: max(1, len(known) // FIRST)])
     near = apart.too_near(Q[first])
-    names, of_thing = _things(apart)
+    _, of_thing = _things(apart)
     for t in np.flatnonzero((near.astype(float) @ of_thing > 0).all(axis=0)):
         alone = apart.some(np.flatnonzero(of_thing[:, t]))
         near = alone.too_near(Q)
