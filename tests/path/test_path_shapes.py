@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 import holokin as hk
 from holokin.base.errors import ArgumentError, FileError, NotFiniteError, ShapeError
-from holokin.path.workspaces import PoseCloud, pose_cloud
+from holokin.path.workspaces import PoseCloud, pose_cloud, sobol
 
 POINTS = np.array([[0.4, 0, 0.3], [0.5, 0.1, 0.32], [0.45, 0.2, 0.3], [0.35, 0.15, 0.25], [0.3, 0.0, 0.3]])
 TURNS = np.array([[0, 0, 0], [0.2, 0, 0.1], [0.3, 0.4, 0], [0, 0.2, -0.3], [-0.2, 0, 0]])
@@ -481,3 +481,13 @@ def test_a_cloud_gives_its_own_poses_and_of_many_some(some_poses: np.ndarray) ->
     skewed[3, 0, 0] += 0.1
     with pytest.raises(ArgumentError, match="pose 3 of a workspace"):
         pose_cloud(skewed)
+
+
+@pytest.mark.parametrize("dimension", [1, 6, 10, 11])
+def test_the_points_of_workspaces_are_those_of_a_sobol_sequence_of_scipy(dimension: int) -> None:
+    from scipy.stats import qmc
+
+    for seed, power in ((0, 5), (7, 10)):
+        rng = np.random.default_rng(seed)
+        wanted = qmc.Sobol(dimension, scramble=True, rng=rng).random_base2(power)[: 2**power - 3]
+        assert np.array_equal(sobol(dimension, 2**power - 3, seed), wanted)

@@ -292,7 +292,7 @@ VERDICT_FIRST = {
     "NearbyCusps": r"(no cusp|a cusp|the nearest cusp|cusps? of|its leaf)",
     "Obstruction": r"'lock' over all directions .* (has the indices|undecided)",
     "Part": r"'.+' serves ",
-    "RatedStrategy": r".+: it reaches [\d.]+% of the workspace",
+    "RatedStrategy": r".+: it serves [\d.]+% of the workspace",
     "Reach": r"\d of 8 poses are reached within the joint limits",
     "RepeatableDistance": r"difference from the joint rates of the given strategy",
     "SectionMetrics": r"the leaf reaches \d+ of \d+ poses",

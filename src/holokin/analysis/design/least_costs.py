@@ -62,7 +62,7 @@ def _traced_through(
     return SelfMotions(task, p, R, np.concatenate(rows), curve, curve, np.array([line.closed for line in lines]))
 
 
-def least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector:
+def _least_on_curves(motions: SelfMotions, cost: Cost, excess_of: Cost) -> Vector:
     """The least (S,) of a cost at each pose: at the postures of the curves, then ever closer round the best places.
 
     Between two postures that do not count there may be one that does: such places are looked at, too.
@@ -222,7 +222,7 @@ class LeastCosts(Value):
         return self._over_postures(allowed_cost)
 
     def _over_postures(self, cost: Cost) -> Vector:
-        least = least_on_curves if one_redundant(self.postures.task) else _least_on_lines
+        least = _least_on_curves if one_redundant(self.postures.task) else _least_on_lines
         return least(self.postures, cost, self._over)
 
     def _J(self, q: Matrix) -> Array:

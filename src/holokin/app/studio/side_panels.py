@@ -202,7 +202,7 @@ class WorkPanel:
         hint = "On the loop; it takes seconds to a minute"
         self.certify = gui.add_button("Certify the strategy", color="gray", disabled=off, hint=hint)
         gui.add_markdown("**Advice**: the strategies that fit this robot near its start, compared.")
-        self.advise = gui.add_button("Ask for advice", color="gray", hint="It takes about a minute, and slows the page")
+        self.advise = gui.add_button("Ask for advice", color="gray", hint="It takes some seconds, and slows the page")
         self.answer = gui.add_html("")
         self.program.on_click(lambda event: self._work(event.client, self._program))
         self.certify.on_click(lambda event: self._work(event.client, self._certificate))
