@@ -377,7 +377,7 @@ def _circles(mark: Mark) -> str:
 
 
 def _step_time(mark: Mark) -> str:
-    return _us(np.median(mark.step_seconds))
+    return _us(np.median(mark.step_seconds)) if len(mark.step_seconds) else "none"
 
 
 TABLES: tuple[tuple[str, str, Callable[[Mark], str]], ...] = (
@@ -448,7 +448,7 @@ def better(marks: Sequence[Mark]) -> Iterator[str]:
         ("take less time without a start", lambda m: -np.inf if m.found is None else -float(np.median(m.seconds))),
         ("have more whole legs", lambda m: sum(walk.even for walk in m.legs)),
         ("have more whole circles", lambda m: sum(walk.even for walk in m.circles)),
-        ("take less time for a step", lambda m: -float(np.median(m.step_seconds))),
+        ("take less time for a step", lambda m: -float(np.median(m.step_seconds if len(m.step_seconds) else np.inf))),
     )
     for what, measure in measures:
         ours: dict[str, float] = {}

@@ -127,7 +127,8 @@ def test_a_library_answers_in_turns_and_its_faults_and_its_end_are_told(
     script.write_text(LIBRARY, "utf-8")
     course.mkdir()
     poses = np.repeat(ROBOT.pose(START)[None], 20, axis=0)
-    leg = {"leg 0/start": START, "leg 0/poses": poses[:3].copy()}
+    leg = {f"leg {k}/start": START for k in (0, 1)} | {f"leg {k}/poses": poses[:3].copy() for k in (0, 1)}
+    leg["leg 1/poses"][1, 0, 3] = -1.0
     poses[1:, 2, 3] += 1
     told = [write_arm(course, name, ROBOT, START, {"poses/poses": poses} | leg) for name in ("iiwa14", "other")]
     (course / "course.json").write_text(json.dumps(told), "utf-8")
@@ -140,7 +141,8 @@ def test_a_library_answers_in_turns_and_its_faults_and_its_end_are_told(
     process.tell("keep")
     one, following = marked("mine", "iiwa14", reply["ways"], course, tmp_path / "answers")
     assert (one.found, len(one.seconds), following.found) == (1, 20, None)
-    assert [walk.whole for walk in (*one.legs, *following.legs)] == [True, True]
+    assert [walk.whole for walk in (*one.legs, *following.legs)] == [True, False] * 2
+    assert len(following.step_seconds) == 4  # three of the first leg, one until there is no answer
     assert "differ from ours" in process.tell("arm other")["fault"]
     with pytest.raises(Stopped, match="KeyError: 'nobody'"):
         process.tell("arm nobody")

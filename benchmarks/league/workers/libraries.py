@@ -587,15 +587,22 @@ def ssik_module(arm: Arm) -> Any:
 
 
 def ssik(arm: Arm) -> Iterator[Setting]:
-    """ssik: analytical solutions; its tracker, and its seeded solution in a loop, on what it makes of the URDF."""
+    """ssik: analytical solutions; its tracker on an arm that it ships, if it is ours, and its seeded solution."""
     import ssik
+
+    NAMES = {"panda": "franka_panda", "iiwa14": "iiwa14"}
 
     def tracked(arm: Arm) -> Step:
         """A run by its tracker."""
-        tracker = ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame).tracker(arm.start)
+        if arm.name in NAMES:
+            robot = ssik.Manipulator.from_prebuilt(NAMES[arm.name])
+        else:
+            robot = ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame)
+        base, tool = placed(arm, robot.fk)
+        tracker = robot.tracker(arm.start)
 
         def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray, h: float) -> np.ndarray | None:
-            found = tracker.update(pose)
+            found = tracker.update(base @ pose @ tool)
             return found.q if found.status.name == "OK" else None
 
         return step

@@ -94,15 +94,16 @@ def ssik(arm: Arm) -> Iterator[Way]:
     )  # fmt: skip
     yield Way("one", f"{how}; `max_solutions=1`", lambda pose: first(made.solve(pose, max_solutions=1)))
     yield Way("seeded", f"{how}; `max_solutions=1`, seeded with the last answer", follow=lambda q: seeded)
-    shipped = {"xarm7": "xarm7", "gen3": "gen3_ik"}.get(arm.name)
-    if shipped:  # of a file in which a right angle is 1.5708, and by another method, which is faster on these
+    shipped = {"panda": "franka_panda", "iiwa14": "iiwa14", "xarm7": "xarm7", "gen3": "gen3_ik"}.get(arm.name)
+    loose = arm.name in ("xarm7", "gen3")  # of files in which a right angle is 1.5708; its method is faster on these
+    if shipped:
         robot = ssik.Manipulator.from_prebuilt(shipped)
-        loose, what = 1e-4, "the arm that it ships, right to 1e-4 m"
     else:
         robot = ssik.Manipulator.from_urdf(arm.urdf, base=arm.base, ee=arm.frame)
-        loose, what = 1e-5, "an arm of the URDF"
-    base, tool = placed(arm, robot.fk, loose if shipped else SAME)
-    yield Way("tracker", f"{what}, no limit of speed", follow=tracked, within=loose)
+    what = "the arm that it ships" if shipped else "an arm of the URDF"
+    base, tool = placed(arm, robot.fk, 1e-4 if loose else SAME)
+    told = f"{what}{', whose poses are right to 1e-4' if loose else ''}, no limit of speed"
+    yield Way("tracker", told, follow=tracked, within=1e-4 if loose else 1e-5)
 
 
 def roboticstoolbox(arm: Arm) -> Iterator[Way]:

@@ -183,20 +183,20 @@ class Way:
             self.follow(run["start"])(run["poses"][0], run["start"])
             return
 
-    def walk(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, list[float]]:
-        """Joints (k, n), NaN where there is no answer, and the seconds of each call, along poses (k, 4, 4).
+    def walk(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Joints (k, n) and the seconds of each call along poses (k, 4, 4), NaN from the first missing answer on.
 
         The first pose is that of `start`, and is asked twice: where the library begins at joints of its own, it does.
         """
         find = self.find
         step = self.follow(start) if self.follow else lambda pose, q: find(pose) if find else None
         _, _, q = _timed(step, poses[0], start)
-        found, seconds = [], []
-        for pose in poses:
-            answer, took, q = _timed(step, pose, q)
-            found.append(answer)
-            seconds.append(took)
-        return np.array(found), seconds
+        found, seconds = np.full((len(poses), len(start)), np.nan), np.full(len(poses), np.nan)
+        for k, pose in enumerate(poses):
+            found[k], seconds[k], q = _timed(step, pose, q)
+            if np.isnan(found[k, 0]):
+                break
+        return found, seconds
 
 
 def _timed(
