@@ -103,7 +103,7 @@ def _things(apart: Clearances) -> tuple[tuple[str, ...], Matrix]:
 
 def _counted(apart: Clearances, near: Flags, pose: Indices, count: int) -> tuple[Obstructions, Flags]:
     """Flags of pairs (N, P) at postures, counted for each pose."""
-    _, of_thing = _things(apart)
+    names, of_thing = _things(apart)
     pairs, things = np.zeros((count, near.shape[1])), np.zeros((count, len(names)))
     np.add.at(pairs, pose, near)
     np.add.at(things, pose, near.astype(float) @ of_thing > 0)
