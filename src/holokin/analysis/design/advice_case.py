@@ -497,7 +497,7 @@ def advise(
 
     Raises:
         ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
-        the workspace is reached within the joint limits, or at none a posture is clear, and what is in the way. JointLimitError: the start is beyond them. ShapeError,
+        the workspace is reached within the joint limits, or by a clear posture; it names what is in the way. JointLimitError: the start is beyond them. ShapeError,
         NotFiniteError.
     """
     of_one_tool(task, "advice")
