@@ -496,9 +496,9 @@ def advise(
         progress: hears how far it is.
 
     Raises:
-        ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
-        the workspace is reached within the joint limits, or by a clear posture; it names what is in the way. JointLimitError: the start is beyond them. ShapeError,
-        NotFiniteError.
+        ArgumentError: the robot is not redundant for the task; a workspace of one pose; shapes that are too near at q0.
+        OutOfReachError: no pose of the workspace is reached within the joint limits, or by a posture that is clear.
+        JointLimitError: the start is beyond them. ShapeError, NotFiniteError.
     """
     of_one_tool(task, "advice")
     check_redundant(task)
