@@ -476,13 +476,14 @@ def advise(
 ) -> Advice:
     """The strategies that fit a task, each on its best leaf, compared on a workspace, and why the best is the best.
 
-    Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
-    pseudo-inverse, and strategies designed from the best of these: each from several postures at the workspace's
-    centre. They are ranked by the share of the workspace that they reach within the joint limits, and with the
-    clearance where one is asked for; of strategies that cover alike those are first that keep well clear, by 0.01 m
-    more than asked for; of these those that keep away from limits and singular postures; of these the one with the
-    least joint speed. A strategy without a cusp near the workspace is preferred to one with, for up to a tenth more
-    squared joint speed. All this is looked at pose by pose; `certify_by` of the advice is the call that proves it.
+    Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, and strategies
+    designed over the best of these; where postures are searched for, `radial` of the pseudo-inverse, too. They are
+    ranked by the share of the workspace that they serve within the joint limits, and with the clearance where one is
+    asked for; of strategies that cover alike those are first that keep well clear, by 0.01 m more than asked for; of
+    these those that keep away from limits and singular postures; of these the one with the least joint speed, but first
+    one that is proven on the whole arm, for up to 14 % more joint speed. If the first is not proven, one without a cusp
+    near the workspace is preferred to one with, for up to a tenth more squared joint speed. The best is looked at pose
+    by pose; `certify_by` of the advice is the call that proves it. Ctrl-C ends the comparison: what is found stays.
 
     Args:
         task: what the tool does: `hk.pose(robot)`, `hk.pose(robot, "axis")` if it may spin, `hk.position(robot)`.
@@ -495,9 +496,9 @@ def advise(
         progress: hears how far it is.
 
     Raises:
-        ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
-        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. ShapeError,
-        NotFiniteError.
+        ArgumentError: the robot is not redundant for the task; a workspace of one pose; shapes that are too near at q0.
+        OutOfReachError: no pose of the workspace is reached within the joint limits, or by a posture that is clear.
+        JointLimitError: the start is beyond them. ShapeError, NotFiniteError.
     """
     of_one_tool(task, "advice")
     check_redundant(task)
