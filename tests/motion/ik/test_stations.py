@@ -1,16 +1,16 @@
 """`hk.ik(robot)` of arms without a closed form: sheets that are gone from stations."""
 
 import json
-import time
 
 import numpy as np
 import pytest
 
 import holokin as hk
 from conftest import campaign
-from holokin.analysis.sheets.station_maps import _read, _written, make_station_map
+from holokin.analysis.sheets.station_maps import make_station_map, map_bytes, read_map, station_map
 from holokin.base.errors import OutOfReachError
 from holokin.motion.ik.arm_inverse import ArmInverse
+from holokin.motion.ik.arm_map import digest
 from holokin.motion.ik.self_motions import self_motions_at
 from holokin.motion.ik.stations import FIRST, Hand, StationCalls, takes_stations
 
@@ -28,9 +28,8 @@ def gap(q, other):
 
 @pytest.fixture(scope="module")
 def ik():
-    """A Gen3, whose first joint turns freely, with a map of few stations."""
-    task = hk.pose(hk.load("gen3"))
-    return ArmInverse(task, make_station_map(task, samples=120))
+    """A Gen3, whose first joint turns freely."""
+    return hk.ik("gen3")
 
 
 def test_each_pose_of_random_postures_has_one_answer_with_that_pose_within_the_limits(ik):
@@ -44,7 +43,7 @@ def test_each_pose_of_random_postures_has_one_answer_with_that_pose_within_the_l
         assert np.array_equal(ik(poses[i]), answers[i])
     found = ik.batch(poses)
     assert np.array_equal(found.q, answers)
-    assert np.mean(found.sheet >= 0) > 0.7
+    assert np.mean(found.sheet >= 0) > 0.85
     assert [ik.sheet(T) for T in poses] == [s if s >= 0 else None for s in found.sheet.tolist()]
 
 
@@ -58,7 +57,7 @@ def test_what_turns_with_the_first_axis_has_the_same_answer_but_for_that_turn(ik
         turned[:3] = np.array([[np.cos(2), -np.sin(2), 0], [np.sin(2), np.cos(2), 0], [0, 0, 1]]) @ T[:3]
         q, other = ik(T), ik(turned)
         assert gap(other[1:], q[1:]) < 1e-9
-        assert gap(abs(other[0] - q[0]), 2.0) < 1e-9
+        assert min(gap(other[0] - q[0], 2.0), gap(other[0] - q[0], -2.0)) < 1e-9
 
 
 def test_native_code_and_python_have_the_same_sheets_and_postures(ik):
@@ -67,7 +66,7 @@ def test_native_code_and_python_have_the_same_sheets_and_postures(ik):
     for T in poses_within(ik.task.robot, 3):
         native, slow = calls._call(T, FIRST), calls._slow(T, FIRST)
         assert (native is None) == (slow is None)
-        if native is not None:
+        if native is not None and slow is not None:
             assert np.abs(native - slow).max() < 1e-7
 
 
@@ -78,12 +77,12 @@ def test_a_leg_out_and_back_on_one_sheet_comes_home(ik):
             continue
         begin = q = ik(T)
         poses = np.repeat(T[None], 9, axis=0)
-        poses[:, 0, 3] += np.r_[np.linspace(0.01, 0.05, 5), np.linspace(0.04, 0.01, 4)]
+        poses[:, 0, 3] += np.r_[1:6, 4:0:-1] / 1000
         changes = []
         for pose in [*poses, T]:
             last, (q, _, changed) = q, ik.near(pose, q)
             changes.append(changed)
-            assert changed or gap(q, last) < 0.5
+            assert changed or gap(q, last) < 0.3
         if not any(changes):
             legs += 1
             assert np.abs(q - begin).max() < 1e-12
@@ -131,14 +130,14 @@ def test_a_scene_is_kept_clear_of(ik):
 
 
 def test_a_map_is_read_as_it_was_written_and_nothing_else_is(ik):
-    data = _written(ik.map)
-    found = _read(ik.task, data)
+    data, own = map_bytes(ik.map), digest(ik.task.robot, None)
+    found = read_map(ik.task, own, data)
     assert found is not None
-    assert np.nanmax(np.abs(found.stations - ik.map.stations)) < 1e-6
     for T in poses_within(ik.task.robot, 5):
-        assert np.abs(ArmInverse(ik.task, found)(T) - ik(T)).max() < 1e-9
-    assert _read(ik.task, data[:-200]) is None
-    assert _read(ik.task, json.dumps({"format": 1}).encode()) is None
+        assert np.array_equal(ArmInverse(ik.task, found)(T), ik(T))
+    assert read_map(ik.task, own, data[:-200]) is None
+    assert read_map(ik.task, own, json.dumps({"format": 1}).encode()) is None
+    assert read_map(ik.task, digest(hk.load("sawyer"), None), data) is None
 
 
 def test_what_a_hand_sees_does_not_change_with_the_first_joint():
@@ -157,12 +156,20 @@ def test_arms_with_a_closed_form_or_other_joints_have_no_stations():
 
 @pytest.mark.parametrize("name", [campaign("arm", name) for name in ARMS])
 def test_of_400_poses_all_are_found_and_nearly_all_by_a_sheet(name):
-    robot = hk.load(name)
-    begin = time.process_time()
-    ik = hk.ik(robot)
-    assert time.process_time() - begin < 120
-    found = ik.batch(poses_within(robot, 400, seed=9))
+    ik = hk.ik(name)
+    poses = poses_within(ik.task.robot, 400, seed=9)
+    found = ik.batch(poses)
     assert found.reached.sum() >= 398
+    assert np.abs(ik.task.robot.pose(found.q[found.reached]) - poses[found.reached]).max() < 1e-9
     assert np.mean(found.sheet >= 0) > 0.93
-    assert np.abs(robot.pose(found.q[found.reached]) - poses_within(robot, 400, seed=9)[found.reached]).max() < 1e-9
     assert abs(ik.map.share - np.mean(found.sheet >= 0)) < 0.04
+
+
+@pytest.mark.parametrize("name", [campaign("arm", name) for name in ARMS])
+def test_a_map_of_the_package_is_the_one_that_is_made(name):
+    task = hk.pose(hk.load(name))
+    found, made = station_map(task), make_station_map(task)
+    assert found is not None
+    assert (found.joint, len(found)) == (made.joint, len(made))
+    assert np.allclose(found.rules, made.rules, rtol=1e-2, atol=1e-2)
+    assert abs(found.share - made.share) < 0.01

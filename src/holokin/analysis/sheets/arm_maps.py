@@ -543,8 +543,9 @@ def ik(
 
     Of a robot the arm's own map answers: few sheets in a fixed order, on each of which a joint follows the tool's pose
     so that the same pose has the same joints wherever the tool was before. It takes arms of seven joints that a held
-    joint leaves with a closed form (Panda, FR3, iiwa, xArm 7, OpenArm), and of six with one. The maps of the
-    catalogue's arms are in the package; that of another arm is made at the first call, in seconds, and kept.
+    joint leaves with a closed form (Panda, FR3, iiwa, xArm 7, OpenArm), and of six with one. Other arms of seven hinges
+    (Gen3, Sawyer, YuMi, Rizon 4) are led to the pose from stations of a sheet, of which nothing is proven. The maps of
+    the catalogue's arms are in the package; that of another arm is made at the first call, in seconds, and kept.
 
     Of a strategy with leaves it is the leaf through `q0`. With `radial(G, start)` this is the straight-line transport
     of G from `q0`, free of drift by construction: theory 5.3's inverse-kinematics form. Where nothing is redundant,
