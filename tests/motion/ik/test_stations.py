@@ -35,7 +35,7 @@ def ik():
 def test_each_pose_of_random_postures_has_one_answer_with_that_pose_within_the_limits(ik):
     """The referee is the chain of the joints. An answer is the same whatever was asked before, off the map to
     round-off."""
-    robot, poses = ik.task.robot, poses_within(ik.task.robot, 40)
+    robot, poses = ik.task.robot, poses_within(ik.task.robot, 20)
     answers = [ik(T) for T in poses]
     for T, q in zip(poses, answers, strict=True):
         assert np.abs(robot.pose(q) - T).max() < 1e-9
@@ -105,7 +105,7 @@ def test_a_posture_to_which_the_sheet_does_not_lead_is_a_change(ik):
 
 def test_off_the_map_it_is_the_posture_farthest_within_the_limits_of_the_whole_self_motion(ik):
     robot, seen = ik.task.robot, 0
-    for T in poses_within(robot, 60):
+    for T in poses_within(robot, 30):
         if ik.sheet(T) is None:
             every = self_motions_at(ik.task, T[None, :3, 3], T[None, :3, :3]).q
             best = max(-robot.beyond((q + np.pi) % (2 * np.pi) - np.pi).max() for q in every)
