@@ -1,6 +1,7 @@
 """`hk.ik(robot)` of arms without a closed form: sheets that are gone from stations."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,12 @@ import holokin as hk
 from conftest import campaign
 from holokin.analysis.sheets.station_maps import make_station_map, map_bytes, read_map, station_map
 from holokin.base.errors import OutOfReachError
+from holokin.motion.ik import all_postures
 from holokin.motion.ik.arm_inverse import ArmInverse
 from holokin.motion.ik.arm_map import digest
+from holokin.motion.ik.leaf import leaf_step
 from holokin.motion.ik.self_motions import self_motions_at
-from holokin.motion.ik.stations import FIRST, Hand, StationCalls, takes_stations
+from holokin.motion.ik.stations import FIRST, Hand, StationCalls, strategy_of, takes_stations
 
 ARMS = ("gen3", "sawyer", "yumi-arm", "rizon4")
 
@@ -95,12 +98,26 @@ def test_a_leg_out_and_back_on_one_sheet_comes_home(ik):
     assert legs >= 3
 
 
-def test_a_posture_to_which_the_sheet_does_not_lead_is_a_change(ik):
-    """From a posture that the sheet does not have at that pose, whatever it comes to is another posture."""
-    T = next(T for T in poses_within(ik.task.robot, 20) if ik.sheet(T) is not None)
-    motions = self_motions_at(ik.task, T[None, :3, 3], T[None, :3, :3])
-    far = motions.q[np.argmax([gap(q, ik(T)) for q in motions.q])]
-    assert ik.near(T, far).changed
+def test_where_two_stations_disagree_the_jump_between_them_is_a_change(ik):
+    """A sheet of two stations 3 cm apart, on the same level, but with other postures: the second one by eigenvalues."""
+    task, found, hand = ik.task, ik.map, Hand(ik.task)
+    strategy, sheet = strategy_of(task, found.joint), 0
+    for first in found.stations[sheet][np.isfinite(found.stations[sheet]).all(axis=1)]:
+        T, there = np.repeat(task.robot.pose(first)[None], 2, axis=0)
+        there[2, 3] += 0.03
+        level = float(found.rules[sheet] @ hand.terms(hand.arrows(there[None]))[0])
+        led = all_postures(strategy, there, level, near=first).q
+        sides = [leaf_step(strategy)(q, there[:3, 3], there[:3, :3], np.array([level]))[3] for q in led]
+        others = [q for q, s in zip(led, sides, strict=True) if s == found.sides[sheet] and 1 < gap(q, first) < 3]
+        if not others:
+            continue
+        few = replace(found, rules=found.rules[:1], sides=found.sides[:1], stations=np.array([[first, others[0]]]))
+        two = ArmInverse(task, few)
+        if two.sheet(T) == two.sheet(there) == 0 and gap(two(there), two(T)) > 0.5:
+            assert two.near(there, two(T)).changed
+            assert not two.near(there, two(there)).changed
+            return
+    raise AssertionError("no such stations")
 
 
 def test_off_the_map_it_is_the_posture_farthest_within_the_limits_of_the_whole_self_motion(ik):
