@@ -11,7 +11,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from ...base.errors import NativeError
+from ...base.errors import ArgumentError, NativeError
 from ...base.progress import progress
 from ...base.types import Array, Indices, Matrix, Vector
 from ...motion.ik.arm_map import digest
@@ -48,7 +48,6 @@ TRIED, SERVED = 3, 0.02
 ROUNDS, FIRST, CLOSER, INSIDE = 7, 1.0, 0.6, 0.9
 """Rounds of a fit, how far off [rad] a level stops to count at first, how that shrinks, and the share of an interval in
 which it is to lie."""
-
 
 FORMAT = 1
 """Of a map's file: changed when those of before cannot be read."""
@@ -102,7 +101,10 @@ def read_map(task: Task, arm: str, data: bytes) -> StationMap | None:
 def make_station_map(
     task: Task, samples: int = SAMPLES, report: Callable[[float, str], None] = lambda _share, _words: None
 ) -> StationMap:
-    """The map of an arm, made anew: the same of the same joints and limits."""
+    """The map of an arm, made anew: the same of the same joints and limits.
+
+    Raises: ArgumentError: no joint has a branch, as where the limits are narrow.
+    """
     robot, rng = task.robot, np.random.default_rng(0)
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
     free = np.arange(robot.n) == 0
@@ -140,6 +142,9 @@ def make_station_map(
         rules.append(best[0])
         stations.append(best[1])
         left &= ~np.isfinite(best[1]).all(axis=1)
+    if not rules:
+        cure = "give wider ones: hk.with_limits(robot, lower=..., upper=...)"
+        raise ArgumentError("the joint limits", f"so narrow that no sheet of {robot.name!r} was found", cure)
     every = np.array(stations)
     sides = []
     for postures in every:
