@@ -150,6 +150,9 @@ def test_a_scene_is_kept_clear_of(ik):
     for T in poses_within(ik.task.robot, 4):
         if "wall" not in clear.why(T):
             assert clear(T)[3] <= 0
+    floor = hk.ik("gen3", scene=hk.Scene(floor=0.0))
+    for T in poses_within(ik.task.robot, 4):
+        assert (ik.why(T) == floor.why(T)) == np.allclose(ik(T), floor.batch(T[None]).q[0], atol=1e-9)
 
 
 def test_a_map_is_read_as_it_was_written_and_nothing_else_is(ik):

@@ -603,7 +603,7 @@ class _Touching(Value):
     def look(self) -> None:
         """Raises: ArgumentError: the scene lacks something, or one pair of bodies touches at all random postures."""
         robot, rng = self.robot, np.random.default_rng(0)
-        Q = rng.uniform(robot.lower, robot.upper, (LOOKS, robot.n))
+        Q = rng.uniform(*robot.ranges(np.pi), (LOOKS, robot.n))
         if not self.clearances.clear(Q).any():
             gaps = self.clearances.distances(Q, self.clearances.wanted) - self.clearances.limits
             if (always := np.flatnonzero((gaps < 0).all(axis=0))).size:
