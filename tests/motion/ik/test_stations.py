@@ -150,6 +150,10 @@ def test_a_scene_is_kept_clear_of(ik):
     for T in poses_within(ik.task.robot, 4):
         if "wall" not in clear.why(T):
             assert clear(T)[3] <= 0
+
+
+@pytest.mark.campaign
+def test_a_scene_of_shapes_is_looked_at_though_joints_have_no_limits(ik):
     floor = hk.ik("gen3", scene=hk.Scene(floor=0.0))
     for T in poses_within(ik.task.robot, 4):
         assert (ik.why(T) == floor.why(T)) == np.allclose(ik(T), floor.batch(T[None]).q[0], atol=1e-9)
