@@ -2,16 +2,18 @@
 
 import json
 import pickle
+import re
 import subprocess
 import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import campaign
-from holokin.analysis.sheets.arm_maps import make_arm_map
+from holokin.analysis.sheets.arm_maps import _next_sheet, make_arm_map
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, ShapeError
 from holokin.motion.ik.arm_inverse import ArmInverse
 from holokin.motion.ik.arm_map import digest, map_of_text, map_text, shipped
@@ -76,9 +78,12 @@ def test_another_process_gives_the_same_bits(name):
         "import numpy as np, holokin as hk\n"
         f"r = hk.load({name!r}); rng = np.random.default_rng(3)\n"
         "P = r.pose(rng.uniform(r.lower, r.upper, (20, r.n)))\n"
-        "print(hk.ik(r).batch(P[::-1]).q[::-1].tobytes().hex())"
+        "print(hk.ik(r).batch(P[::-1]).q[::-1].tobytes().hex())\n"
+        "import sys; print(sorted({'holokin.proof', 'holokin.analysis.coverage'} & sys.modules.keys()))"
     )
-    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == q.tobytes().hex()
+    bits, loaded = subprocess.check_output([sys.executable, "-c", code], text=True).splitlines()
+    assert bits == q.tobytes().hex()
+    assert loaded == "[]"  # what looks for sheets and proves them is loaded when it is asked for
 
 
 @pytest.mark.parametrize("name", [n if n in SUITE else campaign("arm", n) for n in (*SEVEN, *SIX)])
@@ -349,7 +354,14 @@ def test_a_map_is_read_as_it_was_written_and_that_of_another_arm_or_version_is_n
     assert map_of_text(text, hk.load("fr3"), None) is None
     wider = hk.with_limits(task.robot, lower=task.robot.lower - 0.1)
     assert map_of_text(text, wider, None) is None
-    for spoil in ({"format": 1}, {"length": 0.0}, {"sheets": []}, {"held": 2}, {"choices": [1]}, {"choices": [[1, 0, 1]]}):
+    for spoil in (
+        {"format": 1},
+        {"length": 0.0},
+        {"sheets": []},
+        {"held": 2},
+        {"choices": [1]},
+        {"choices": [[1, 0, 1]]},
+    ):
         assert map_of_text(json.dumps({**json.loads(text), **spoil}), task.robot, None) is None, spoil
     assert map_of_text("{", task.robot, None) is None
     kept = pickle.loads(pickle.dumps(hk.ik(task)))
@@ -383,25 +395,263 @@ def test_a_map_is_made_of_an_arm_that_no_shipped_one_knows_and_kept(monkeypatch,
     assert len(calls) == 2
 
 
-def test_ctrl_c_while_a_map_is_made_keeps_nothing_half_made(monkeypatch, tmp_path):
+@pytest.fixture
+def few(monkeypatch, tmp_path):
+    """Maps of two sheets of few samples, which are kept in a folder of their own."""
     monkeypatch.setattr("holokin.analysis.sheets.arm_maps.cache_folder", lambda: tmp_path)
-    robot = hk.with_limits(hk.load("panda"), lower=hk.load("panda").lower + 1e-3)
+    for name, value in (("SHEETS", 2), ("TRIAL", 1), ("TRIED", 1), ("SAMPLES", 200), ("DRAWN", 12)):
+        monkeypatch.setattr(f"holokin.analysis.sheets.arm_maps.{name}", value)
+    return tmp_path
 
-    def stopped(*_):
-        raise KeyboardInterrupt
 
-    monkeypatch.setattr("holokin.analysis.sheets.arm_maps._fit", stopped)
+def test_ctrl_c_while_a_map_is_made_keeps_what_is_found_and_the_next_call_completes_it(monkeypatch, few):
+    def robot():
+        return hk.load("rail-ur10e")
+
+    calls, whole = [], _next_sheet
+
+    def stopped(*given):
+        calls.append(given)
+        if len(calls) == stop:
+            raise KeyboardInterrupt
+        return whole(*given)
+
+    monkeypatch.setattr("holokin.analysis.sheets.arm_maps._next_sheet", stopped)
+    # Before a sheet is found there is nothing to keep.
+    stop = 1
     with pytest.raises(KeyboardInterrupt):
-        hk.ik(robot)
-    assert list(tmp_path.glob("map-*")) == []
+        hk.ik(robot())
+    assert list(few.glob("map-*")) == []
+    calls.clear()
+    stop = 2
+    ik = hk.ik(robot())
+    assert (len(ik.map), ik.map.complete) == (1, False)
+    assert "not complete" in str(ik)
+    poses = poses_within(robot(), 5, seed=4)
+    with monkeypatch.context() as slow:  # a few poses are not worth native code
+        slow.setenv("HOLOKIN_NATIVE", "0")
+        assert ik.batch(poses).reached.all()
+    # The next call goes on from there, to the map that it would have been.
+    calls.clear()
+    stop = 0
+    ik = hk.ik(robot())
+    assert (len(ik.map), ik.map.complete, len(calls)) == (2, True, 1)
+    assert "not complete" not in str(ik)
+    for file in few.glob("map-*"):
+        file.unlink()
+    assert map_text(hk.ik(robot()).map) == map_text(ik.map)
 
 
-@pytest.mark.campaign
-@pytest.mark.parametrize("name", SEVEN)
-def test_a_shipped_map_is_what_the_command_makes(name):
-    task = hk.pose(hk.load(name))
-    there, made = shipped_map(task.robot), make_arm_map(task)
-    assert map_text(make_arm_map(task, samples=200)) == map_text(make_arm_map(task, samples=200))
-    assert made.held.joint == there.held.joint
-    assert abs(made.share - there.share) < 0.01
-    assert there.share > 0.97
+def test_what_is_found_while_a_map_is_made_is_told(few):
+    told = []
+    make_arm_map(
+        hk.pose(hk.load("irb140"), "axis"), samples=100, report=lambda share, words: told.append((share, words))
+    )
+    assert [share for share, _ in told] == sorted(share for share, _ in told)
+    assert re.fullmatch(r"1 sheets serve \d\d\.\d%", told[-1][1])
+
+
+@pytest.mark.parametrize("name", ["irb140", *(campaign("arm", n) for n in SEVEN)])
+def test_a_map_that_is_deleted_is_made_again_and_serves_the_same(name, monkeypatch, tmp_path, request):
+    """Across machines and compilers fits differ in the last bits, and so in which of many like rules they find: what
+    the maps serve is compared. In one process a map is the same to the last digit. Six joints have a free spin here."""
+    monkeypatch.setattr("holokin.analysis.sheets.arm_maps.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("holokin.analysis.sheets.arm_maps.shipped", lambda *_: None)
+    if name in SIX:
+        request.getfixturevalue("few")
+    robot = hk.load(name)
+    task = hk.pose(robot, "axis") if name in SIX else hk.pose(robot)
+    first = hk.ik(task).map if name in SIX else shipped_map(robot)
+    for file in tmp_path.glob("map-*"):
+        file.unlink()
+    made = hk.ik(hk.pose(replace(robot), "axis") if name in SIX else task).map
+    if name in SIX:
+        assert map_text(made) == map_text(first)
+    poses = poses_within(robot, 2000, seed=31)
+    one, other = (ArmInverse(task, found).batch(poses) for found in (first, made))
+    assert made.held.joint == first.held.joint or name.startswith("iiwa")  # where three joints serve alike
+    assert abs((one.sheet >= 0).mean() - (other.sheet >= 0).mean()) < 0.01
+    assert abs(made.share - (other.sheet >= 0).mean()) < 0.02
+    assert min(one.reached.sum(), other.reached.sum()) >= 1999
+
+
+# --- Tools that may spin, and rails.
+
+
+def spun(poses, axis, seed):
+    """Poses with the tool turned about its axis by random angles."""
+    turns = np.random.default_rng(seed).uniform(-np.pi, np.pi, len(poses))
+    out = poses.copy()
+    out[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(turns[:, None] * axis).as_matrix()
+    return out
+
+
+def axis_gap(robot, q, poses, axis):
+    """How far the tool's point and axis are from those of poses."""
+    T = robot.pose(q)
+    return max(gap(T[:, :3, 3], poses[:, :3, 3]), gap(T[:, :3, :3] @ axis, poses[:, :3, :3] @ axis))
+
+
+Z, BENT = (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)
+TOOLS = [("irb140", Z), ("ur5e", Z), ("ur5e", BENT), ("rail-ur10e", Z), ("panda", Z), ("xarm7", BENT)]
+
+
+@pytest.mark.parametrize(("name", "axis"), [("irb140", BENT), *(campaign(("arm", "tool"), tool) for tool in TOOLS)])
+def test_what_answers_an_axis_does_not_depend_on_the_spin_of_the_pose(name, axis, request):
+    """Theory 9.6: the spin of the pose that is given is no demand. Poses that differ by it have one answer."""
+    quick = (name, axis) == ("irb140", BENT)
+    if quick:
+        request.getfixturevalue("few")
+    robot, axis = hk.with_tool(hk.load(name), [0.05, 0.02, 0.1]), np.array(axis)
+    ik = hk.ik(hk.pose(robot, "axis", axis=axis))
+    poses = poses_within(robot, 600 if quick else 2000, seed=6)
+    one, other = ik.batch(poses), ik.batch(spun(poses, axis, 7))
+    assert one.reached.sum() >= len(poses) - (0 if quick else 1)
+    assert (one.sheet >= 0).mean() > (0.85 if quick else 0.97)
+    poses, reached = poses[one.reached], one.reached
+    assert robot.within(one.q[reached]).all()
+    assert axis_gap(robot, one.q[reached], poses, axis) < 1e-12
+    assert np.array_equal(one.sheet, other.sheet)
+    far = np.abs(one.q - other.q)[reached].max(axis=1)
+    assert np.quantile(far, 0.999) < 1e-9
+    assert np.median(far) < 1e-13
+    # Bit by bit one at a time, and the sheet of a posture goes on whatever its own spin is.
+    on = np.flatnonzero(one.sheet[reached] >= 0)[:20]
+    for q, T in zip(one.q[reached][on], poses[on], strict=True):
+        assert np.array_equal(ik(T), q)
+        near = ik.near(spun(T[None], axis, 3)[0], q)
+        assert not near.changed
+        assert np.abs(near.q - q).max() < 1e-9
+    away = poses[0].copy()
+    away[0, 3] += 9
+    assert ik.why(away) == "out of reach"
+
+
+def test_a_tool_whose_axis_goes_round_a_cone_comes_home_to_the_same_joints(few):
+    """The axis closes its loop, and so does each joint, whatever the spin of the poses in between."""
+    robot, home = hk.load("irb140"), 0
+    ik = hk.ik(hk.pose(robot, "axis"))
+    for T in poses_within(robot, 20, seed=8):
+        q = begin = ik(T)
+        loop = np.repeat(T[None], 62, axis=0)
+        ways = 0.1 * np.array([[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 2 * np.pi, 60)])
+        loop[1:-1, :3, :3] = T[:3, :3] @ Rotation.from_rotvec(ways).as_matrix()
+        for pose in spun(loop, np.array(Z), 5)[1:]:
+            if ik.sheet(pose) is None:
+                break
+            q, _, changed = ik.near(pose, q)
+            if changed:
+                break
+        else:
+            home += 1
+            assert np.abs((q - begin + np.pi) % (2 * np.pi) - np.pi).max() < 1e-12
+    assert home >= 5
+
+
+def test_on_a_rail_the_slide_follows_the_tool_as_far_as_it_goes(few):
+    """Of a UR10e on three metres: all poses of postures within the limits, also where the slide is at its end."""
+    robot = hk.load("rail-ur10e")
+    ik = hk.ik(robot)
+    assert ik.map.held.slides
+    poses = poses_within(robot, 1000, seed=2)
+    found = ik.batch(poses)
+    assert found.reached.all()
+    assert (found.sheet >= 0).mean() > 0.9
+    assert robot.within(found.q).all()
+    assert gap(robot.pose(found.q), poses) < 1e-12
+    at_end = (found.q[:, 0] == robot.lower[0]) | (found.q[:, 0] == robot.upper[0])
+    assert 0.05 < at_end.mean() < 0.95
+    # A tool that goes along the rail takes the slide with it, and comes home with it.
+    T, q = poses[np.flatnonzero((found.sheet >= 0) & ~at_end)[0]].copy(), []
+    begin = ik(T)
+    for x in [*np.linspace(0, 0.3, 61), *np.linspace(0.3, 0, 61)]:
+        moved = T.copy()
+        moved[0, 3] += x
+        q.append(ik.near(moved, q[-1].q if q else begin))
+    if not any(answer.changed for answer in q):
+        assert np.abs(q[-1].q - begin).max() < 1e-14
+    slides = np.array([answer.q[0] for answer in q[:61]])
+    assert np.ptp(slides) > 0.2
+
+
+# --- What the sheets at a pose are, and what is proven of them.
+
+
+def test_all_sheets_at_a_pose_have_it_and_the_first_of_them_answers():
+    robot = hk.load("panda")
+    ik = hk.ik(robot)
+    for T in poses_within(robot, 30, seed=14):
+        found, sheet = ik.sheets(T), ik.sheet(T)
+        serves = np.isfinite(found.q).all(axis=1)
+        assert np.array_equal(serves, found.margin > 0) or np.abs(found.margin).min() < 1e-8
+        if sheet is not None:
+            assert np.flatnonzero(serves)[0] == sheet
+            assert np.array_equal(found.q[sheet], ik(T))
+        for q, margin in zip(found.q[serves], found.margin[serves], strict=True):
+            assert gap(robot.pose(q), T) < 1e-12
+            assert margin <= -robot.beyond(q).max() + 1e-5
+
+
+def test_the_margin_of_a_sheet_falls_to_0_where_it_ends():
+    robot = hk.load("panda")
+    ik, ends = hk.ik(robot), 0
+    for T in poses_within(robot, 12, seed=15):
+        sheet = ik.sheet(T)
+        if sheet is None:
+            continue
+
+        def at(x, T=T, sheet=sheet):
+            moved = T.copy()
+            moved[0, 3] += x
+            return ik.sheets(moved).margin[sheet]
+
+        inside = np.array([at(x) > 0 for x in np.linspace(0, 0.4, 41)])
+        if inside.all():
+            continue
+        low, high = 0.01 * (inside.argmin() - 1), 0.01 * inside.argmin()
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if at(middle) > 0 else (low, middle)
+        assert abs(at(low)) < 1e-4
+        ends += 1
+    assert ends > 4
+
+
+@pytest.mark.parametrize("name", ["panda", "irb140"])
+def test_what_is_said_to_be_proven_of_a_sheet_is_proven(name):
+    robot = hk.load(name)
+    words, joint = hk.ik(robot).theorem, hk.ik(robot).map.held.joint
+    held = None if joint is None else robot.joint_names[joint]
+    assert (f"hk.lock({held!r})" if held else "hk.moore_penrose(task)") in words
+    task = hk.pose(robot)
+    assert hk.certify(hk.holonomic(task, hk.lock(held)) if held else hk.moore_penrose(task)).whole
+    assert ("exact model" in words) != hk.ik(robot).map.arm.exact
+
+
+# --- What cannot be answered is said at once.
+
+
+def test_a_scene_that_swallows_the_arm_is_said_at_once_with_the_pair():
+    block = hk.obstacle("block", hk.robot.Box(np.array([3.0, 3, 3])), (0, 0, 0))
+    with pytest.raises(
+        hk.HolokinError, match=r"and block touch, or are too near, at each of 64 random postures.*; move"
+    ):
+        hk.ik("panda", scene=hk.Scene(obstacles=[block]))
+
+
+def test_limits_that_leave_a_joint_no_range_and_those_that_leave_no_sheet_are_named(few):
+    panda = hk.load("panda")
+    upper = np.where(np.arange(7) == 2, panda.lower + 1e-9, panda.upper)
+    with pytest.raises(ArgumentError, match=r"the range of joint 'panda_joint3'.*hk\.with_limits"):
+        hk.ik(hk.with_limits(panda, upper=upper))
+    base = hk.pose(panda, "zyz", rows=(0, 1, 2, 4, 5))  # free to turn about an axis of the base
+    with pytest.raises(ArgumentError, match="whole poses"):
+        hk.ik(base)
+
+
+def test_poses_of_other_types_are_as_those_of_arrays_of_floats():
+    robot = hk.load("panda")
+    ik, T = hk.ik(robot), poses_within(robot, 1, seed=3)[0]
+    assert np.array_equal(ik(T.tolist()), ik(T))
+    assert np.array_equal(ik(np.asfortranarray(T)), ik(T))
+    assert gap(robot.pose(ik(T.astype(np.float32))), T) < 1e-6

@@ -1,4 +1,4 @@
-"""Maps of whole arms: rules for what is held, fitted to the exact arcs of poses all over the workspace; the verb `ik`."""
+"""Maps of whole arms: rules for what is held, fitted to the exact arcs of poses all over the arm; the verb `ik`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NamedTuple, cast, overload
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, NativeError
+from ...base.errors import ArgumentError, BranchError, NativeError
 from ...base.progress import progress
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, kept
 from ...motion.checks import Clearances, Scene
@@ -66,8 +66,11 @@ SERVED = 0.02
 ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
 """Rounds of a fit: how far off [rad or m] a value stops to count at first, and how that shrinks in each round."""
 
-STEPS, GAIN = 60, 1e-6
-"""The most steps of a round, and the gain at which it ends."""
+STEPS, GAIN = 60, 1e-5
+"""The most steps of a round, and the share of the loss that a step gains at which it ends."""
+
+SEARCHED = 20
+"""The most lengths that are tried for a step."""
 
 INSIDE = 0.95
 """Share of an interval of an arc in which a rule's value is to lie."""
@@ -95,9 +98,13 @@ class _Arcs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _HeldArm(Value):
-    """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where."""
+    """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where.
+
+    whole: its map for whole poses, where the spin is held.
+    """
 
     held: HeldCoordinate
+    whole: ArmMap | None = None
 
     @cached_property
     def inverse(self) -> ClosedInverse:
@@ -107,7 +114,7 @@ class _HeldArm(Value):
     @cached_property
     def below(self) -> _HeldArm | None:
         """That of whole poses, where the spin is held."""
-        return None if self.held.below is None else _HeldArm(self.held.below.held)
+        return None if self.whole is None else _HeldArm(self.whole.held)
 
     @cached_property
     def values(self) -> Vector:
@@ -117,8 +124,7 @@ class _HeldArm(Value):
     @cached_property
     def branches(self) -> Matrix:
         """What may choose a posture (B, b): all signs, or sheets of the map for whole poses."""
-        found = self.held.below
-        return SIGNS if found is None or found.held.none else found.rows[:BELOW]
+        return SIGNS if self.whole is None or self.whole.held.none else self.whole.rows[:BELOW]
 
     def terms(self, poses: Array) -> Matrix:
         """The monomials (k, m) of poses (k, 4, 4)."""
@@ -137,7 +143,9 @@ class _HeldArm(Value):
         for first in range(0, len(poses), 500):
             some = poses[first : first + 500]
             each, values = np.repeat(some, len(self.values), axis=0), np.tile(self.values, len(some))
-            flags = self._real(self._at(each, len(some))) if self.below is None else self._below(each, values)
+            flags = (
+                self._real(self._at(each, len(some))) if self.below is None else self._below(self.below, each, values)
+            )
             serves[first : first + 500] = flags.reshape(serves[first : first + 500].shape)
         return serves
 
@@ -147,10 +155,9 @@ class _HeldArm(Value):
         chain, own = (np.array([getattr(one, name) for one in every]) for name in ("chain", "own"))
         return self.inverse.answers_of(*(np.tile(x, (count, 1)) for x in (chain, own)), poses=poses, threads=None)
 
-    def _below(self, poses: Array, spins: Vector) -> Flags:
-        """Which branches (k, B) serve poses with the tool turned."""
-        assert self.below is not None
-        below, poses = self.below, self._turned(poses, spins)
+    def _below(self, below: _HeldArm, poses: Array, spins: Vector) -> Flags:
+        """Which branches (k, B) of the arm for whole poses serve poses with the tool turned."""
+        poses = self._turned(poses, spins)
         if below.held.none:
             return self._real(below.inverse.answers(poses, np.zeros((len(poses), 0))))
         f, w = below.terms(poses), below.held.width
@@ -246,6 +253,7 @@ def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
         nearest = order[np.unique(arcs.pose[order], return_index=True)[1]]
         some, middle, half = f[arcs.pose[nearest]], arcs.middle[nearest], INSIDE * arcs.half[nearest]
         w, d = weights[arcs.pose[nearest]] / len(nearest), FIRST * CLOSER**round_
+        share = w / w.sum()
         # A slide may be asked to go on beyond its limits where an arc is served at these.
         ends = [held.slides & (np.abs(end - middle) <= arcs.half[nearest]) for end in (low, high)]
 
@@ -264,10 +272,10 @@ def _fitted(arm: _HeldArm, f: Matrix, arcs: _Arcs, weights: Vector) -> Vector:
             sine, cosine = _times(some, rule[:m]), _times(some, rule[m:])
             square = sine * sine + cosine * cosine + 1e-12
             values, slope = lost(arm.off(np.arctan2(sine, cosine), middle))
-            length = 4e-3 * (square - 1) / len(w)
+            length = 4e-3 * share * (square - 1)
             by_sine = slope * cosine / square + length * sine
             by_cosine = -slope * sine / square + length * cosine
-            value = values.sum() + 1e-3 * ((square - 1) ** 2).mean() + 1e-7 * (x @ x)
+            value = values.sum() + 1e-3 * float(share @ (square - 1) ** 2) + 1e-7 * (x @ x)
             return float(value), basis.T @ np.concatenate([_onto(some, by_sine), _onto(some, by_cosine)]) + 2e-7 * x
 
         x = _lowest(loss, x)
@@ -303,8 +311,8 @@ def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector
             direction = direction + (share - float(change @ direction) / product) * move
         # A step that leads down enough, and over which the slope rises enough.
         descent, low, high, step = float(slope @ direction), 0.0, np.inf, 1.0
-        for _ in range(20):
-            reached, ahead = loss(x + step * direction)
+        reached, ahead = loss(x + direction)
+        for _ in range(SEARCHED):
             if not reached <= value + 1e-4 * step * descent:
                 high = step
             elif float(ahead @ direction) < 0.9 * descent:
@@ -312,13 +320,14 @@ def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector
             else:
                 break
             step = 0.5 * (low + high) if np.isfinite(high) else 2 * step
+            reached, ahead = loss(x + step * direction)
         if not reached < value:
             break
         move, change = step * direction, ahead - slope
         if (product := float(move @ change)) > 0:
             pairs = [*pairs[-9:], (move, change, product)]
         x, slope, gain, value = x + move, ahead, value - reached, reached
-        if gain < GAIN:
+        if gain < GAIN * value:
             break
     return x
 
@@ -344,7 +353,8 @@ class _Trial(NamedTuple):
                 "the joint limits", f"so narrow that no sheet of {self.arm.held.robot.name!r} was found", cure
             )
         share = float(f"{self.served:.4g}")
-        return ArmMap(self.arm.held, np.array(self.rules), np.array(self.branches), choices, share, self.complete)
+        rules, branches = np.array(self.rules), np.array(self.branches)
+        return ArmMap(self.arm.held, rules, branches, choices, share, self.complete, self.arm.whole)
 
 
 def _fit(
@@ -419,12 +429,16 @@ def _next_sheet(
 
 
 def make_arm_map(
-    task: Task, samples: int = SAMPLES, report: Progress = lambda _share, _words: None, begun: ArmMap | None = None
+    task: Task,
+    samples: int | None = None,
+    report: Progress = lambda _share, _words: None,
+    begun: ArmMap | None = None,
 ) -> ArmMap:
     """The map of an arm, made anew: the same of the same joints and limits.
 
     Args:
-        samples: poses to which each rule is fitted, and as many of those that are left. report: hears how far it is.
+        samples: poses to which each rule is fitted, SAMPLES by default, and as many of those that are left.
+        report: hears how far it is.
         begun: one that Ctrl-C stopped, which is completed.
 
     Raises:
@@ -432,14 +446,15 @@ def make_arm_map(
     """
     check_task(task)
     arms, robot, axis = classes(task), task.robot, spin_axis(task)
-    rng = np.random.default_rng(1)
+    rng, samples = np.random.default_rng(1), samples or SAMPLES
     poses = robot.pose(rng.uniform(robot.lower, robot.upper, (samples, robot.n)), arms[0].tip)
     if axis is not None:
-        below = cast(ArmMap, _arm_map(robot, task.tip))  # since there are classes
-        held = HeldCoordinate(below.arm, below.held.length, Spin.of(robot, task.tip, axis), below)
-        arm = _HeldArm(held)
-        found = _fit(arm, samples, SHEETS, report, begun, stops=True)
-        return found.as_map(below.choices if below.held.none else below.rows)
+        whole = cast(ArmMap, _arm_map(robot, task.tip))  # since there are classes
+        if not whole.complete:
+            raise KeyboardInterrupt  # which that call heard, and kept what it had
+        held = HeldCoordinate(whole.arm, whole.held.length, Spin.of(robot, task.tip, axis), whole.held)
+        found = _fit(_HeldArm(held, whole), samples, SHEETS, report, begun, stops=True)
+        return found.as_map(whole.choices if whole.held.none else whole.rows)
     hand = [HeldCoordinate(arm, 1.0) for arm in arms]
     if hand[0].none:
         return _of_six(arms[0], poses)
@@ -543,16 +558,19 @@ def ik(
 
     Of a robot the arm's own map answers: few sheets in a fixed order, on each of which a joint follows the tool's pose
     so that the same pose has the same joints wherever the tool was before. It takes arms of seven joints that a held
-    joint leaves with a closed form (Panda, FR3, iiwa, xArm 7, OpenArm), and of six with one. Other arms of seven hinges
-    (Gen3, Sawyer, YuMi, Rizon 4) are led to the pose from stations of a sheet, of which nothing is proven. The maps of
-    the catalogue's arms are in the package; that of another arm is made at the first call, in seconds, and kept.
+    joint leaves with a closed form (Panda, FR3, iiwa, xArm 7, OpenArm, a UR on a rail), and of six with one, and tasks
+    of an axis of the tool, `hk.pose(robot, "axis")`: there the spin of the pose that is given does not matter. Other
+    arms of seven hinges (Gen3, Sawyer, YuMi, Rizon 4) are led to the pose from stations of a sheet, of which nothing is
+    proven. The maps of the catalogue's arms are in the package; that of another arm is made at the first call, in
+    seconds, and kept. Where there are closed forms Ctrl-C ends that: what is found answers, the inverse says so, and the
+    next call of `hk.ik` completes it.
 
     Of a strategy with leaves it is the leaf through `q0`. With `radial(G, start)` this is the straight-line transport
     of G from `q0`, free of drift by construction: theory 5.3's inverse-kinematics form. Where nothing is redundant,
     n = m, any strategy will do, as `moore_penrose(task)`: the pose tells the joints, on the branch of the start.
 
     Args:
-        strategy: or a robot, or its name in the catalogue, or the task of its whole pose, `hk.pose(robot)`.
+        strategy: or a robot, or its name in the catalogue, or the task of its whole pose, or of an axis of it.
         q0: start posture (n,), of a strategy alone.
         limits: False answers beyond the joint limits, too; by default such postures are refused.
         region: of `unique_region(strategy, q0)`: poses outside are refused, with the status OUTSIDE.
@@ -562,6 +580,7 @@ def ik(
         ArgumentError: a strategy without leaves or start; a region of another strategy or leaf; an arm without closed
         forms or limits; arguments of the other kind.
         SingularityError: the strategy is singular at the start. JointLimitError: with limits, the start is beyond them.
+        BranchError: a scene that one pair of bodies fills at all postures.
     """
     if isinstance(strategy, Strategy):
         if q0 is None:
@@ -601,15 +620,15 @@ class _Touching(Value):
         return Clearances.of(self.robot, self.scene)
 
     def look(self) -> None:
-        """Raises: ArgumentError: the scene lacks something, or one pair of bodies touches at all random postures."""
+        """Raises: ArgumentError: the scene lacks something. BranchError: one pair touches at all random postures."""
         robot, rng = self.robot, np.random.default_rng(0)
         Q = rng.uniform(*robot.ranges(np.pi), (LOOKS, robot.n))
         if not self.clearances.clear(Q).any():
             gaps = self.clearances.distances(Q, self.clearances.wanted) - self.clearances.limits
             if (always := np.flatnonzero((gaps < 0).all(axis=0))).size:
                 pair = " and ".join(self.clearances.names[int(always[0])])
-                fact = f"one in which {pair} touch, or are too near, at each of {LOOKS} random postures"
-                raise ArgumentError("the scene", fact, "move the obstacle, or allow the pair: hk.Scene(allowed=[...])")
+                fact = f"{pair} touch, or are too near, at each of {LOOKS} random postures: no pose is clear"
+                raise BranchError(fact, "move the obstacle, or leave the pair out: hk.Scene(allowed=[...])")
 
     def __call__(self, Q: Matrix) -> list[str]:
         words, clear = [""] * len(Q), self.clearances.clear(Q)

@@ -187,9 +187,9 @@ class ArmInverse(Value):
         strategy = f"hk.holonomic(task, hk.lock({name!r}))" if name else "hk.moore_penrose(task)"
         exact = f"an exact model, {arm.angle:.1e} rad and {arm.distance:.1e} m from the robot"
         return (
-            f"On the whole arm, {rule}two postures of one sheet that have the same tool pose are the same but for whole "
-            f"turns of joints. It is about {'the robot as it is' if arm.exact else exact}. The rule does not matter: "
-            f"hk.certify({strategy}) writes the proof, task = hk.pose(robot)."
+            f"On the whole arm, {rule}two postures of one sheet that have the same tool pose are the same but for "
+            f"whole turns of joints. It is about {'the robot as it is' if arm.exact else exact}. The rule does not "
+            f"matter: hk.certify({strategy}) writes the proof, task = hk.pose(robot)."
         )
 
     def __str__(self) -> str:
@@ -259,22 +259,21 @@ class ArmInverse(Value):
     def _place(self, T: Matrix) -> Vector:
         """Posture, margin and sheet (n + 2,) of a pose (4, 4); a margin below 0 where there is none."""
         row = self._calls[2](T) if self.touches is None else self._slow_place(T)
-        return row if row[-2] >= 0 or self._whole is None else self._best_spin(T)
+        return row if row[-2] >= 0 or self._whole is None else self._best_spin(T, self._whole)
 
     @cached_property
     def _whole(self) -> ArmInverse | None:
         """The arm's own answers to whole poses, where it has a redundant joint beside a free spin."""
-        below = None if isinstance(self.map, StationMap) else self.map.held.below
+        below = None if isinstance(self.map, StationMap) else self.map.below
         return None if below is None or below.held.none else ArmInverse(self.task, below, self.limits, self.touches)
 
     def _spins(self, T: Matrix) -> Array:
         """The pose with the tool at some spins (C, 4, 4)."""
         return np.asarray(self._closed.held.turned.batch(T, self._closed.values[:, None]))
 
-    def _best_spin(self, T: Matrix) -> Vector:
+    def _best_spin(self, T: Matrix, whole: ArmInverse) -> Vector:
         """What the arm answers to the pose turned about its axis by some spins: the largest margin."""
-        assert self._whole is not None
-        rows = self._whole._places(self._spins(T), 1)
+        rows = whole._places(self._spins(T), 1)
         best = rows[_largest(rows[:, -2])]
         best[-1] = len(self.map)
         return best
@@ -342,7 +341,7 @@ class ArmInverse(Value):
         before, after = np.roll(margin, 1, axis=1), np.roll(margin, -1, axis=1)
         if not found.held.turning:
             before[:, 0], after[:, -1] = margin[:, 0], margin[:, -1]
-        peak, margin = ((margin >= before) & (margin >= after)).ravel(), margin.ravel()
+        peak, margin = ((margin + TIE >= before) & (margin + TIE >= after)).ravel(), margin.ravel()
         most = TRIES if not (margin > 0).any() else 1 if self.touches is None else BLOCKED
         for places in (peak & (margin > HOPE), ~peak & (margin > LAST_HOPE)):
             left, tops = np.flatnonzero(places).tolist(), list[int]()

@@ -60,7 +60,8 @@ class ArmMap(Value):
     held: what their rules give a value to. rules: one of each sheet (S, w), w = 0 where nothing is held. branches: what
     chooses one posture at that value (S, b), the signs of three slopes, or a row of the map below. choices: of these,
     those that some posture within the limits has (K, b). share: of the poses of postures, evenly drawn within the
-    limits, that the sheets serve. complete: False where making it was stopped early.
+    limits, that the sheets serve. complete: False where making it was stopped early. below: the arm's map for whole
+    poses, where the spin of its tool is held.
     """
 
     held: HeldCoordinate
@@ -69,6 +70,7 @@ class ArmMap(Value):
     choices: Matrix
     share: float
     complete: bool = True
+    below: ArmMap | None = None
 
     def __len__(self) -> int:
         return len(self.branches)
@@ -142,7 +144,7 @@ def _postures(found: ArmMap, limits: bool) -> Function:
 
 
 def spin_axis(task: Task) -> Vector | None:
-    """The axis (3,), fixed in the tool, about which a task that asks for the rest of its pose leaves it free to turn."""
+    """The axis (3,), fixed in the tool, about which a task of the rest of the pose leaves it free to turn, or None."""
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame)) or task.m != 5:
         return None
     direction = free_directions(task)[0] if {0, 1, 2} <= set(task.rows) else None
@@ -182,8 +184,9 @@ def classes(task: Task) -> list[ArmClass]:
         cure = f"give some: {widen}, such as +-pi; or {INSTEAD}"
         raise ArgumentError(f"the limits of joint {free!r}", None, cure)
     if not (room > NARROW).all():
-        fact = f"{robot.joint_names[int(np.argmin(room))]!r}, whose limits leave it no range"
-        raise ArgumentError("a joint of a map", fact, f"widen them: {widen}; or {INSTEAD}")
+        k = int(np.argmin(room))
+        cure = f"widen its limits: {widen}; or {INSTEAD}"
+        raise ArgumentError(f"the range of joint {robot.joint_names[k]!r}", float(room[k]), cure)
     return found
 
 
@@ -209,10 +212,14 @@ def map_text(found: ArmMap) -> str:
     """A map as JSON; its numbers have six digits."""
     held = found.held
     joint = held.arm.held[0] if held.arm.held else None
-    about: dict[str, Any] = {"format": FORMAT, "robot": held.robot.name, "arm": digest(held.robot, held.arm.tip, held.spin)}
+    about: dict[str, Any] = {
+        "format": FORMAT,
+        "robot": held.robot.name,
+        "arm": digest(held.robot, held.arm.tip, held.spin),
+    }
     about |= {"held": joint, "spin": held.spin, "length": held.length, "share": found.share}
     about |= {"complete": found.complete, "choices": [_short(row) for row in found.choices]}
-    about["below"] = None if held.below is None else json.loads(map_text(held.below))
+    about["below"] = None if found.below is None else json.loads(map_text(found.below))
     rows = [
         {"branch": _short(branch), "rule": _short(rule)}
         for rule, branch in zip(found.rules, found.branches, strict=True)
@@ -240,9 +247,11 @@ def _map_of(about: Mapping[str, Any], robot: Robot, tip: str | None, spin: Spin 
     joints = () if about["held"] is None else (int(about["held"]),)
     arm, length = arm_class(robot, joints, tip), float(about["length"])
     below = None if spin is None else _map_of(about["below"], robot, tip, None)
-    if not (isinstance(arm, ArmClass) and arm.proven) or (spin is not None and (below is None or below.arm.held != joints)):
+    if not (isinstance(arm, ArmClass) and arm.proven) or (
+        spin is not None and (below is None or below.arm.held != joints)
+    ):
         return None
-    held = HeldCoordinate(arm, length, spin, below)
+    held = HeldCoordinate(arm, length, spin, None if below is None else below.held)
     rules, branches = (np.array([row[key] for row in about["sheets"]], dtype=float) for key in ("rule", "branch"))
     choices = np.array(about["choices"], dtype=float)
     shapes = {branches.shape[1:], choices.shape[1:]} == {(held.branch,)} and rules.shape[1:] == (held.width,)
@@ -251,7 +260,7 @@ def _map_of(about: Mapping[str, Any], robot: Robot, tip: str | None, spin: Spin 
     every = np.vstack([branches, choices])
     if not (np.isfinite(every).all() and (np.abs(every[:, -3:]) == 1).all()):
         return None
-    return ArmMap(held, rules, branches, choices, float(about["share"]), bool(about["complete"]))
+    return ArmMap(held, rules, branches, choices, float(about["share"]), bool(about["complete"]), below)
 
 
 def shipped(robot: Robot, tip: str | None) -> ArmMap | None:

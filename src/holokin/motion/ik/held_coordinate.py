@@ -1,4 +1,4 @@
-"""What the rules of an arm's map give a value to: a joint that is held, or the spin of the tool that a task leaves free.
+"""What the rules of an arm's map give a value to: a joint that is held, or the spin of a tool that is free to turn.
 
     q_k  = atan2(a . f(pose), b . f(pose))     a hinge
     q_k  = a . f(pose), within its limits      a slide
@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,9 +48,6 @@ from ...symbolic import (
 )
 from ...symbolic.rotations import frame_about
 from .closed_leaf import BOUNDLESS
-
-if TYPE_CHECKING:
-    from .arm_map import ArmMap
 
 DEGREE = 2
 """Of a joint's monomials, 28. With degree 3, 84, eight sheets of a Panda serve 97.7 % and not 97.3 %."""
@@ -84,13 +81,13 @@ class HeldCoordinate(Value):
     """What a rule gives a value to: the held joint of an arm; of an arm of six joints none, or the spin of the tool.
 
     arm: the six hinges that are left. length: in which places are measured [m]. spin: the axis that is free; then
-    `below` is the map of the arm for whole poses, by which a turned pose is answered.
+    `below` is what the arm holds for whole poses, by which a turned pose is answered.
     """
 
     arm: ArmClass
     length: float
     spin: Spin | None = None
-    below: ArmMap | None = None
+    below: HeldCoordinate | None = None
 
     @property
     def robot(self) -> Robot:
@@ -101,6 +98,11 @@ class HeldCoordinate(Value):
     def joint(self) -> int | None:
         """The coordinate of the held joint; None of a spin and of six joints."""
         return self.arm.held[0] if self.arm.held and self.spin is None else None
+
+    @cached_property
+    def axes(self) -> Matrix:
+        """A frame (3, 3) in the tool whose last axis is that of the spin."""
+        return np.eye(3) if self.spin is None else frame_about(np.array(self.spin.axis))
 
     @property
     def none(self) -> bool:
@@ -143,8 +145,8 @@ class HeldCoordinate(Value):
 
     @property
     def branch(self) -> int:
-        """How many numbers choose a posture once the value is known: three signs, or a row of the map below."""
-        return 3 if self.below is None else self.below.rows.shape[1]
+        """How many numbers choose a posture once the value is known: three signs, or a row of a map of whole poses."""
+        return 3 if self.below is None else self.below.width + self.below.branch
 
     def constant(self, values: Vector) -> Matrix:
         """The rules (k, width) that give values (k,) whatever the pose; of a spin, from where it is counted."""
@@ -194,9 +196,8 @@ class HeldCoordinate(Value):
         sine, cosine = dot(rule[: self.terms], terms), dot(rule[self.terms :], terms)
         value, length = atan2(sine, cosine), sqrt(sine * sine + cosine * cosine)
         if self.below is not None:
-            below = self.below.held
-            T = _turned(self, T, frame, value)
-            q, share, within, fault = below.answer(T, branch[: below.width], branch[below.width :], limits)
+            w, T = self.below.width, _turned(self, T, frame, value)
+            q, share, within, fault = self.below.answer(T, branch[:w], branch[w:], limits)
             return q, fmin(share, length - LEAST), within, fault
         low, high = self.range
         if limits and np.isfinite(low + high):
@@ -204,9 +205,7 @@ class HeldCoordinate(Value):
             within = fmin(value - low, high - value)
         return self._closed(T, value, within, length, branch, limits)
 
-    def _closed(
-        self, T: SX, value: SX, within: SX, length: SX, signs: SX, limits: bool
-    ) -> tuple[SX, SX, SX, SX]:
+    def _closed(self, T: SX, value: SX, within: SX, length: SX, signs: SX, limits: bool) -> tuple[SX, SX, SX, SX]:
         inverse = ClosedInverse(self.arm, limits)
         chain, own = inverse.numbers(value)
         joints = SX(np.clip(inverse.joints, -BOUNDLESS, BOUNDLESS))
@@ -241,7 +240,9 @@ def _ends(arm: ArmClass) -> _Ends:
     point = at if meeting is None else meeting[1]
     tool = links[-1]
     across = links[0].rotation @ frame_about(links[0].axis)[:, 0]
-    return _Ends(along, across, at + along * float((point - at) @ along), tool.rotation.T, -tool.rotation.T @ tool.position)
+    return _Ends(
+        along, across, at + along * float((point - at) @ along), tool.rotation.T, -tool.rotation.T @ tool.position
+    )
 
 
 def _terms(held: HeldCoordinate, T: SX) -> tuple[SX, SX]:
@@ -258,7 +259,7 @@ def _terms(held: HeldCoordinate, T: SX) -> tuple[SX, SX]:
         return vertcat(*_monomials(_view(held, hand, origin, SX(ends.point), SX(ends.along)), DEGREE)), hand
     # A frame along the axis that is turned so that it has the first axis in its plane x, z; or where they are nearly
     # parallel, a direction that is square to the first axis.
-    frame = R @ SX(frame_about(np.array(held.spin.axis)))
+    frame = R @ SX(held.axes)
     steep = fabs(dot(frame[:, 2], SX(ends.along))) > STEEP
     from_ = frame.T @ if_else(steep, SX(ends.across), SX(ends.along))
     frame = _about_z(frame, atan2(from_[1], from_[0]))
@@ -287,9 +288,8 @@ def _about_z(frame: SX, angle: SX) -> SX:
 
 def _turned(held: HeldCoordinate, T: SX, frame: SX, spin: SX) -> SX:
     """The pose of a tool whose axis has a frame, turned so far from that."""
-    assert held.spin is not None
     T = SX(T)
-    T[:3, :3] = _about_z(frame, spin) @ SX(frame_about(np.array(held.spin.axis)).T)
+    T[:3, :3] = _about_z(frame, spin) @ SX(held.axes.T)
     return T
 
 

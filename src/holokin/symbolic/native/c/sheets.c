@@ -121,7 +121,7 @@ static void hk_widest(const double *context, hk_t *x, double *q) {
       const int j = i % HK_VALUES, track = i - j;
       const int before = j > 0 ? i - 1 : HK_TURNS ? track + HK_VALUES - 1 : i;
       const int after = j + 1 < HK_VALUES ? i + 1 : HK_TURNS ? track : i;
-      const int peak = margin[i] >= margin[before] && margin[i] >= margin[after];
+      const int peak = margin[i] + HK_TIE >= margin[before] && margin[i] + HK_TIE >= margin[after];
       if (round == 0 ? peak && margin[i] > HK_HOPE : !peak && margin[i] > HK_LAST_HOPE) tops[count++] = i;
     }
     for (int tries = 0; tries < most && count > 0; tries++) {
