@@ -562,8 +562,8 @@ def ik(
     of an axis of the tool, `hk.pose(robot, "axis")`: there the spin of the pose that is given does not matter. Other
     arms of seven hinges (Gen3, Sawyer, YuMi, Rizon 4) are led to the pose from stations of a sheet, of which nothing is
     proven. The maps of the catalogue's arms are in the package; that of another arm is made at the first call, in
-    seconds, and kept. Where there are closed forms Ctrl-C ends that: what is found answers, the inverse says so, and the
-    next call of `hk.ik` completes it.
+    seconds, and kept. With a closed form Ctrl-C ends that: what is found answers, the inverse says so, and the next
+    call of `hk.ik` completes it.
 
     Of a strategy with leaves it is the leaf through `q0`. With `radial(G, start)` this is the straight-line transport
     of G from `q0`, free of drift by construction: theory 5.3's inverse-kinematics form. Where nothing is redundant,
