@@ -1,6 +1,6 @@
 """The maps by which `hk.ik(robot)` answers for arms of the catalogue: makes them, or says how those of the package do.
 
-python -m benchmarks.arm_maps                  # makes all again, into src/holokin/robot/data/maps
+python -m benchmarks.arm_maps                  # makes all again, into src/holokin/robot/data
 python -m benchmarks.arm_maps panda fr3        # these
 python -m benchmarks.arm_maps --look           # only looks: share, time, what comes home, of UR5e, IRB 140, a rail, too
 python -m benchmarks.arm_maps --look panda:axis        # of the task whose tool is free to spin
@@ -18,11 +18,15 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import holokin as hk
 from holokin.analysis.sheets.arm_maps import make_arm_map
+from holokin.analysis.sheets.station_maps import make_station_map, map_bytes
 from holokin.motion.ik import ArmInverse
 from holokin.motion.ik.arm_map import map_text
 
 ARMS = ("fr3", "iiwa14", "iiwa7", "openarm-left", "openarm-right", "panda", "xarm7")
 """Those of seven joints that a held joint leaves with a closed form; the signs of six joints are found in no time."""
+
+WITHOUT = ("gen3", "rizon4", "sawyer", "yumi-arm")
+"""Those without a closed form."""
 
 OTHERS = ("ur5e", "irb140", "rail-ur10e", "ur5e:axis", "irb140:axis", "rail-ur10e:axis", "panda:axis")
 """What else is looked at."""
@@ -30,7 +34,7 @@ OTHERS = ("ur5e", "irb140", "rail-ur10e", "ur5e:axis", "irb140:axis", "rail-ur10
 LEGS, LOOPS, STEP = 40, 40, 0.002
 """Straight legs, out and back, from a pose to the next, and circles of 0.1 m, in steps [m]."""
 
-FOLDER = Path(hk.__file__).parent / "robot" / "data" / "maps"
+FOLDER = Path(hk.__file__).parent / "robot" / "data"
 
 POSES = 4_000
 
@@ -38,8 +42,13 @@ POSES = 4_000
 def make(name: str) -> None:
     """Makes the map of an arm, and writes it."""
     begin = time.process_time()
-    found = make_arm_map(hk.pose(hk.load(name)))
-    (FOLDER / f"{name}.json").write_text(map_text(found), "utf-8")
+    task = hk.pose(hk.load(name))
+    if name in WITHOUT:
+        found = make_station_map(task)
+        (FOLDER / "stations" / f"{name}.npz").write_bytes(map_bytes(found))
+    else:
+        found = make_arm_map(task)
+        (FOLDER / "maps" / f"{name}.json").write_text(map_text(found), "utf-8")
     seconds = time.process_time() - begin
     print(f"{name}: {len(found)} sheets serve {found.share:.2%}; {seconds:.1f} s of processor time", flush=True)
 
@@ -48,7 +57,7 @@ def look(name: str) -> None:
     """Asks for poses of random postures: how many are reached, how many by a sheet, the time of a call, and home."""
     robot, rng = hk.load(name.removesuffix(":axis")), np.random.default_rng(20)
     ik = hk.ik(hk.pose(robot, "axis" if name.endswith(":axis") else "twist"))
-    poses = robot.pose(rng.uniform(robot.lower, robot.upper, (POSES, robot.n)))
+    poses = robot.pose(rng.uniform(*robot.ranges(np.pi), (POSES, robot.n)))
     found = ik.batch(poses)
     times = []
     for pose in poses[found.reached]:
@@ -105,7 +114,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help="arms of the catalogue; by default all that have a map")
     parser.add_argument("--look", action="store_true", help="make none, look at those of the package")
     given = parser.parse_args()
-    for name in given.names or (*ARMS, *OTHERS * given.look):
+    for name in given.names or (*ARMS, *WITHOUT, *OTHERS * given.look):
         (look if given.look else make)(name)
 
 

@@ -320,9 +320,11 @@ def ik(
     Of a robot the arm's own map answers: few sheets in a fixed order, on each of which a joint follows the tool's pose
     so that the same pose has the same joints wherever the tool was before. It takes arms of seven joints that a held
     joint leaves with a closed form (Panda, FR3, iiwa, xArm 7, OpenArm, a UR on a rail), and of six with one, and tasks
-    of an axis of the tool, `hk.pose(robot, "axis")`: there the spin of the pose that is given does not matter. The maps
-    of the catalogue's arms are in the package; that of another arm is made at the first call, in seconds, and kept.
-    Ctrl-C ends that: what is found answers, the inverse says so, and the next call of `hk.ik` completes it.
+    of an axis of the tool, `hk.pose(robot, "axis")`: there the spin of the pose that is given does not matter. Other
+    arms of seven hinges (Gen3, Sawyer, YuMi, Rizon 4) are led to the pose from stations of a sheet, of which nothing is
+    proven. The maps of the catalogue's arms are in the package; that of another arm is made at the first call, in
+    seconds, and kept. With a closed form Ctrl-C ends that: what is found answers, the inverse says so, and the next
+    call of `hk.ik` completes it.
 
     Of a strategy with leaves it is the leaf through `q0`. With `radial(G, start)` this is the straight-line transport
     of G from `q0`, free of drift by construction: theory 5.3's inverse-kinematics form. Where nothing is redundant,
@@ -381,7 +383,7 @@ class _Touching(Value):
     def look(self) -> None:
         """Raises: ArgumentError: the scene lacks something. BranchError: one pair touches at all random postures."""
         robot, rng = self.robot, np.random.default_rng(0)
-        Q = rng.uniform(robot.lower, robot.upper, (LOOKS, robot.n))
+        Q = rng.uniform(*robot.ranges(np.pi), (LOOKS, robot.n))
         if not self.clearances.clear(Q).any():
             gaps = self.clearances.distances(Q, self.clearances.wanted) - self.clearances.limits
             if (always := np.flatnonzero((gaps < 0).all(axis=0))).size:

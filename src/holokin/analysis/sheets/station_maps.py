@@ -7,10 +7,11 @@ import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 
-from ...base.errors import NativeError
+from ...base.errors import ArgumentError, NativeError
 from ...base.progress import progress
 from ...base.types import Array, Indices, Matrix, Vector
 from ...motion.ik.arm_map import digest
@@ -29,6 +30,9 @@ from .sheet import nearby, turn_length
 
 SAMPLES, TRIED_ON, NEIGHBOURS = 1_200, 200, 6
 """Poses of postures, evenly drawn within the limits; those by which the joint is chosen; neighbours of each."""
+
+STATIONS = 120
+"""Of the poses those whose postures are kept: with all of them no more poses are served."""
 
 LOOKED = 400
 """Poses by which it is told what the sheets serve."""
@@ -51,11 +55,15 @@ FORMAT = 1
 
 def station_map(task: Task) -> StationMap | None:
     """The map of an arm without closed forms, kept from an earlier call, or made and kept; None of other arms."""
-    path = None
+    own, path = digest(task.robot, task.tip), None
+    folder = files("holokin.robot").joinpath("data", "stations")
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if (found := read_map(task, own, entry.read_bytes())) is not None:
+            return found
     with suppress(NativeError):
-        path = cache_folder() / f"stations-{digest(task.robot, task.tip)}.npz"
+        path = cache_folder() / f"stations-{own}.npz"
         data = kept_bytes(path)
-        if data is not None and (found := _read(task, data)) is not None:
+        if data is not None and (found := read_map(task, own, data)) is not None:
             return found
     if not takes_stations(task):
         return None
@@ -63,24 +71,27 @@ def station_map(task: Task) -> StationMap | None:
         found = make_station_map(task, report=report)
     if path is not None:
         with suppress(NativeError):
-            keep(path, _written(found))
+            keep(path, map_bytes(found))
     return found
 
 
-def _written(found: StationMap) -> bytes:
-    file = io.BytesIO()
-    numbers = {"format": FORMAT, "joint": found.joint, "share": found.share, "rules": found.rules, "sides": found.sides}
-    np.savez_compressed(file, stations=found.stations.astype(np.float32), **numbers)
+def map_bytes(found: StationMap) -> bytes:
+    """A map as a file of NumPy."""
+    about = {"format": FORMAT, "arm": digest(found.task.robot, found.task.tip), "joint": found.joint}
+    file, about = io.BytesIO(), about | {"share": found.share, "rules": found.rules, "sides": found.sides}
+    np.savez_compressed(file, stations=found.stations.astype(np.float16), **about)
     return file.getvalue()
 
 
-def _read(task: Task, data: bytes) -> StationMap | None:
-    """The map of a file; None where it is not one of this version."""
+def read_map(task: Task, arm: str, data: bytes) -> StationMap | None:
+    """The map of a file; None where it is not one of this version and of the arm with this digest."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            if (int(file["format"]), str(file["arm"])) != (FORMAT, arm):
+                return None
             joint, rules, sides = int(file["joint"]), file["rules"], file["sides"]
             stations, share = file["stations"].astype(float), float(file["share"])
-            fits = int(file["format"]) == FORMAT and rules.shape == (len(sides), 28) and 0 < joint < task.n
+            fits = rules.shape == (len(sides), 28) and 0 < joint < task.n
     except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile):
         return None
     fits &= stations.ndim == 3 and stations.shape[::2] == (len(rules), task.n) and np.isfinite(rules).all()
@@ -90,7 +101,10 @@ def _read(task: Task, data: bytes) -> StationMap | None:
 def make_station_map(
     task: Task, samples: int = SAMPLES, report: Callable[[float, str], None] = lambda _share, _words: None
 ) -> StationMap:
-    """The map of an arm, made anew: the same of the same joints and limits."""
+    """The map of an arm, made anew: the same of the same joints and limits.
+
+    Raises: ArgumentError: no joint has a branch, as where the limits are narrow.
+    """
     robot, rng = task.robot, np.random.default_rng(0)
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
     free = np.arange(robot.n) == 0
@@ -128,15 +142,20 @@ def make_station_map(
         rules.append(best[0])
         stations.append(best[1])
         left &= ~np.isfinite(best[1]).all(axis=1)
+    if not rules:
+        cure = "give wider ones: hk.with_limits(robot, lower=..., upper=...)"
+        raise ArgumentError("the joint limits", f"so narrow that no sheet of {robot.name!r} was found", cure)
     every = np.array(stations)
-    some = np.isfinite(every).all(axis=2).any(axis=0)
     sides = []
     for postures in every:
         i = np.flatnonzero(np.isfinite(postures).all(axis=1))[0]
         sides.append(
             float(leaf_step(strategy)(postures[i], T[i, :3, 3], T[i, :3, :3], postures[i, joint : joint + 1])[3])
         )
-    found = StationMap(task, joint, np.array(rules), np.array(sides), every[:, some], 0.0)
+    # Few stations are enough, and it does not matter where they are to a thousandth.
+    some = np.flatnonzero(np.isfinite(every).all(axis=2).any(axis=0))[:STATIONS]
+    few = every[:, some].astype(np.float16).astype(float)
+    found = StationMap(task, joint, np.array(rules), np.array(sides), few, 0.0)
     # What it serves of other poses.
     report(0.95, "what the sheets serve")
     calls, others = found.kernel(True), robot.pose(rng.uniform(low, high, (LOOKED, robot.n)), task.tip)

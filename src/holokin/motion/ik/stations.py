@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.types import Array, Matrix, Value, Vector, frozen, kept
+from ...base.types import Array, Flags, Matrix, Value, Vector, frozen, kept
 from ...robot.closed_form import ArmClass, GeneralInverse, arm_class, general_inverse
 from ...robot.closed_form.arm_classes import links_of, screws
 from ...strategies import HolonomicStrategy, holonomic
@@ -121,7 +121,7 @@ class StationCalls:
         self.map, self.limits, self.robot, self.hand = found, limits, found.task.robot, Hand(found.task)
         self.strategy = strategy_of(found.task, found.joint)
         # Of the postures at one sampled pose the first stands for all: they differ by a turn about the axis.
-        there: Array = np.asarray(np.isfinite(found.stations).all(axis=2))
+        there: Flags = np.asarray(np.isfinite(found.stations).all(axis=2))
         first = found.stations[there.argmax(axis=0), np.arange(len(there[0]))]
         arrows = self.hand.arrows(self.robot.pose(first, found.task.tip))
         half = 0.5 * (arrows**2).sum(axis=(1, 2))
