@@ -39,14 +39,14 @@ def cell(row: Row) -> str:
     if row["cusps"]:
         return f"{row['cusps']} cusps"
     locked = row["law"] in ("lock", "none")
-    found = arm_class(hk.load(row["arm"]), row["joints"]) if locked else None
+    found = arm_class(hk.load(row["arm"]), tuple(row["joints"])) if locked else None
     proven = isinstance(found, ArmClass) and found.proven
     return "proven none" if proven else "none"
 
 
 def of_arm(found: list[Row], arm: str, law: str) -> dict[tuple[int, ...], Row]:
     """The rows of an arm and a kind of law, by their joints."""
-    return {tuple(row["joints"]): row for row in found if row["arm"] == arm and row["law"] == law}
+    return {tuple(tuple(row["joints"])): row for row in found if row["arm"] == arm and row["law"] == law}
 
 
 def locks(found: list[Row], arms: list[str]) -> Iterator[str]:

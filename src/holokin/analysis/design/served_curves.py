@@ -2,7 +2,7 @@
 
 The postures of a pose are self-motions. A constraint g of one row is monotone on pieces of them, between its singular
 postures, and a leaf g = c has one posture on each piece whose interval of g holds c. So which level serves most poses,
-and which polynomial of the pose, is read off these intervals: no path is followed. Theory 9.4
+and which polynomial of the pose, is read off these intervals: no path is followed.
 """
 
 from __future__ import annotations

@@ -33,7 +33,6 @@ from ...symbolic.native.toolchain import cache_folder, keep
 from ...symbolic.native.toolchain import kept as kept_bytes
 from .held_arm import HeldArm
 from .level_fit import Ranges, Values, direction, fitted, polynomial, ranges_of, served_weight
-from .station_maps import station_map
 
 SAMPLES = 3_000
 """Poses of postures, evenly drawn within the limits, to which a rule is fitted; and of those that no sheet serves."""
@@ -286,8 +285,11 @@ def _kept_or_made(robot: Robot, tip: str | None, axis: tuple[float, ...] | None)
     if begun is not None and begun.complete:
         return begun
     task = pose(robot, tip=tip) if axis is None else pose(robot, "axis", tip=tip, axis=axis)
-    if begun is None and axis is None and (stations := station_map(task)) is not None:
-        return stations
+    if begun is None and axis is None:
+        from .station_maps import station_map  # which loads more than other maps need
+
+        if (stations := station_map(task)) is not None:
+            return stations
     with progress(f"map of {robot.name}", 1.0, words=True) as report:
         found = make_arm_map(task, report=report, begun=begun)
     if path is not None:

@@ -80,7 +80,7 @@ def fewest(
         costs: of each set (c,), from 0 to 1. seconds: for each of the two programs. weights: of the elements (k,);
             by default 1. preferred: weight up to which covering more comes before all costs.
     """
-    alive = not_within_another(sets, costs)
+    alive = _not_within_another(sets, costs)
     each = np.ones(sets.shape[1]) if weights is None else weights
     patterns, which = np.unique(sets[alive], axis=1, return_inverse=True)
     coverable = patterns.any(axis=0)
@@ -134,7 +134,7 @@ def _greedy(patterns: Flags, weights: Vector, goal: float) -> Vector:
     return x
 
 
-def not_within_another(sets: Flags, costs: Vector) -> Indices:
+def _not_within_another(sets: Flags, costs: Vector) -> Indices:
     """The sets that are not within another one that costs no more."""
     sizes = sets.sum(axis=1)
     largest: list[int] = []
