@@ -498,7 +498,7 @@ TOOLS = [("irb140", Z), ("ur5e", Z), ("ur5e", BENT), ("rail-ur10e", Z), ("panda"
 
 @pytest.mark.parametrize(("name", "axis"), [("irb140", BENT), *(campaign(("arm", "tool"), tool) for tool in TOOLS)])
 def test_what_answers_an_axis_does_not_depend_on_the_spin_of_the_pose(name, axis, request):
-    """Theory 9.6: the spin of the pose that is given is no demand. Poses that differ by it have one answer."""
+    """the spin of the pose that is given is no demand. Poses that differ by it have one answer."""
     quick = (name, axis) == ("irb140", BENT)
     if quick:
         request.getfixturevalue("few")
