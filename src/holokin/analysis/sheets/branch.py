@@ -61,6 +61,10 @@ LEAST = 0.05
 """Share of the poses that a choice of signs serves at least, if rules are fitted to it."""
 
 
+VALUES = 64
+"""Values of a held joint at which the postures of a pose are looked at."""
+
+
 def branches_by_signs(task: Task, poses: Array, clear: Clear | None) -> list[Branch]:
     """The branches of all joints that, held, leave a closed form whose signs tell postures apart: the exact ranges of
     the joint at poses (k, 4, 4). None where there is no such joint."""
@@ -69,7 +73,7 @@ def branches_by_signs(task: Task, poses: Array, clear: Clear | None) -> list[Bra
     for arm in arms:
         if isinstance(arm, NoClass) or not arm.proven or not robot.hinges[list(arm.held)].all():
             continue
-        held_arm, name = HeldArm(HeldCoordinate(arm, 1.0)), robot.joint_names[arm.held[0]]
+        held_arm, name = HeldArm(HeldCoordinate(arm, 1.0), count=VALUES), robot.joint_names[arm.held[0]]
         candidate = Candidate(
             f"lock {name}", {"kind": "lock", "joints": [name]}, task, holonomic(task, lock(name), name=f"lock {name}")
         )

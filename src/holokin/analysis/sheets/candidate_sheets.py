@@ -20,13 +20,16 @@ from ...symbolic import Function, jacobian
 from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
 from ..coverage.starts import FREE, Candidate, postures_at
 from .branch import Branch
-from .level_fit import fitted, polynomial, served_weight
+from .level_fit import Ranges, fitted, polynomial, served_weight
 from .set_cover import ROUND
 from .sheet import Sheet, known, nearby, neighbours, turn_length
 from .sheet_growth import STARTS, grown, lines_served, one_function, side_by_side
 
 BEST = 2
 """Leaves of a strategy through postures at one pose that become candidates, those that serve most."""
+
+SMOOTH = 1e-4
+"""What the square of a coefficient costs against a pose that is missed: other poses are served the better for it."""
 
 OTHERS = 0.2
 """Weight of all poses that other sheets of a choice serve, beside that of those which they do not."""
@@ -36,6 +39,9 @@ USEFUL = 8
 
 POSES_A_TERM = 2
 """Poses for each coefficient of a polynomial at least: fewer would be served by chance."""
+
+FITTED = 1600
+"""Poses to which a polynomial is fitted at most: those that are left, and others."""
 
 CLOSEST = 4
 """Neighbours from which a leaf tries to reach a pose; a sheet that is chosen tries all."""
@@ -82,7 +88,8 @@ class CandidateSheet:
 class CandidateSheets:
     """Sheets, with the poses that each serves; they grow while a cover is looked for.
 
-    T: the poses (k, 4, 4) that are searched. q: a posture at each (k, n). weights: how many poses each stands for (k,).
+    T: the poses (k, 4, 4) that are searched. q: a posture at each (k, n). of: which of the map's poses the first of
+    them are. weights: how many poses each stands for (k,).
     candidates: strategies whose leaves are tried. branches: to whose ranges of levels rules are fitted. share: of the
     poses, that is wanted. own: whether the level of a strategy may follow the pose. tried: leaves so far.
     """
@@ -90,6 +97,7 @@ class CandidateSheets:
     task: Task
     T: Array
     q: Matrix
+    of: Indices
     weights: Vector
     candidates: list[Candidate]
     branches: list[Branch]
@@ -203,21 +211,34 @@ class CandidateSheets:
 
     # --- Rules fitted to ranges of levels.
 
-    def fit(self, weights: Vector, degree: int, most: int) -> None:
-        """Adds sheets whose level is a polynomial of the pose, fitted to poses by their weights (k,): of so many
-        branches, those with most weight to gain."""
-        (f, slopes), gains = self.monomials(degree), np.array([weights[b.poses].sum() for b in self.branches])
+    def fit(self, left: Flags, degree: int, most: int) -> None:
+        """Adds sheets whose level is a polynomial of the pose, fitted to poses that are left (k,), and a little to
+        others: of so many branches, those with most weight to gain. degree: at most, as the poses left can tell."""
+        weights = self._weights(left)
+        told = int((left & (weights > 0)).sum()) // POSES_A_TERM
+        degree = max(d for d in self.degrees if d <= degree and (d == 0 or self.monomials(d)[0].shape[1] <= told))
+        (f, slopes), gains = self.monomials(degree), np.array([(weights * left)[b.poses].sum() for b in self.branches])
         for i in np.argsort(-gains, kind="stable")[:most].tolist():
             if gains[i] > 0:
                 self._fit(self.branches[i], weights, f, slopes, degree)
 
+    def _weights(self, left: Flags) -> Vector:
+        """Of the poses (k,) in a fit, 0 for most where there are many: of those that are left, and of others."""
+        weights = np.zeros(len(self.T))
+        first, others = np.flatnonzero(left)[:FITTED], np.flatnonzero(~left)
+        others = others[: max(FITTED - len(first), FITTED // 4)]
+        weights[first] = self.weights[first]
+        each = OTHERS * weights.sum() / max(1.0, float(self.weights[others].sum()))
+        weights[others] = min(each, 1.0) * self.weights[others]
+        return weights
+
     def _fit(self, branch: Branch, weights: Vector, f: Matrix, slopes: Array, degree: int) -> None:
-        x = np.zeros(f.shape[1])
-        count = len(branch.ranges.pose)
-        hits = [served_weight(np.full(count, c), branch.ranges, weights, branch.off) for c in branch.constants]
+        x, some = np.zeros(f.shape[1]), weights[branch.ranges.pose] > 0
+        ranges = Ranges(*(column[some] for column in branch.ranges))
+        hits = [served_weight(np.full(some.sum(), c), ranges, weights, branch.off) for c in branch.constants]
         x[0] = branch.constants[int(np.argmax(hits))]
-        if degree:
-            x = fitted(polynomial, x, f, branch.ranges, weights, branch.off)
+        if degree and some.any():
+            x = fitted(polynomial, x, f, ranges, weights, branch.off, small=SMOOTH)
         self.tried += 1
         x = np.array([float(f"{value:.{DIGITS}g}") for value in x])
         levels = f @ x

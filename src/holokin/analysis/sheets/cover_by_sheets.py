@@ -20,7 +20,7 @@ from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import Candidate, check_that_joints_move
 from .branch import Branch, branches_by_signs
-from .candidate_sheets import OTHERS, CandidateSheets
+from .candidate_sheets import CandidateSheets
 from .level_ranges import branches_by_curves
 from .set_cover import Cover, continued, fewest, labelled, same_postures
 from .sheet import Sheet, known, nearby, neighbours, postures_of_sheets, spread_out, turn_length
@@ -45,7 +45,7 @@ LEFT_OUT = 400
 ROUNDS, PATIENCE = 30, 1
 """Rounds of the search at most, and rounds without gain that end it."""
 
-TRIED = 5
+TRIED = 4
 """Branches to which a rule is fitted in place of a sheet: those with most poses to gain."""
 
 SECONDS, PROGRAM = 250.0, 20.0
@@ -195,7 +195,7 @@ class _Leaves(Value):
         left_out = order[:0]
         try:
             while True:
-                pool = self._pool(order, left_out, progress)
+                pool = self._pool(order, left_out, len(q0) > 0, progress)
                 for candidate in pool.candidates if len(q0) else ():
                     pool.add(candidate, q0)
                 if self.search:
@@ -203,10 +203,10 @@ class _Leaves(Value):
                 progress("asking the sheets")
                 cover = _asked(pool)
                 stopped = time.monotonic() > end
-                if len(pool.T) == len(self.T) or stopped or not self.search:
+                if stopped or not self.search:
                     break
                 left = self._left_out(pool, cover)
-                new = left[~np.isin(left, left_out)][:LEFT_OUT]
+                new = left[~np.isin(left, pool.of)][:LEFT_OUT]
                 if len(left) <= (1 - self.share) * len(self.T) or not len(new):
                     break
                 left_out = np.concatenate([left_out, new])
@@ -220,18 +220,24 @@ class _Leaves(Value):
             raise ArgumentError("the strategies", names, f"no leaf of them serves a pose: {cure}")
         return [pool.found[i].sheet for i in cover.chosen], len(pool.found), cover.least, stopped
 
-    def _pool(self, order: Indices, left_out: Indices, progress: Callable[[str], None]) -> CandidateSheets:
-        """The candidates over some poses, a random part and those that were left out; none of them yet."""
+    def _pool(self, order: Indices, left_out: Indices, given: bool, progress: Callable[[str], None]) -> CandidateSheets:
+        """The candidates over some poses, a random part and those that were left out; none of them yet.
+
+        given: whether postures were, through which leaves go.
+        """
         task, one_redundant = self.task, self.task.n - self.task.m == 1
         others, branches, candidates = order[~np.isin(order, left_out)][:SEARCHED], list[Branch](), list[Candidate]()
-        T = self.T[np.concatenate([others, left_out])]
+        of = np.concatenate([others, left_out])
+        T, q = self.T[of], self.q[of]
         progress("which levels serve")
         if self.search and one_redundant and self.strategies is None:
             branches = branches_by_signs(task, T, self.clear)
-        if not branches:
-            # Leaves by paths: of fewer poses, but where no leaves are looked for.
-            others = others[: LINES if self.search else len(order)]
-            T = self.T[np.concatenate([others, left_out])]
+        if not branches and self.search:
+            # Leaves by paths: of fewer poses.
+            others = others[:LINES]
+            of = np.concatenate([others, left_out])
+            T, q = self.T[of], self.q[of]
+        if not branches or given:
             progress("which strategies fit")
             center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
             candidates = fitting_candidates(task, T, center, self.strategies, self.clear)
@@ -241,13 +247,10 @@ class _Leaves(Value):
                 progress(f"which levels of {candidate.name} serve")
                 linked = branches_by_curves(candidate, T, near, self.clear, curves)
                 branches += [Branch(candidate, branch.ranges, branch.postures) for branch in linked]
-        which = np.concatenate([others, left_out])
         each = (len(self.T) - len(left_out)) / max(1, len(others))
         weights = np.repeat([each, 1.0], [len(others), len(left_out)])
         own = self.strategies is None
-        return CandidateSheets(
-            task, T, self.q[which], weights, candidates, branches, self.clear, self.rcond, self.share, own
-        )
+        return CandidateSheets(task, T, q, of, weights, candidates, branches, self.clear, self.rcond, self.share, own)
 
     def _left_out(self, pool: CandidateSheets, cover: Cover) -> Indices:
         """The poses that the sheets of a choice do not serve."""
@@ -260,7 +263,7 @@ class _Leaves(Value):
         """Adds sheets as long as a choice of them gets better."""
         # One level for all poses first, then polynomials of the pose, the simplest that will do.
         for degree in pool.degrees if pool.branches else ():
-            pool.fit(pool.weights, degree, TRIED)
+            pool.fit(np.ones(len(pool.T), dtype=bool), degree, TRIED)
             if (pool.sets @ pool.weights).max(initial=0.0) >= pool.preferred:
                 return
         # Sheets for what is not served yet, one after another; then in place of each that is chosen.
@@ -273,9 +276,7 @@ class _Leaves(Value):
             for i in [None, *chosen] if covered >= pool.wanted else [None]:
                 served = pool.sets[[j for j in chosen if j != i]].any(axis=0)
                 if pool.branches:
-                    left = pool.weights * ~served
-                    others = OTHERS * left.sum() / max(1.0, float(pool.weights @ served))
-                    pool.fit(left + min(others, 1.0) * pool.weights * served, pool.degrees[-1], TRIED)
+                    pool.fit(~served, pool.degrees[-1], TRIED)
                 elif not served.all():
                     pool.grow(pool.T[rng.choice(np.flatnonzero(~served))], pool.weights * ~served)
             better = pool.improved(chosen)

@@ -37,11 +37,12 @@ NATIVE_FROM = 2_000
 class HeldArm(Value):
     """An arm with a joint held, or the spin of its tool; poses are told apart by which arcs serve them where.
 
-    whole: its map for whole poses, where the spin is held.
+    whole: its map for whole poses, where the spin is held. count: of the values of what is held.
     """
 
     held: HeldCoordinate
     whole: ArmMap | None = None
+    count: int = VALUES
 
     @cached_property
     def inverse(self) -> ClosedInverse:
@@ -56,7 +57,7 @@ class HeldArm(Value):
     @cached_property
     def values(self) -> Vector:
         """Values of what is held, evenly."""
-        return self.held.values(VALUES)
+        return self.held.values(self.count)
 
     @cached_property
     def branches(self) -> Matrix:

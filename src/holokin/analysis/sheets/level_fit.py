@@ -70,6 +70,7 @@ def fitted(
     weights: Vector,
     off: Off,
     limits: tuple[float, float] | None = None,
+    small: float = SMALL,
 ) -> Vector:
     """The coefficients x (t,) of a rule whose values lie in a range at most of the poses' weight.
 
@@ -79,7 +80,8 @@ def fitted(
 
     Args:
         x: to begin with. f: features of all poses (k, m). weights: of these (k,). limits: to which values are clipped,
-            so that they may go on beyond these where a range reaches them.
+            so that they may go on beyond these where a range reaches them. small: what the square of a coefficient
+            costs against a pose that is missed.
     """
     low, high = (-np.inf, np.inf) if limits is None else limits
     for round_ in range(ROUNDS):
@@ -99,8 +101,8 @@ def fitted(
             z = np.sign(gap) * np.maximum(np.abs(gap) - half, 0)
             z[(ends[0] & (gap < 0)) | (ends[1] & (gap > 0))] = 0.0
             bound = z * z + d * d
-            value = (w * z * z / bound).sum() + at.penalty + SMALL * (x @ x)
-            return float(value), at.gradient(w * 2 * z * d * d / bound**2) + 2 * SMALL * x
+            value = (w * z * z / bound).sum() + at.penalty + small * (x @ x)
+            return float(value), at.gradient(w * 2 * z * d * d / bound**2) + 2 * small * x
 
         x = _lowest(loss, x)
     return x
