@@ -42,10 +42,10 @@ LINES = 600
 LEFT_OUT = 400
 """Poses that join the search at most where a choice leaves them out."""
 
-ROUNDS, PATIENCE = 30, 1
+ROUNDS, PATIENCE = 30, 2
 """Rounds of the search at most, and rounds without gain that end it."""
 
-TRIED = 4
+TRIED = 5
 """Branches to which a rule is fitted in place of a sheet: those with most poses to gain."""
 
 SECONDS, PROGRAM = 250.0, 20.0
