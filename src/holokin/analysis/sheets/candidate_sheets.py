@@ -19,7 +19,7 @@ from ...strategies.tasks.task import Task
 from ...symbolic import Function, jacobian
 from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
 from ..coverage.starts import FREE, Candidate, postures_at
-from .branch import Branch
+from .branch import CONSTANTS, Branch
 from .level_fit import Ranges, fitted, polynomial, served_weight
 from .set_cover import ROUND
 from .sheet import Sheet, known, nearby, neighbours, turn_length
@@ -235,8 +235,10 @@ class CandidateSheets:
     def _fit(self, branch: Branch, weights: Vector, f: Matrix, slopes: Array, degree: int) -> None:
         x, some = np.zeros(f.shape[1]), weights[branch.ranges.pose] > 0
         ranges = Ranges(*(column[some] for column in branch.ranges))
-        hits = [served_weight(np.full(some.sum(), c), ranges, weights, branch.off) for c in branch.constants]
-        x[0] = branch.constants[int(np.argmax(hits))]
+        heaviest = np.argsort(-weights[ranges.pose], kind="stable")[:CONSTANTS]
+        levels = np.concatenate([branch.constants, ranges.middle[heaviest]])
+        hits = [served_weight(np.full(some.sum(), c), ranges, weights, branch.off) for c in levels]
+        x[0] = levels[int(np.argmax(hits))]
         if degree and some.any():
             x = fitted(polynomial, x, f, ranges, weights, branch.off, small=SMOOTH)
         self.tried += 1

@@ -245,7 +245,7 @@ class _Leaves(Value):
             curves, near = self_motions_at(task, T[:, :3, 3], T[:, :3, :3]), nearby(T, turn_length(task))
             for candidate in candidates:
                 progress(f"which levels of {candidate.name} serve")
-                linked = branches_by_curves(candidate, T, near, self.clear, curves)
+                linked = branches_by_curves(candidate, T, near, self.clear, curves, 0.0)
                 branches += [Branch(candidate, branch.ranges, branch.postures) for branch in linked]
         each = (len(self.T) - len(left_out)) / max(1, len(others))
         weights = np.repeat([each, 1.0], [len(others), len(left_out)])
