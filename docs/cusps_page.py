@@ -46,7 +46,7 @@ def cell(row: Row) -> str:
 
 def of_arm(found: list[Row], arm: str, law: str) -> dict[tuple[int, ...], Row]:
     """The rows of an arm and a kind of law, by their joints."""
-    return {tuple(tuple(row["joints"])): row for row in found if row["arm"] == arm and row["law"] == law}
+    return {tuple(row["joints"]): row for row in found if row["arm"] == arm and row["law"] == law}
 
 
 def locks(found: list[Row], arms: list[str]) -> Iterator[str]:
