@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import cast
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ...base.types import Array, Indices, Matrix, Value, Vector
 from ...motion.checks import Clear
 from ...motion.ik.held_coordinate import HeldCoordinate
 from ...robot.closed_form import NoClass, arm_class
-from ...strategies import holonomic
+from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import lock
 from ...strategies.tasks.frame_task import asks_whole_pose
 from ...strategies.tasks.task import Task
@@ -39,6 +40,11 @@ class Branch(Value):
     ranges: Ranges
     postures: Callable[[Indices, Vector], Matrix]
     turning: bool = False
+
+    @property
+    def strategy(self) -> HolonomicStrategy:
+        """The candidate's, which has one."""
+        return cast(HolonomicStrategy, self.candidate.strategy)
 
     def off(self, levels: Array, middle: Array) -> Array:
         """From a middle to a level, the shorter way where a whole turn more is the same posture."""

@@ -234,7 +234,8 @@ class CandidateSheets:
 
     def _fit(self, branch: Branch, weights: Vector, f: Matrix, slopes: Array, degree: int) -> None:
         x, some = np.zeros(f.shape[1]), weights[branch.ranges.pose] > 0
-        ranges = Ranges(*(column[some] for column in branch.ranges))
+        pose, middle, half = branch.ranges
+        ranges = Ranges(pose[some], middle[some], half[some])
         heaviest = np.argsort(-weights[ranges.pose], kind="stable")[:CONSTANTS]
         levels = np.concatenate([branch.constants, ranges.middle[heaviest]])
         hits = [served_weight(np.full(some.sum(), c), ranges, weights, branch.off) for c in levels]
@@ -256,13 +257,13 @@ class CandidateSheets:
 
     def _jacobians(self, branch: Branch, Q: Matrix, slopes: Array, x: Vector) -> tuple[Array, Vector]:
         """(G (k, n, m), rcond (k,) of [J; J_g]) of a branch's strategy whose level has coefficients x, at Q (k, n)."""
-        J, Jg = self.task.jacobian_batch(Q)[0], _slopes(branch.candidate.strategy).batch(Q).reshape(len(Q), 1, -1)
+        J, Jg = self.task.jacobian_batch(Q)[0], _slopes(branch.strategy).batch(Q).reshape(len(Q), 1, -1)
         if (c := self.coordinates) is not None and slopes.shape[2]:
             Jx = np.einsum("dm,kmn->kdn", c.P.T / c.scale[:, None], c.chart.jacobian_batch(Q)[0])
             Jg = Jg - np.einsum("ktd,t,kdn->kn", slopes, x, Jx)[:, None]
         M = np.concatenate([J, Jg], axis=1)
         values = np.linalg.svd(M, compute_uv=False)
-        return np.linalg.pinv(M)[:, :, : self.task.m], values[:, -1] / values[:, 0]
+        return np.asarray(np.linalg.pinv(M)[:, :, : self.task.m], dtype=float), values[:, -1] / values[:, 0]
 
     def cost_of(self, Q: Matrix, G: Array) -> float:
         """Of postures (k, n): the root mean square of |G|, over what it is at the least, of the share of joints near a
@@ -275,10 +276,10 @@ class CandidateSheets:
 
     def _make(self, branch: Branch, degree: int, x: Vector, q: Matrix, poses: Array) -> Sheet:
         """The leaf of a rule, with stations q (h, n) at the poses (h, 4, 4) that it serves."""
-        candidate = branch.candidate
-        strategy, keys = candidate.strategy, {key: value for key, value in candidate.keys.items() if key != "level"}
-        if degree:
-            zeta = Polynomial(self.coordinates, x[None])
+        candidate, strategy, c = branch.candidate, branch.strategy, self.coordinates
+        keys = {key: value for key, value in candidate.keys.items() if key != "level"}
+        if degree and c is not None:
+            zeta = Polynomial(c, x[None])
             name = f"{candidate.name}, level of degree {degree}"
             strategy = holonomic(self.task, tilted(strategy.constraint, zeta, chart=zeta.chart, name=name), name=name)
             keys = zeta.keys_over(candidate.keys)

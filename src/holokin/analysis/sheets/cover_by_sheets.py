@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
-from ...base.types import Array, ArrayLike, Indices, Matrix, Value, finite, not_negative, positive, whole
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, finite, not_negative, positive, whole
 from ...motion.checks import Clear, Clearances, Scene
 from ...motion.self_motions.pose_reach import Reach
 from ...motion.self_motions.self_motions import self_motions_at
@@ -274,7 +274,7 @@ class _Leaves(Value):
             if time.monotonic() > end or still >= PATIENCE or (len(chosen) == 1 and covered >= pool.wanted):
                 break
             for i in [None, *chosen] if covered >= pool.wanted else [None]:
-                served = pool.sets[[j for j in chosen if j != i]].any(axis=0)
+                served: Flags = np.asarray(pool.sets[[j for j in chosen if j != i]].any(axis=0))
                 if pool.branches:
                     pool.fit(~served, pool.degrees[-1], TRIED)
                 elif not served.all():
