@@ -22,6 +22,14 @@ from ...strategies.tasks.task import Task
 from ...symbolic import SX, Function, as_map, factorise, runge_kutta, symbol
 from ...symbolic.rotations import exp_so3
 
+NATIVE, MANY = 16, 300
+"""Lines side by side from which on native code runs, and poses from which on building it pays."""
+
+
+def native_from(poses: int) -> int | None:
+    """Lines from which on native code runs, where a strategy is asked at so many poses; None for as many as usual."""
+    return NATIVE if poses >= MANY else None
+
 
 @dataclass(frozen=True, eq=False)
 class LineEnds(Value):

@@ -7,14 +7,15 @@ and which polynomial of the pose, is read off these intervals: no path is follow
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ...base.lbfgs import minimizer
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ...motion.self_motions.pose_reach import at_best_turns
 from ...motion.self_motions.self_motions import SelfMotions
 from ...strategies import HolonomicStrategy
@@ -59,8 +60,8 @@ WALLS = 1.0, 20.0
 """Cost of a level that is beyond a piece by the mean length of pieces, at first and in the end, beside
 log(1 + squared joint speed / least)."""
 
-DESCENTS = 60
-"""Steps of that search at most."""
+LAST_GAIN = 1e-7
+"""Share of that cost below which what a step of a search gains ends it."""
 
 EDGE = 0.05
 """Share of a piece at its ends that a design keeps off: it is singular there, or a limit or a shape is near."""
@@ -178,7 +179,7 @@ class ServedCurves(Value):
         J_g J^+ P (k, d): a strategy g = h(x) has as squared joint speed the first and the second times
         |D_P h - J_g J^+ P|^2.
         """
-        J_g = _rows(_strategy(candidate)).batch(self.q[which]).reshape(len(which), -1)
+        J_g = _strategy(candidate).rows(self.q[which])[:, 0]
         along = self.along[which]
         with np.errstate(divide="ignore"):
             metric = np.sum(self.costs.joints * along**2, axis=1) / np.sum(J_g * along, axis=1) ** 2
@@ -191,13 +192,6 @@ def _strategy(candidate: Candidate) -> HolonomicStrategy:
     if candidate.strategy is None:
         raise ValueError(candidate.name)
     return candidate.strategy
-
-
-@kept
-def _rows(strategy: HolonomicStrategy) -> Function:
-    """q -> J_g (1, n)."""
-    task, q = strategy.task, symbol("q", strategy.task.n)
-    return Function("rows", {"q": q}, {"rows": strategy.constraint.slopes(task, task.kinematics(q), q)})
 
 
 def served_curves(
@@ -559,38 +553,14 @@ def designed_on(curves: ServedCurves, leaf: Leaf, degree: int) -> tuple[Polynomi
     x = np.linalg.lstsq(values, np.clip(leaf.level, tables.inner_low, tables.inner_high), rcond=None)[0]
     scaled = 1 / np.sqrt(np.mean(values**2, axis=0) + np.mean(np.sum(slopes**2, axis=1), axis=0))
     for wall in WALLS:
-        x = scaled * _descended(lambda y, wall=wall: _scaled(cost(scaled * y, wall), scaled), x / scaled)
+
+        def scaled_cost(y: Vector, wall: float = wall) -> tuple[float, Vector]:
+            value, gradient = cost(scaled * y, wall)
+            return value, scaled * gradient
+
+        x = scaled * minimizer(scaled_cost, x / scaled, LAST_GAIN)
     unserved = len(curves.u) - len(tables.pose)
     return Polynomial(coordinates, x[None]), cost(x, WALLS[-1])[0] + WALLS[-1] * unserved / len(curves.u)
-
-
-def _scaled(value: tuple[float, Vector], scale: Vector) -> tuple[float, Vector]:
-    """A value and its gradient by scaled numbers."""
-    return value[0], value[1] * scale
-
-
-def _descended(cost: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector:
-    """Where a cost with its gradient is least, from x, by the method of Broyden, Fletcher, Goldfarb and Shanno."""
-    value, slope = cost(x)
-    inverse = np.eye(len(x)) / max(float(np.linalg.norm(slope)), 1e-12)
-    for _ in range(DESCENTS):
-        way = -inverse @ slope
-        fall, size = float(slope @ way), 1.0
-        if not fall < 0:
-            break
-        while (trial := cost(x + size * way))[0] > value + 1e-4 * size * fall and size > 1e-6:
-            size /= 2
-        if size <= 1e-6 or value - trial[0] < 1e-7 * abs(value):
-            break
-        step, change = size * way, trial[1] - slope
-        x, value, slope = x + step, *trial
-        if (curving := float(step @ change)) > 0:
-            turned = inverse @ change
-            outer = np.outer(step, turned)
-            inverse = (
-                inverse + (1 + change @ turned / curving) * np.outer(step, step) / curving - (outer + outer.T) / curving
-            )
-    return x
 
 
 def _tables(curves: ServedCurves, leaf: Leaf) -> _Tables:

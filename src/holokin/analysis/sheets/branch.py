@@ -25,6 +25,12 @@ from .level_fit import Ranges, ranges_of
 CONSTANTS = 96
 """Constant levels of which the best begins a fit."""
 
+LEAST = 0.05
+"""Share of the poses that a choice of signs serves at least, if rules are fitted to it."""
+
+VALUES = 64
+"""Values of a held joint at which the postures of a pose are looked at."""
+
 
 @dataclass(frozen=True, eq=False)
 class Branch(Value):
@@ -61,14 +67,6 @@ class Branch(Value):
         """Levels (c,) all over the ranges, evenly."""
         _, middle, half = self.ranges
         return np.linspace((middle - half).min(), (middle + half).max(), CONSTANTS)
-
-
-LEAST = 0.05
-"""Share of the poses that a choice of signs serves at least, if rules are fitted to it."""
-
-
-VALUES = 64
-"""Values of a held joint at which the postures of a pose are looked at."""
 
 
 def branches_by_signs(task: Task, poses: Array, clear: Clear | None) -> list[Branch]:

@@ -10,13 +10,12 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...base.errors import ArgumentError
-from ...base.types import Array, Flags, Indices, Matrix, Vector, kept
+from ...base.types import Array, Flags, Indices, Matrix, Vector
 from ...motion.checks import Clear
-from ...strategies import HolonomicStrategy, holonomic
+from ...strategies import holonomic
 from ...strategies.constraints import tilted
 from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task
-from ...symbolic import Function, jacobian
 from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
 from ..coverage.starts import FREE, Candidate, postures_at
 from .branch import CONSTANTS, Branch
@@ -68,8 +67,8 @@ class CandidateSheet:
     """A sheet that a cover may have.
 
     served: which of the searched poses (k,) it serves, by lines side by side, which may be wrong at a few poses, until
-    it was asked. cost: see `CandidateSheets.cost_of`. make: its leaf, which is built for a sheet that is
-    chosen alone. other: whether it is another posture of a leaf, which brings no more of them.
+    it was asked. cost: see `CandidateSheets.cost_of`. make: its leaf, which is built only for a sheet that is chosen.
+    other: whether it is another posture of a leaf, which brings no more of them.
     """
 
     served: Flags
@@ -88,10 +87,10 @@ class CandidateSheet:
 class CandidateSheets:
     """Sheets, with the poses that each serves; they grow while a cover is looked for.
 
-    T: the poses (k, 4, 4) that are searched. q: a posture at each (k, n). of: which of the map's poses the first of
-    them are. weights: how many poses each stands for (k,).
-    candidates: strategies whose leaves are tried. branches: to whose ranges of levels rules are fitted. share: of the
-    poses, that is wanted. own: whether the level of a strategy may follow the pose. tried: leaves so far.
+    T: the poses (k, 4, 4) that are searched. q: a posture at each (k, n). of: their places among those in reach (k,).
+    weights: how many of these each stands for (k,). candidates: strategies whose leaves are tried. branches: to whose
+    ranges of levels rules are fitted. share: of the poses, that is wanted. own: whether the level of a strategy may
+    follow the pose. tried: leaves so far.
     """
 
     task: Task
@@ -257,7 +256,7 @@ class CandidateSheets:
 
     def _jacobians(self, branch: Branch, Q: Matrix, slopes: Array, x: Vector) -> tuple[Array, Vector]:
         """(G (k, n, m), rcond (k,) of [J; J_g]) of a branch's strategy whose level has coefficients x, at Q (k, n)."""
-        J, Jg = self.task.jacobian_batch(Q)[0], _slopes(branch.strategy).batch(Q).reshape(len(Q), 1, -1)
+        J, Jg = self.task.jacobian_batch(Q)[0], branch.strategy.rows(Q)
         if (c := self.coordinates) is not None and slopes.shape[2]:
             Jx = np.einsum("dm,kmn->kdn", c.P.T / c.scale[:, None], c.chart.jacobian_batch(Q)[0])
             Jg = Jg - np.einsum("ktd,t,kdn->kn", slopes, x, Jx)[:, None]
@@ -342,13 +341,6 @@ class CandidateSheets:
                 self.add(Candidate(sheet.name, sheet.keys, self.task, sheet.strategy), others[[len(others) // 2]], True)
                 changed = True
         return changed
-
-
-@kept
-def _slopes(strategy: HolonomicStrategy) -> Function:
-    """q (n,) -> dg/dq (r, n)."""
-    q = strategy.expressions.q
-    return Function("slopes", {"q": q}, {"slopes": jacobian(strategy.constraint_expression, q)})
 
 
 def _roomiest(task: Task, Q: Matrix) -> Vector:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...base.lbfgs import minimizer
 from ...base.types import Array, Flags, Indices, Matrix, Vector
 
 ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
@@ -14,12 +15,6 @@ ROUNDS, FIRST, CLOSER = 7, 1.0, 0.6
 
 INSIDE = 0.95
 """Share of a range in which a value is to lie."""
-
-STEPS, GAIN = 60, 1e-5
-"""The most steps of a round, and the share of the loss that a step gains at which it ends."""
-
-SEARCHED = 20
-"""The most lengths that are tried for a step."""
 
 SMALL = 1e-7
 """What the square of a coefficient costs against a pose that is missed."""
@@ -104,7 +99,7 @@ def fitted(
             value = (w * z * z / bound).sum() + at.penalty + small * (x @ x)
             return float(value), at.gradient(w * 2 * z * d * d / bound**2) + 2 * small * x
 
-        x = _lowest(loss, x)
+        x = minimizer(loss, x)
     return x
 
 
@@ -135,9 +130,6 @@ def served_weight(values: Vector, ranges: Ranges, weights: Vector, off: Off) -> 
     return float(weights[np.unique(ranges.pose[inside])].sum())
 
 
-# --- On one core, and the same on any number of them: a fit follows the last bit.
-
-
 def times(f: Matrix, rule: Vector) -> Vector:
     """f rule, in the same order of sums however many cores there are: a fit follows the last bit."""
     return np.einsum("ij,j->i", f, rule)
@@ -146,43 +138,3 @@ def times(f: Matrix, rule: Vector) -> Vector:
 def _onto(f: Matrix, slope: Vector) -> Vector:
     """f^T slope, likewise."""
     return np.einsum("ij,i->j", f, slope)
-
-
-def _lowest(loss: Callable[[Vector], tuple[float, Vector]], x: Vector) -> Vector:
-    """Where a loss is lowest near x, by L-BFGS: as SciPy's, but on one core, and the same on each number of them."""
-    value, slope = loss(x)
-    pairs: list[tuple[Vector, Vector, float]] = []
-    for _ in range(STEPS):
-        # The direction, by the last steps and how slopes changed over them.
-        direction, shares = -slope, []
-        for move, change, product in reversed(pairs):
-            shares.append(float(move @ direction) / product)
-            direction = direction - shares[-1] * change
-        if pairs:
-            move, change, product = pairs[-1]
-            direction = direction * product / float(change @ change)
-        else:
-            direction = direction * min(1.0, 1 / max(float(np.abs(slope).sum()), 1e-12))
-        for (move, change, product), share in zip(pairs, reversed(shares), strict=True):
-            direction = direction + (share - float(change @ direction) / product) * move
-        # A step that leads down enough, and over which the slope rises enough.
-        descent, low, high, step = float(slope @ direction), 0.0, np.inf, 1.0
-        reached, ahead = loss(x + direction)
-        for _ in range(SEARCHED):
-            if not reached <= value + 1e-4 * step * descent:
-                high = step
-            elif float(ahead @ direction) < 0.9 * descent:
-                low = step
-            else:
-                break
-            step = 0.5 * (low + high) if np.isfinite(high) else 2 * step
-            reached, ahead = loss(x + step * direction)
-        if not reached < value:
-            break
-        move, change = step * direction, ahead - slope
-        if (product := float(move @ change)) > 0:
-            pairs = [*pairs[-9:], (move, change, product)]
-        x, slope, gain, value = x + move, ahead, value - reached, reached
-        if gain < GAIN * value:
-            break
-    return x

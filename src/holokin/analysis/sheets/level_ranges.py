@@ -23,7 +23,7 @@ from ...motion.self_motions.self_motions import SelfMotions
 from ...motion.self_motions.stretches import onto
 from ...strategies import HolonomicStrategy
 from ...symbolic import wrapped
-from ..coverage.leaf_lines import one_by_one
+from ..coverage.leaf_lines import native_from, one_by_one
 from ..coverage.starts import Candidate
 from .level_fit import Ranges
 
@@ -39,9 +39,6 @@ SAME = 0.3
 
 SMALL = 1e-6
 """Share of the way to the posture beside for which a stretch is not led on."""
-
-NATIVE, MANY = 16, 300
-"""Postures side by side from which on native code runs, and poses from which on building it pays."""
 
 LEAST = 0.02
 """Share of the poses below which a branch is left out."""
@@ -265,7 +262,7 @@ class _Look:
 
     def __init__(self, strategy: HolonomicStrategy, curves: SelfMotions, clear: Clear | None, bounded: Flags) -> None:
         self.strategy, self.curves, self.clear, self.bounded = strategy, curves, clear, bounded
-        robot, self.native = strategy.task.robot, NATIVE if len(curves.p) >= MANY else None
+        robot, self.native = strategy.task.robot, native_from(len(curves.p))
         turning = bounded & ~np.isfinite(robot.upper - robot.lower)
         self.low, self.high = np.where(turning, -np.pi, robot.lower), np.where(turning, np.pi, robot.upper)
 
@@ -307,15 +304,8 @@ class _Look:
             if not len(left):
                 break
             row = at[left]
-            now = self(
-                onto(
-                    self.strategy.task,
-                    self.curves.p[pose[row]],
-                    self.curves.R[pose[row]],
-                    seen.q[row] + share[left, None] * step[left],
-                ),
-                pose[row],
-            )
+            p, R = self.curves.p[pose[row]], self.curves.R[pose[row]]
+            now = self(onto(self.strategy.task, p, R, seen.q[row] + share[left, None] * step[left]), pose[row])
             good = now.allowed & (now.side == seen.side[row]) & (np.abs(now.q - seen.q[row]).max(axis=1) < SAME)
             has[left[good]], found[left[good]], levels[left[good]] = True, now.q[good], now.c[good]
             left = left[~good]
@@ -349,7 +339,7 @@ def _links(strategy: HolonomicStrategy, T: Array, near: Indices, stretches: _Str
     """Pairs (e, 2) of stretches that a leaf links, and the level of the first less that of the second (e,)."""
     count, m = len(stretches.pose), near.shape[1]
     begin, goal = np.repeat(np.arange(count), m), near[stretches.pose].ravel()
-    pairs, turns, native = [], [], NATIVE if len(T) >= MANY else None
+    pairs, turns, native = [], [], native_from(len(T))
     for place in PLACES:
         level = stretches.low[begin] + place * (stretches.high - stretches.low)[begin]
         each, index = np.unique(begin, return_inverse=True)

@@ -14,7 +14,7 @@ from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import custom
 from ...strategies.tasks.task import Task
 from ..coverage import regular_starts
-from ..coverage.leaf_lines import along_leaf, one_by_one
+from ..coverage.leaf_lines import along_leaf, native_from, one_by_one
 from ..coverage.starts import Candidate, candidates, postures_at
 from .sheet import allowed_postures, known
 
@@ -113,9 +113,6 @@ MOST_STRATEGIES = 6  # whose leaves are tried all over the workspace. On a Panda
 # Share of a straight line below which a step is given up: what lies behind is reached from pose to pose.
 SHORTEST = 1 / 64
 
-# Lines side by side from which on native code runs, and poses from which on building it pays.
-NATIVE, MANY = 16, 300
-
 ROUGH = 64  # poses by which strategies are put in order
 STARTS = 8  # postures at one pose through which leaves of each strategy are tried
 
@@ -144,11 +141,7 @@ def fitting_candidates(
 
 
 def lines_served(
-    candidate: Candidate,
-    starts: Matrix,
-    T: Array,
-    clear: Clear | None,
-    rcond: float,
+    candidate: Candidate, starts: Matrix, T: Array, clear: Clear | None, rcond: float
 ) -> tuple[Flags, Array]:
     """(which poses of T (k, 4, 4) the leaves of a strategy through postures (s, n) serve (s, k), postures (s, k, n)),
     along the straight path from each."""
@@ -156,7 +149,7 @@ def lines_served(
     if candidate.strategy is None:
         return np.zeros(shape, dtype=bool), np.zeros((*shape, candidate.task.n))
     try:
-        ends = along_leaf(candidate.strategy, starts, T, None, NATIVE if len(T) >= MANY else None, SHORTEST)
+        ends = along_leaf(candidate.strategy, starts, T, None, native_from(len(T)), SHORTEST)
     except HolokinError:  # it is singular at a start
         return np.zeros(shape, dtype=bool), np.zeros((*shape, candidate.task.n))
     q = ends.q.reshape(-1, candidate.task.n)
@@ -166,10 +159,9 @@ def lines_served(
 
 def side_by_side(strategy: HolonomicStrategy, T: Array, clear: Clear | None, rcond: float) -> Go:
     """The straight paths of a leaf to poses T (k, 4, 4), many side by side."""
-    native = NATIVE if len(T) >= MANY else None
 
     def go(begin: Matrix, which: Indices) -> tuple[Matrix, Flags]:
-        q, reached = one_by_one(strategy, begin, T[which], native)
+        q, reached = one_by_one(strategy, begin, T[which], native_from(len(T)))
         return q, allowed_postures(strategy, q, reached & strategy.task.robot.within(q), rcond, clear)
 
     return go

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.errors import ArgumentError, NativeError
 from ...base.progress import progress
-from ...base.types import Array, Indices, Matrix, Vector
+from ...base.types import Array, Matrix, Vector
 from ...motion.ik.arm_map import digest
 from ...motion.ik.leaf import leaf_step
 from ...motion.ik.stations import Hand, StationMap, strategy_of, takes_stations
@@ -133,7 +133,7 @@ def make_station_map(
         best, most = None, 0.0
         for i in np.argsort([-weights[b.pose].sum() for b in branches], kind="stable")[:TRIED].tolist():
             rule = _fitted(f, branches[i], weights)
-            postures = _stations(f, branches[i], rule)
+            postures = branches[i].postures(np.arange(samples), f @ rule)
             gain = weights @ np.isfinite(postures).all(axis=1)
             if gain > most:
                 best, most = (rule, postures), gain
@@ -187,9 +187,3 @@ def _fitted(f: Matrix, branch: LinkedBranch, weights: Vector) -> Vector:
     x[0] = scale[0] * levels[int(np.argmax(hits))]
     x = fitted(polynomial, x, f / scale, ranges, weights, np.subtract)
     return np.array([float(f"{number:.6g}") for number in x / scale])
-
-
-def _stations(f: Matrix, branch: LinkedBranch, rule: Vector) -> Matrix:
-    """The postures (k, n) of a sheet at the poses; NaN where it has none."""
-    poses: Indices = np.arange(len(f))
-    return branch.postures(poses, f @ rule)
