@@ -514,7 +514,7 @@ def coverage_of_a_box() -> None:
 
 
 def sheets_of_a_panda() -> None:
-    """The fewest leaves that serve a large box before a Panda: some minutes."""
+    """The fewest leaves that serve a large box before a Panda: some seconds."""
     box = hk.workspace(box=([0.6, 0, 0.5], [0.6, 0.6, 0.5]), tilt=np.radians(30))
     found = hk.sheets(hk.pose(hk.load("panda")), box, progress=print)
     print(found)
