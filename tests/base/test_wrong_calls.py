@@ -366,17 +366,6 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = Path(hk.__file__).parent
 
 
-def test_the_version_is_written_in_one_place() -> None:
-    wanted = re.compile(rf"(?<![\d.]){re.escape(hk.__version__)}(?![\d.])")
-    files = [ROOT / "pyproject.toml", ROOT / "mkdocs.yml", *PACKAGE.rglob("*.py")]
-    assert [str(f) for f in files if wanted.search(f.read_text("utf-8"))] == [str(PACKAGE / "version.py")]
-
-
-def test_the_citation_is_of_this_version() -> None:
-    text = (ROOT / "CITATION.cff").read_text("utf-8")
-    assert re.findall(r'^version: "(.+)"$', text, re.MULTILINE) == [hk.__version__]
-
-
 def _checkout(folder: Path) -> Path:
     """A repository with the package's version file as this one has it, and a commit."""
     for name in ("src/holokin/version.py", "pyproject.toml"):
@@ -413,15 +402,6 @@ def test_a_checkout_says_its_commit_and_an_environment_in_a_strangers_repository
     inside.parent.mkdir(parents=True)
     inside.write_text((PACKAGE / "version.py").read_text("utf-8"), "utf-8")
     assert _said(inside) == hk.__version__
-
-
-def test_the_changelog_begins_with_this_version_and_only_known_sections() -> None:
-    text = (ROOT / "CHANGELOG.md").read_text("utf-8")
-    versions = re.findall(r"^## \[(.+?)\] - (\S+)$", text, re.MULTILINE)
-    assert versions[0][0] == hk.__version__
-    assert re.fullmatch(r"unreleased|\d{4}-\d\d-\d\d", versions[0][1])
-    kinds = set(re.findall(r"^### (.+)$", text, re.MULTILINE))
-    assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
 
 
 def test_a_task_in_the_place_of_a_strategy_says_what_makes_one_where_a_joint_is_redundant_and_where_none_is():

@@ -110,7 +110,10 @@ def test_paper_md_names_code_tests_and_jobs_that_exist() -> None:
         assert job in packaged_jobs()
 
 
-def test_the_readme_shows_the_first_of_these_tables() -> None:
-    assert PAGE.read_text("utf-8").partition("```text\n")[2].partition("\n\n")[0] in (ROOT / "README.md").read_text(
-        "utf-8"
-    )
+def test_the_readme_shows_three_columns_of_the_first_of_these_tables() -> None:
+    """Title, and of each strategy the name, the verdict and the drift of a cycle."""
+    title, *table = PAGE.read_text("utf-8").partition("```text\n")[2].partition("\n\n")[0].splitlines()
+    cells = [[cell.strip() for cell in row.split("│")[1:4]] for row in table if row.startswith("│")]
+    first, _, *rows = (ROOT / "README.md").read_text("utf-8").partition("```text\n")[2].partition("```")[0].splitlines()
+    assert first == title and len(rows) == 3
+    assert [re.split(" {2,}", row) for row in rows] == cells

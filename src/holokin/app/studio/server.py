@@ -212,7 +212,7 @@ def studio(
 ) -> Studio:
     """Open a page in the browser: the robot, a loop to drag, and control laws side by side. Extra `studio`.
 
-    All browsers that open the page share one state. See docs/studio.md.
+    All browsers that open the page share one state. See docs/start.md, The studio.
 
     Args:
         what: a job (packaged, or a file), a robot (of the catalogue, a file, or a Robot), or a `studios.Session`; by
