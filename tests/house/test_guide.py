@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ FRONT, PAGE, ALL = 600, 2_000, 45_000
 """Words at most, as `wc -w` counts them: of the README, of a page of guide or handbook, of README and all pages."""
 LONGER = {"job-keys.md", "measured.md", "references.md", "theory.md"}
 """Pages in which one looks something up."""
+NUMBER = re.compile(r"\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def words(page: Path) -> int:
@@ -69,3 +71,23 @@ def test_every_page_beside_the_contents_is_gone() -> None:
 def test_an_old_name_leads_to_a_page_of_today(old: str, new: str) -> None:
     assert not (DOCS / old).exists() and (DOCS / new).is_file()
     assert new in {*pages(SITE["nav"])}
+
+
+def digits(number: str) -> int:
+    return len(re.sub(r"e.*|[.,]", "", number).lstrip("0"))
+
+
+def test_the_numbers_of_the_readme_beside_other_libraries_are_rounded_from_the_page_of_measurements() -> None:
+    """Each stands there in a row that begins with the name of its library."""
+    head, _, *rows = [line for line in (ROOT / "README.md").read_text("utf-8").splitlines() if line.startswith("|")]
+    measured = (DOCS / "measured.md").read_text("utf-8").splitlines()
+    compared = 0
+    for cells in (row.split("|")[1:-1] for row in rows if "measured.md" in row):
+        for library, cell in zip(head.split("|")[2:-1], cells[1:], strict=True):
+            lines = [line for line in measured if line.startswith(f"| {library}")]
+            there = [float(number.replace(",", "")) for line in lines for number in NUMBER.findall(line)]
+            for shown in NUMBER.findall(cell):
+                rounded = {float(f"{number:.{digits(shown)}g}") for number in there}
+                assert float(shown.replace(",", "")) in rounded, f"{library}: {shown} is not on the page"
+                compared += 1
+    assert compared >= 20
