@@ -94,9 +94,15 @@ CELL = (ROOT / "docs" / "cells.md").read_text("utf-8")
 def test_a_seam_leads_from_a_robot_and_points_to_a_program(run) -> None:
     """What the page shows is what is printed; the program can be read."""
     shutil.copy(ROOT / "docs" / "kr6.urdf", ".")
-    assert followed(CELL.split("\n## On the pendant")[0], run) >= 4
+    assert followed(CELL.split("\n## Programs for")[0], run) >= 4
     weld = krl(*(Path(f"program/kr6_wrist.{end}").read_text("ascii") for end in ("src", "dat")))
     assert set(weld.kinds) == {"joint", "linear", "circular"} and len(weld.lines) == 3
+
+
+@pytest.mark.campaign
+def test_the_job_on_the_page_of_paths_prints_its_table(run) -> None:
+    page = (ROOT / "docs" / "paths.md").read_text("utf-8")
+    assert followed(page.split("\n## The job file")[1].split("\n### ")[0], run) == 1
 
 
 def test_a_program_takes_at_most_six_commands() -> None:
@@ -105,7 +111,7 @@ def test_a_program_takes_at_most_six_commands() -> None:
 
 
 def test_the_page_of_cells_names_every_language() -> None:
-    rows = re.findall(r"^\| `(\w+)` \|", CELL.split("\n## Programs")[1].split("\n## ")[0], re.M)
+    rows = re.findall(r"^\| `(\w+)` \|", CELL.split("\n## Programs for")[1].split("\n## ")[0], re.M)
     assert set(rows) == set(LANGUAGES)
 
 
