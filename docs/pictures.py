@@ -23,6 +23,7 @@ from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
 from holokin.app.report.animation import cycles_frames, shown_strategies, write_film
 from holokin.app.report.job_figures import cycles_figure, robot_figure, two_paths_figure
+from holokin.app.report.job_result import JobResult
 from holokin.app.report.plots import BLUE, SKY, law_colors, legible, region_figure, style
 from holokin.app.report.plots import VERMILLION as RED
 from holokin.app.report.proof_picture import box_figure
@@ -597,11 +598,21 @@ def jobs() -> None:
             save(two_paths_figure(result.drawn[0], result), f"job-{name}")
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
     save(robot_figure(result), "job-panda-strategies", dpi=88)
+    for page, job, model, robot, name, dpi in (
+        ("start", "glue", "arm7", "my-arm", "start-glue", 88),
+        ("cells", "weld", "kr6", "kr6", "cells-weld", 70),
+    ):
+        save(robot_figure(job_of_page(page, job, model, robot)), name, dpi=dpi)
+
+
+def job_of_page(page: str, job: str, model: str, robot: str) -> JobResult:
+    """A job that a page shows, with the files that it shows beside it and a model of this folder as ROBOT.urdf."""
     with tempfile.TemporaryDirectory() as folder:
-        (job,) = re.findall(r'```toml title="glue.toml"\n(.*?)```', (HERE / "start.md").read_text("utf-8"), re.DOTALL)
-        (Path(folder) / "glue.toml").write_text(job, "utf-8")
-        shutil.copy(HERE / "arm7.urdf", Path(folder) / "my-arm.urdf")
-        save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue", dpi=88)
+        text = (HERE / f"{page}.md").read_text("utf-8")
+        for title, block in re.findall(r'```\w+ title="(.+?)"\n(.*?)```', text, re.DOTALL):
+            (Path(folder) / title).write_text(block, "utf-8")
+        shutil.copy(HERE / f"{model}.urdf", Path(folder) / f"{robot}.urdf")
+        return run_job(*open_job(f"{folder}/{job}.toml"))
 
 
 def readme() -> None:

@@ -17,7 +17,7 @@ PUBLISHED = tomllib.loads((Path(__file__).parent / "published.toml").read_text("
 
 @dataclass(frozen=True)
 class Referee:
-    """Whose poses they are in the words of docs/robots.md, the rounding of their position [m], and the poses.
+    """Whose poses they are in words, the rounding of their position [m], and the poses.
 
     `pose(q)` is that of the tip, asked at the `postures`, or at random ones; `turned` is the rounding of its rotation.
     """

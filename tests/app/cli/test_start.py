@@ -14,6 +14,7 @@ import pytest
 import holokin as hk
 from conftest import Command
 from grammars import krl, rapid
+from holokin.export.programs.languages import LANGUAGES
 from printed import assert_alike
 
 ROOT = Path(__file__).parents[3]
@@ -87,25 +88,32 @@ def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run) -> Non
     assert begun == pytest.approx([-29.5, 36.6, 90, -27, 64.3, 20.1, 43.3])
 
 
-SEAMS = (ROOT / "docs" / "seam.md").read_text("utf-8").split("\n## ")[1:]
+CELL = (ROOT / "docs" / "cells.md").read_text("utf-8")
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("part", range(len(SEAMS)))
-def test_a_seam_leads_from_a_robot_and_points_to_a_program(part: int, run) -> None:
-    """Of the page's arms each: what is shown is what is printed; the program can be read."""
-    assert followed(SEAMS[part], run) >= 3
-    if part == 0:
-        weld = krl(*(Path(f"program/kr6_wrist.{end}").read_text("ascii") for end in ("src", "dat")))
-        assert set(weld.kinds) == {"joint", "linear", "circular"} and len(weld.lines) == 3
-    else:
-        assert len(rapid(Path("program/arm7_swivel_M.mod").read_text("ascii")).axes) == 44
+def test_a_seam_leads_from_a_robot_and_points_to_a_program(run) -> None:
+    """What the page shows is what is printed; the program can be read."""
+    shutil.copy(ROOT / "docs" / "kr6.urdf", ".")
+    assert followed(CELL.split("\n## Programs for")[0], run) >= 4
+    weld = krl(*(Path(f"program/kr6_wrist.{end}").read_text("ascii") for end in ("src", "dat")))
+    assert set(weld.kinds) == {"joint", "linear", "circular"} and len(weld.lines) == 3
 
 
-@pytest.mark.parametrize("part", SEAMS)
-def test_a_program_takes_at_most_six_commands(part: str) -> None:
-    commands = re.findall(r"^holokin (\w+)", part, re.M)
+@pytest.mark.campaign
+def test_the_job_on_the_page_of_paths_prints_its_table(run) -> None:
+    page = (ROOT / "docs" / "paths.md").read_text("utf-8")
+    assert followed(page.split("\n## The job file")[1].split("\n### ")[0], run) == 1
+
+
+def test_a_program_takes_at_most_six_commands() -> None:
+    commands = re.findall(r"^holokin (\w+)", CELL, re.M)
     assert 3 <= len(commands) <= 6 and {"run", "export"} <= set(commands)
+
+
+def test_the_page_of_cells_names_every_language() -> None:
+    rows = re.findall(r"^\| `(\w+)` \|", CELL.split("\n## Programs for")[1].split("\n## ")[0], re.M)
+    assert set(rows) == set(LANGUAGES)
 
 
 def test_the_arm_of_the_page_has_the_inertias_of_its_cylinders() -> None:

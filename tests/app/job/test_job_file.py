@@ -210,7 +210,9 @@ def test_a_thorough_verdict_has_a_number_of_its_own(
 @pytest.mark.campaign
 def test_the_references_example_runs_and_shows_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    (name,) = re.findall(r'--8<-- "(examples/.+)"', (Path(__file__).parents[3] / "docs" / "jobs.md").read_text("utf-8"))
+    (name,) = re.findall(
+        r'--8<-- "(examples/.+)"', (Path(__file__).parents[3] / "docs" / "paths.md").read_text("utf-8")
+    )
     example = (Path(__file__).parents[3] / name).read_text("utf-8")
     result = run_job(*open_job(str(Path(__file__).parents[3] / name)))
     assert result.passed, [c for s in result.strategies for c in s.checks if not c.passed]
