@@ -19,8 +19,8 @@ RUN = sorted(
 )
 LONG = ("docs/inverse.md", "docs/learning.md", "docs/workspaces.md")  # they compute for longer than a compiler takes
 SLOW = tuple(f"docs/{name}.md" for name in (
-    "audit", "choose", "clearance", "concepts", "datasets", "inverse", "learning", "libraries", "paths", "proof",
-    "robots", "sheets", "studio", "surveys", "workspaces",
+    "audit", "choose", "clearance", "concepts", "inverse", "learning", "logs", "loops", "paths", "proof",
+    "robots", "sheets", "studio", "workspaces",
 ))  # fmt: skip
 """Pages that take longer than a second: of the campaign."""
 
