@@ -331,11 +331,11 @@ def test_a_strategy_is_typed_as_it_stands_in_a_job(tmp_path: Path, words: str, h
     assert np.abs(column(tmp_path / "new", "action")[:, 1] - 0.5).max() < 1e-6
 
 
-# --- The page on datasets: its commands run on the dataset that it makes, and print what stands below them.
+# --- The page on logs and datasets: its commands run on its log and on three circles, and print what stands below them.
 
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "datasets.md").read_text("utf-8")
+PAGE = (ROOT / "docs" / "logs.md").read_text("utf-8")
 BLOCK = re.compile(r"^```(python|sh|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
@@ -343,25 +343,38 @@ BLOCK = re.compile(r"^```(python|sh|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 def test_its_commands_print_what_stands_below_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], holokin: Command
 ) -> None:
+    """What is shown after "..." is the end of what is printed."""
     monkeypatch.chdir(tmp_path)
     scope: dict[str, object] = {}
     blocks = [match.groups() for match in BLOCK.finditer(PAGE)]
+    exec(next(text for kind, text in blocks if kind == "python"), scope)
+    capsys.readouterr()
+    write_circles(tmp_path / "demos", 3)
     codes = []
-    for (kind, text), (after, below) in zip(blocks, [*blocks[1:], ("", "")], strict=True):
-        if kind == "text":
-            continue
-        if kind == "python":
-            exec(compile(text, "datasets.md", "exec"), scope)
-            printed = capsys.readouterr().out
-        else:
+    for (kind, text), (_, below) in zip(blocks, [*blocks[1:], ("", "")], strict=True):
+        if kind == "sh":
             done = holokin(*shlex.split(text)[1:])
             codes.append(done.code)
-            printed = done.out
             assert done.err == ""
-        if after == "text":
-            assert_alike(printed, below)
-    assert codes == [1, 0, 0]
-    assert (tmp_path / "demos.png").stat().st_size > 20_000
+            shown = below.removeprefix("...\n")
+            printed = done.out.split()
+            assert_alike(" ".join(printed[-len(shown.split()) :] if shown != below else printed), shown)
+    assert codes == [1, 1, 0, 0]
+    assert all((tmp_path / name).stat().st_size > 20_000 for name in ("demos.png", "panda-log.png"))
+
+
+def write_circles(folder: Path, episodes: int) -> None:
+    """A dataset in which a Panda draws a circle in each episode, with the pseudo-inverse; its gripper rests."""
+    robot, q0 = hk.load("panda"), [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+    start = robot.pose(q0)[:3, 3]
+    circle = hk.circle(start, center=start - [0.1, 0, 0])
+    joints = hk.follow(hk.moore_penrose(hk.pose(robot)), circle, q0, samples=90, cycles=episodes).q
+    names = [*(f"{joint}.pos" for joint in robot.joint_names), "gripper.pos"]
+    columns = []
+    for e in range(episodes):
+        states = np.hstack([joints[90 * e : 90 * e + 91], np.full((91, 1), 0.04)])
+        columns.append({"observation.state": states, "action": np.vstack([states[1:], states[-1:]])})
+    write_dataset(folder, columns, {"observation.state": names, "action": names})
 
 
 def test_its_excerpt_stands_in_the_tree() -> None:

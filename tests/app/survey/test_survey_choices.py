@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from collections import Counter
 from pathlib import Path
 from typing import get_args
@@ -13,13 +14,20 @@ import pytest
 from casadi import if_else
 
 import holokin as hk
-from holokin.app.job import keys_of
 from holokin.app.job.tables import Table
 from holokin.app.survey import SurveyTable, read_survey, run_survey, survey_of
 from holokin.app.survey.cases import Cases
 from holokin.app.survey.one_case import METRICS, CaseStatus, _robot, run_case
 from holokin.app.survey.store import COLUMNS
-from holokin.app.survey.survey_file import OWN_KINDS, LoopTable, StartsTable, WithoutTable
+from holokin.app.survey.survey_file import (
+    LOOPS,
+    OWN_KINDS,
+    Given,
+    GradientProjection,
+    LoopTable,
+    StartsTable,
+    WithoutTable,
+)
 from holokin.base.errors import JobError
 
 ROOT = Path(__file__).parents[3]
@@ -141,68 +149,70 @@ def test_the_page_of_the_public_survey_is_written_from_its_results(
     assert np.all([f"pictures/{f.name}" in page for f in (tmp_path / "pictures").iterdir()])
 
 
-REFERENCE = (ROOT / "docs" / "surveys.md").read_text("utf-8")
+# --- examples/survey.toml shows every key of a survey file, docs/audit.md every column and status of a row.
+
+EXAMPLE = (ROOT / "examples" / "survey.toml").read_text("utf-8")
+LINE = re.compile(r"^(?:# )?(\w+) = (.+?)(?:\s+# (.+))?$")
 
 
-def rows_of(heading: str, head: str) -> dict[str, list[str]]:
-    """First cell -> the other cells of the table with this first title below a heading; kinds beside each other."""
-    text = REFERENCE.split(f"\n{heading}\n")[1].split("\n## ")[0].split("\n### ")[0]
-    _, found, table = text.partition(f"\n| {head} |")
-    assert found, (heading, head)
-    lines = [line for line in table.split("\n\n")[0].splitlines() if line.startswith("| `")]
-    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
-    return {name: rest for first, *rest in cells for name in re.findall(r"`\[*([^`.\]]+)[^`]*`", first)}
-
-
-def written(default: object) -> str:
-    """A default as the reference says it."""
-    words = json.dumps(default)
-    return f"`{words.removesuffix('.0')}`"
+def shown(*tables: str) -> dict[str, tuple[object, str]]:
+    """Key -> (value, what is said of it), of the tables whose headers begin so; "" is the top of the file."""
+    found, here = {}, "" in tables
+    for line in EXAMPLE.splitlines():
+        if header := re.match(r"(?:# )?\[+([\w.]+)", line):
+            here = any(table and header[1].startswith(table) for table in tables)
+        elif here and (match := LINE.match(line)):
+            found.setdefault(match[1], (tomllib.loads(f"x = {match[2]}")["x"], match[3] or ""))
+    return found
 
 
 @pytest.mark.parametrize(
-    ("heading", "model"),
+    ("table", "model", "others"),
     [
-        ("### Top level", SurveyTable), ("### `[starts]`", StartsTable), ("### `[loops.NAME]`", LoopTable),
-        ("### `[[without]]`", WithoutTable),
+        ("", SurveyTable, {"tasks", "starts", "loops", "laws", "metrics", "without"}), ("starts", StartsTable, set()),
+        ("loops", LoopTable, {"key", "share"}), ("without", WithoutTable, set()),
     ],
 )  # fmt: skip
-def test_the_reference_of_survey_files_has_every_key_and_default(heading: str, model: type[Table]) -> None:
-    found = rows_of(heading, "Key")
-    assert set(found) == set(model.model_fields)
-    for key, field in model.model_fields.items():
-        default, meaning = found[key]
-        assert len(meaning) > 10
-        if field.is_required():
-            assert default == "needed", key
-        elif isinstance(field.default, int | float | str) and field.default != "":
-            assert default == written(field.default), key
+def test_the_survey_to_start_from_shows_every_key_with_its_default(
+    table: str, model: type[Table], others: set[str]
+) -> None:
+    found = shown(table)
+    assert set(found) == set(model.model_fields) - others
+    assert all(re.search(rf"^(?:# )?\[+{name}", EXAMPLE, re.MULTILINE) for name in others - {"key", "share"})
+    assert table != "loops" or "or share: " in EXAMPLE
+    for key, (value, meaning) in found.items():
+        field = model.model_fields[key]
+        if isinstance(field.default, int | float) and value != field.default:
+            assert meaning.endswith(f"default {json.dumps(field.default)}"), key
+        elif isinstance(field.default, str) and field.default and table != "without":
+            assert value == field.default, key
         for words in re.findall(r"Literal\[(.*?)\]", str(field.annotation)):
-            assert all(f'`"{word}"`' in meaning + default for word in re.findall(r"'([a-z-]+)'", words)), key
+            assert all(word == value or f'"{word}"' in meaning for word in re.findall(r"'([a-z-]+)'", words)), key
+    assert table != "loops" or all(kind == found["kind"][0] or f'"{kind}"' in found["kind"][1] for kind in LOOPS)
 
 
-def test_the_reference_of_survey_files_has_every_kind_of_law() -> None:
-    kinds, keys = (rows_of("### `[laws.NAME]`", head) for head in ("Kind", "Key"))
-    models = {kind: m for m in OWN_KINDS for kind in get_args(m.model_fields["kind"].annotation)}
-    assert set(kinds) == set(models)
-    for kind, model in models.items():
-        assert tuple(tuple(re.findall(r"`(\w+)`", cell)) for cell in kinds[kind][:2]) == keys_of(model), kind
-    fields = {key: field for model in OWN_KINDS for key, field in model.model_fields.items() if key != "kind"}
-    assert set(keys) == set(fields)
-    for key, field in fields.items():
-        default = keys[key][0].strip("`").strip('"')
-        if field.is_required():
-            assert default == "needed", key
-        elif isinstance(field.default, int | float):
-            assert float(default) == field.default, key
-        elif field.default is not None:
-            assert default == field.default, key
+def test_the_survey_to_start_from_shows_every_kind_of_law_with_its_defaults() -> None:
+    whole = tomllib.loads(re.sub(r"^# (?=\[|\w+ = )", "", EXAMPLE, flags=re.MULTILINE))
+    laws = survey_of(whole, "survey.toml").laws.values()
+    tables = {type(law): table for law, table in zip(laws, whole["laws"].values(), strict=True)}
+    own = set(OWN_KINDS) - {Given}
+    assert own < set(tables)
+    kinds = {kind for model in own for kind in get_args(model.model_fields["kind"].annotation)}
+    assert all(f'"{kind}"' in EXAMPLE for kind in kinds)
+    for model in own:
+        assert set(tables[model]) == set(model.model_fields), model
+        for key, field in model.model_fields.items():
+            if not field.is_required() and field.default is not None:
+                assert tables[model][key] == field.default, (model, key)
+    costs = get_args(GradientProjection.model_fields["cost"].annotation)
+    assert all(f'"{cost}"' in EXAMPLE for cost in costs)
 
 
-def test_the_reference_of_rows_has_every_column_and_status() -> None:
-    assert set(rows_of("## A row", "Status")) == set(CaseStatus)
-    assert list(rows_of("## A row", "Column")) == list(METRICS)
-    text = REFERENCE.split("\n## A row\n")[1].split("\n## ")[0]
+def test_the_page_on_audits_has_every_column_and_status_of_a_row() -> None:
+    text = (ROOT / "docs" / "audit.md").read_text("utf-8").split("\n### What a row says\n")[1]
+    first = [re.findall(r"`([^`]+)`", line.split("|")[1]) for line in text.splitlines() if line.startswith("| `")]
+    names = [name for names in first for name in names]
+    assert names == [*CaseStatus, *METRICS]
     assert all(f"`{column}`" in text for column in COLUMNS)
 
 
