@@ -17,10 +17,10 @@ RUN = sorted(
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
     if "```python" in page.read_text("utf-8")
 )
-LONG = ("docs/inverse.md", "docs/learning.md", "docs/workspaces.md")  # they compute for longer than a compiler takes
+LONG = ("docs/inverse.md", "docs/learning.md")  # they compute for longer than a compiler takes
 SLOW = tuple(f"docs/{name}.md" for name in (
     "audit", "choose", "clearance", "concepts", "datasets", "inverse", "learning", "libraries", "paths", "proof",
-    "robots", "sheets", "studio", "surveys", "workspaces",
+    "robots", "studio", "surveys",
 ))  # fmt: skip
 """Pages that take longer than a second: of the campaign."""
 
