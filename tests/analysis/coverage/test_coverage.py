@@ -259,7 +259,7 @@ def test_a_start_or_strategy_that_is_none_is_refused(law: HolonomicStrategy) -> 
 
 @pytest.mark.campaign
 def test_a_leaf_of_a_panda_reaches_nearly_all_that_the_arm_does(panda: hk.Robot) -> None:
-    """The box of docs/workspaces.md: of 400 random poses 343 within limits, of 358 that any posture reached."""
+    """The box of docs/choose.md: of 400 random poses 343 within limits, of 358 that any posture reached."""
     box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
     ready = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
     found = hk.coverage(hk.holonomic(hk.pose(panda), hk.lock(2)), box, ready, samples=128)
