@@ -288,7 +288,10 @@ def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
     from matplotlib.figure import Figure
 
     long = "lock torso_lift_joint over r_upper_arm_roll_joint - r_forearm_roll_joint"
-    laws: Any = [SimpleNamespace(name=name, coverage=0.5, strategy=None) for name in (f"designed from {long}", "radial", *[long] * 10)]
+    laws: Any = [
+        SimpleNamespace(name=name, coverage=0.5, strategy=None)
+        for name in (f"designed from {long}", "radial", *[long] * 10)
+    ]
     figure = Figure(figsize=(7.3, 2 * bars_height(laws)))
     axes = name_bars(figure.add_axes((0.31, 0.2, 0.3, 0.5)), laws)
     FigureCanvasAgg(figure).draw()

@@ -260,10 +260,10 @@ _PLAIN_ADDRESS = (
 )
 
 _NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
-# colours of the floor, its lines, and what is behind all, from above to below: darker than a white robot
+# colours of the floor, its lines, and what is behind all: darker than a white robot
 _FLOOR = (214, 221, 230)
 _CELL, _SECTION = (196, 205, 216), (170, 181, 195)
-_SKY = ((176, 190, 206), (226, 232, 239))
+_SKY = (198, 208, 219)
 
 
 def viser_package() -> Any:
@@ -347,7 +347,7 @@ class Scene:
                 batched_scales=np.zeros(count), opacity=1.0, lod="off", **_NO_SHADOW,
             )  # fmt: skip
             self._ghosts.append(ghost)
-        for index, name in enumerate(self.names if count <= _LABELLED else ()):
+        for index, name in enumerate(self.names if count <= _LABELLED and any(self.names) else ()):
             label = self.server.scene.add_label(f"/names/{index}", name, anchor="bottom-center", visible=False)
             self._labels.append(label)
         self._scales = 0.996 - 0.002 * (np.arange(count) % 6)  # within one another, where two stand in one place
@@ -475,8 +475,7 @@ class Scene:
         scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
         lines = {"cell_size": 0.1, "cell_color": _CELL, "section_size": 0.5, "section_color": _SECTION}
         plane = {"plane_color": _FLOOR, "plane_opacity": 1.0, "shadow_opacity": 0.2, "fade_distance": 6.0 * size}
-        shade = np.linspace(*_SKY, 256)[:, None].repeat(2, axis=1)
-        scene.set_background_image(shade.round().astype(np.uint8), format="png")
+        scene.set_background_image(np.full((2, 2, 3), _SKY, dtype=np.uint8), format="png")
         scene.add_grid("/floor", size, size, position=(0.0, 0.0, height), **lines, **plane)
 
     def _draw_robot(self) -> None:
