@@ -1,6 +1,6 @@
 """A control loop at 1 kHz on MuJoCo: a Panda with position servos draws circles, gets a shove, and comes back.
 
-The law is told the commanded joints, as position servos want it; docs/export.md says why, and what to do with others.
+The law is told the commanded joints, as position servos want it; docs/programs.md says why, and what to do with others.
 """
 
 import mujoco
