@@ -21,7 +21,7 @@ import holokin as hk
 from holokin.analysis.curvature.obstructions import ElbowField, field_on_leaf, sphere_of
 from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
-from holokin.app.report.animation import cycles_frames, shown_strategies, write_film
+from holokin.app.report.animation import CONTROLS, cycles_frames, shown_strategies, write_film
 from holokin.app.report.job_figures import cycles_figure, robot_figure, two_paths_figure
 from holokin.app.report.job_result import JobResult
 from holokin.app.report.plots import BLUE, SKY, law_colors, legible, region_figure, style
@@ -213,7 +213,7 @@ def edge_of_reach() -> None:
 
 
 def joints_over_cycles() -> None:
-    """A Panda draws eight circles; its largest joint error after each, by six laws."""
+    """A Panda draws eight circles; its largest joint error after each, by three strategies."""
     robot = hk.load("panda")
     task, start = hk.pose(robot), robot.pose(PANDA)[:3, 3]
     path = hk.circle(start, center=start - [0.1, 0, 0])
@@ -269,7 +269,7 @@ def swivel() -> None:
         count = "two poles" if len(found.witnesses) == 2 else "one pole"
         axes.set_title(f"{definition} angle: {count}, index {found.total} in all", fontsize=12)
     figure.suptitle("Where the elbow points, over all directions from shoulder to wrist", fontsize=14)
-    figure.tight_layout()
+    figure.tight_layout(rect=(0, 0, 1, 0.97))
     save(figure, "swivel")
 
 
@@ -619,7 +619,8 @@ def readme() -> None:
     """The moving picture of the README: eight circles of a Panda, the pseudo-inverse beside a holonomic law."""
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-eight-cycles.toml")))
     frames = list(cycles_frames(result, shown_strategies(result)))
-    small = [np.asarray(Image.fromarray(f).resize((2 * f.shape[1] // 3, 2 * f.shape[0] // 3))) for f in frames[::2]]
+    frames = [frame[: -CONTROLS + 8] for frame in frames[::2]]  # a GIF has no controls to leave room for
+    small = [np.asarray(Image.fromarray(f).resize((2 * f.shape[1] // 3, 2 * f.shape[0] // 3))) for f in frames]
     write_film(small, HERE / "panda.gif", rate=12)
     print("panda.gif", (HERE / "panda.gif").stat().st_size // 1000, "kB")
 

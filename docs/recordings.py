@@ -1,8 +1,9 @@
-"""The recordings of the gallery. `python docs/recordings.py [PAGE...]` makes those that are missing or out of date.
+"""The recordings of the gallery. `python docs/recordings.py [NAME...]` makes those that are missing or out of date.
 
-Each page of docs/gallery/ names an example, whose `motions` of its `robot`, among its `obstacles`, are recorded, and
-shows a picture, whose text is the caption. As a hook of MkDocs this file puts the recordings that there are into the
-site, in place of the pictures; without them (they need the extra `studio`) the site has the pictures only.
+Each section of docs/gallery.md with a picture of docs/gallery/ names an example, whose `motions` of its `robot`, among
+its `obstacles`, are recorded; the text of the picture is the caption. As a hook of MkDocs this file puts the recordings
+that there are into the site: a click on a picture plays its own. Without them (they need the extra `studio`) the site
+has the pictures only.
 """
 
 from __future__ import annotations
@@ -19,52 +20,64 @@ import sys
 import tempfile
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 HERE = Path(__file__).parent
+PAGE = HERE / "gallery.md"
 MADE = HERE.parent / "build" / "recordings"
 MAKERS = tuple(
     f"src/holokin/{file}.py" for file in ("app/studio/playback", "app/studio/page_scene", "app/report/robot_view")
 )
-"""What a recording depends on, beside its page and its example."""
+"""What a recording depends on, beside its section and its example."""
 
-EXAMPLE = re.compile(r"^\[`(examples/\w+\.py)`\]\(\.\./\.\./\1\)$", re.MULTILINE)
+EXAMPLE = re.compile(r"^\[`(examples/\w+\.py)`\]\(\.\./\1\)$", re.MULTILINE)
 """A link to the example, for who reads the page as it is; the site has the code in its place."""
-CODE = '``` { .py title="\\1" }\n--8<-- "\\1"\n```'
-PICTURE = re.compile(r"^!\[(?P<text>[^\]]+)\]\((?P<name>[\w-]+)\.png\)$", re.MULTILINE)
+CODE = '??? example "\\1"\n    ``` py\n    --8<-- "\\1"\n    ```'
+PICTURE = re.compile(r"^!\[(?P<text>[^\]]+)\]\(gallery/(?P<name>[\w-]+)\.png\)$", re.MULTILINE)
 FRAME = """<figure class="recording" markdown="0">
-<iframe loading="lazy" title="{text}" src="{folder}player.html?playbackPath={name}.viser"></iframe>
-<figcaption>Drag to turn it, scroll to come nearer; the bar below stops it and sets the time. {text}</figcaption>
+<a href="{folder}recordings/player.html?playbackPath={name}.viser" title="{text}" onclick="{play}">
+<img alt="{text}" src="{folder}{name}.png"></a>
+<figcaption>{text} Click to play; then drag to turn it, scroll to come nearer.</figcaption>
 </figure>"""
+PLAY = (
+    "const player = document.createElement('iframe'); player.src = this.href; player.title = this.title;"
+    " this.replaceWith(player); return false"
+)
 
 
-def pages() -> dict[str, Path]:
-    """Name -> page of every recording."""
-    return {page.stem: page for page in sorted((HERE / "gallery").glob("*.md"))}
+class Shown(NamedTuple):
+    """A recording of the page: its title, its caption, and the example that it is made of."""
+
+    title: str
+    text: str
+    example: Path
 
 
-def parts(page: Path) -> tuple[str, str, Path]:
-    """(title, caption, example) of a page."""
-    words = page.read_text("utf-8")
-    title, picture, example = re.match(r"# (.+)\n", words), PICTURE.search(words), EXAMPLE.search(words)
-    if not (title and picture and example):
-        raise SystemExit(f"{page}: it needs a title, a picture in a line of its own, and an example as a snippet")
-    return title[1], picture["text"], HERE.parent / example[1]
+def sections() -> dict[str, Shown]:
+    """Name -> what the page says of each recording."""
+    found = {}
+    for section in PAGE.read_text("utf-8").split("\n## ")[1:]:
+        if picture := PICTURE.search(section):
+            example = EXAMPLE.search(section)
+            if not example:
+                raise SystemExit(f"{PAGE}: below {picture['name']}.png the link to its example is missing")
+            found[picture["name"]] = Shown(section.partition("\n")[0], picture["text"], HERE.parent / example[1])
+    return found
 
 
-def made_of(page: Path) -> Path:
-    """Where the recording of a page is, if it is up to date: its name says of what it was made."""
-    title, text, example = parts(page)
+def made_of(name: str) -> Path:
+    """Where a recording is, if it is up to date: its name says of what it was made."""
+    title, text, example = sections()[name]
     sources = b"".join((HERE.parent / file).read_bytes() for file in MAKERS) + example.read_bytes()
-    return MADE / f"{page.stem}-{hashlib.sha256(sources + f'{title}{text}'.encode()).hexdigest()[:12]}.viser"
+    return MADE / f"{name}-{hashlib.sha256(sources + f'{title}{text}'.encode()).hexdigest()[:12]}.viser"
 
 
-def make(page: Path) -> Path:
-    """Run the example of a page and record what it did."""
+def make(name: str) -> Path:
+    """Run the example of a section and record what it did."""
     from holokin.app.studio import record
 
-    title, text, example = parts(page)
-    file, back = made_of(page), Path.cwd()
+    title, text, example = sections()[name]
+    file, back = made_of(name), Path.cwd()
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         os.chdir(folder)
         try:
@@ -73,7 +86,7 @@ def make(page: Path) -> Path:
             os.chdir(back)
     recording = record(shown["robot"], shown["motions"], title=title, text=text, obstacles=shown.get("obstacles", ()))
     MADE.mkdir(parents=True, exist_ok=True)
-    for old in MADE.glob(f"{page.stem}-????????????.*"):
+    for old in MADE.glob(f"{name}-????????????.*"):
         old.unlink()
     file.with_suffix(".json").write_text(json.dumps(recording.caption), "utf-8")
     file.write_bytes(recording.scene)
@@ -84,10 +97,11 @@ def on_files(files: Any, *, config: Any) -> Any:
     """MkDocs calls this with all files of the site: the recordings come in, and the page that plays them."""
     from mkdocs.structure.files import File
 
-    found = {name: file for name, page in pages().items() if (file := made_of(page)).is_file()}
-    missing = len(pages()) - len(found)
+    names = sections()
+    found = {name: file for name in names if (file := made_of(name)).is_file()}
+    missing = len(names) - len(found)
     if missing:
-        said = "%d recordings of the gallery are not made: their pages show pictures. `python docs/recordings.py`"
+        said = "%d recordings of the gallery are not made: the page shows pictures. `python docs/recordings.py`"
         logging.getLogger("mkdocs.hooks.recordings").info(said, missing)
     if found:
         from holokin.app.studio.playback import player
@@ -101,22 +115,25 @@ def on_files(files: Any, *, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, *, page: Any, files: Any, **_: Any) -> str:
-    """MkDocs calls this for each page: the code in place of its link, the recording in place of its picture."""
-    name = Path(page.file.src_uri)
-    if name.parts[:-1] != ("gallery",):
+    """MkDocs calls this for each page: the code in place of its link, the recording behind its picture."""
+    if page.file.src_uri != PAGE.name:
         return markdown
-    markdown = EXAMPLE.sub(CODE, markdown)
-    if not files.get_file_from_path(f"gallery/recordings/{name.stem}.viser"):
-        return markdown
-    folder = "../recordings/" if page.file.use_directory_urls else "recordings/"
-    return PICTURE.sub(lambda m: FRAME.format(text=escape(m["text"]), folder=folder, name=m["name"]), markdown, count=1)
+    folder = "" if page.file.use_directory_urls else "gallery/"
+
+    def framed(picture: re.Match[str]) -> str:
+        name = picture["name"]
+        if not files.get_file_from_path(f"gallery/recordings/{name}.viser"):
+            return picture[0]
+        return FRAME.format(text=escape(picture["text"]), folder=folder, name=name, play=PLAY)
+
+    return PICTURE.sub(framed, EXAMPLE.sub(CODE, markdown))
 
 
 if __name__ == "__main__":
     for name in sys.argv[1:]:
-        if name not in pages():
-            sys.exit(f"there is no page {name!r}; known: {', '.join(pages())}")
-    for name in sys.argv[1:] or pages():
-        file = made_of(pages()[name])
-        file = file if file.is_file() else make(pages()[name])
+        if name not in sections():
+            sys.exit(f"there is no recording {name!r}; known: {', '.join(sections())}")
+    for name in sys.argv[1:] or sections():
+        file = made_of(name)
+        file = file if file.is_file() else make(name)
         print(f"{file.relative_to(HERE.parent)}: {file.stat().st_size / 1000:.0f} kB", flush=True)

@@ -1,4 +1,4 @@
-"""Pictures in headless chromium: `python docs/stills.py [PAGE...]` takes those of the gallery, of its recordings.
+"""Pictures in headless chromium: `python docs/stills.py [NAME...]` takes those of the gallery, of its recordings.
 
 `python docs/stills.py studio` takes that of the studio's own page.
 """
@@ -19,7 +19,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 sys.path.append(str(Path(__file__).parent))
-from recordings import HERE, made_of, pages
+from recordings import HERE, made_of, sections
 
 from holokin.app.studio.playback import player
 
@@ -74,12 +74,12 @@ class Quiet(SimpleHTTPRequestHandler):
 
 
 def main(names: list[str]) -> None:
-    """Take the picture of each page at the end of its recording."""
+    """Take the picture of each recording at its end."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "player.html").write_text(player(), "utf-8")
         for name in names:
             for kind in (".viser", ".json"):
-                shutil.copy(made_of(pages()[name]).with_suffix(kind), Path(folder, f"{name}{kind}"))
+                shutil.copy(made_of(name).with_suffix(kind), Path(folder, f"{name}{kind}"))
         files = {name: f"player.html?playbackPath={name}.viser" for name in names}
         for name, picture in stills(folder, files):
             save(picture.resize(SHOWN, Image.Resampling.LANCZOS), HERE / "gallery" / f"{name}.png")
@@ -144,4 +144,4 @@ if __name__ == "__main__":
     if sys.argv[1:] == ["studio"]:
         studio()
     else:
-        main(sys.argv[1:] or list(pages()))
+        main(sys.argv[1:] or list(sections()))

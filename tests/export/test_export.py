@@ -331,8 +331,8 @@ def test_cmake_builds_and_tests_it(tmp_path: Path) -> None:
 
 @compiled
 def test_the_documented_loop_comes_home(tmp_path: Path, holokin: Command) -> None:
-    """The C of docs/export.md, as it stands there, and what it prints, optimized or, as here, not."""
-    page = (Path(__file__).parents[2] / "docs" / "export.md").read_text("utf-8")
+    """The C of docs/programs.md, as it stands there, and what it prints, optimized or, as here, not."""
+    page = (Path(__file__).parents[2] / "docs" / "programs.md").read_text("utf-8")
     code, printed = re.search(r"```c\n(.*?)```\n\n```text\n(.*?)```", page, re.DOTALL).groups()
     (tmp_path / "loop.c").write_text(code)
     folder = tmp_path / "panda-c"

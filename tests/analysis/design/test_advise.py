@@ -288,7 +288,8 @@ def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
     from matplotlib.figure import Figure
 
     long = "lock torso_lift_joint over r_upper_arm_roll_joint - r_forearm_roll_joint"
-    laws: Any = [SimpleNamespace(name=name, coverage=0.5) for name in (f"designed from {long}", "radial", *[long] * 10)]
+    names = (f"designed from {long}", "radial", *[long] * 10)
+    laws: Any = [SimpleNamespace(name=name, candidate=SimpleNamespace(strategy=None)) for name in names]
     figure = Figure(figsize=(7.3, 2 * bars_height(laws)))
     axes = name_bars(figure.add_axes((0.31, 0.2, 0.3, 0.5)), laws)
     FigureCanvasAgg(figure).draw()
@@ -306,6 +307,10 @@ def test_the_picture_of_advice_can_be_read_on_a_page_and_nothing_of_it_is_cut_of
     figure = legible(advice_figure(advice))
     figure.canvas.draw()
     shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    for panel in figure.axes[:3]:
+        advised, *others = [bar.get_facecolor() for bar in panel.patches]
+        assert advised not in others, "the bar of the advice is darker"
+        assert any(text.get_fontweight() == "bold" for text in panel.texts), "the best number is bold"
     share = min(1.0, 7.3 / figure.get_figwidth())
     assert len(shown) > 10 and share * min(text.get_fontsize() for text in shown) > 7.99
     box, edge = figure.get_tightbbox(), 0.01  # inches

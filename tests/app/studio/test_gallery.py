@@ -1,12 +1,10 @@
-"""Recordings: what is in one, that a browser plays it from a file, and that every page of the gallery has its own."""
+"""Recordings: what is in one, that a browser plays it from a file, and that the gallery plays them."""
 
 from __future__ import annotations
 
 import io
 import json
-import re
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +15,6 @@ from conftest import sampled
 from holokin.app.studio import Motion, open_session, record, record_session
 
 ROOT = Path(__file__).parents[3]
-PAGES = sorted((ROOT / "docs" / "gallery").glob("*.md"))
 SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-dev-shm-usage"]
 Q0 = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 
@@ -132,37 +129,41 @@ def test_a_motion_is_refused_with_its_fault() -> None:
         record(hk.load("irb140"), {"strategy": good}, lead="other")
 
 
-def test_every_page_of_the_gallery_has_recording_code_and_numbers() -> None:
-    assert len(PAGES) == 10
-    sys.path.append(str(ROOT / "docs"))
+def test_every_recording_of_the_gallery_has_caption_picture_and_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
     import recordings
 
-    index = (ROOT / "docs" / "gallery.md").read_text("utf-8")
-    for page in PAGES:
-        _, caption, example = recordings.parts(page)
-        assert f"| `{example.name}` |" in index, page
-        assert len(caption) < 220, page
-        assert re.search(r"^```text\n.*\d\.\d", page.read_text("utf-8"), re.MULTILINE), page
-        picture = page.with_suffix(".png")
-        assert 5_000 < picture.stat().st_size < 60_000, picture
-        assert f"(gallery/{page.name})" in index and f"(gallery/{picture.name})" in index
+    page = recordings.PAGE.read_text("utf-8")
+    shown = recordings.sections()
+    assert {f"{name}.png" for name in shown} == {picture.name for picture in (ROOT / "docs" / "gallery").iterdir()}
+    for name, (title, caption, example) in shown.items():
+        assert f"\n- `{example.name}`" in page, title
+        assert len(caption) < 220, title
+        assert 5_000 < (ROOT / "docs" / "gallery" / f"{name}.png").stat().st_size < 70_000, name
 
 
-def test_the_site_shows_a_recording_where_there_is_one_and_else_the_picture(tmp_path: Path, monkeypatch) -> None:
-    sys.path.append(str(ROOT / "docs"))
+def test_the_site_plays_a_recording_where_there_is_one_and_else_shows_the_picture(monkeypatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
     import recordings
 
     name = "paper-ppr"
-    page = next(page for page in PAGES if page.stem == name)
-    monkeypatch.setattr(recordings, "MADE", tmp_path)
-    made = recordings.made_of(page)
-    assert not made.exists()
-    made.write_bytes(b"scene")
-    made.with_suffix(".json").write_text(json.dumps({}), "utf-8")
-    markdown = page.read_text("utf-8")
-    for known, wanted in ((True, "playbackPath=paper-ppr.viser"), (False, "paper-ppr.png")):
-        files = type("Files", (), {"get_file_from_path": lambda self, path, known=known: known or None})()
-        file = type("File", (), {"src_uri": f"gallery/{name}.md", "use_directory_urls": True})()
+    markdown = recordings.PAGE.read_text("utf-8")
+    for known in (True, False):
+        files = type("Files", (), {"get_file_from_path": lambda self, path, k=known: (k and name in path) or None})()
+        file = type("File", (), {"src_uri": "gallery.md", "use_directory_urls": True})()
         shown = recordings.on_page_markdown(markdown, page=type("Page", (), {"file": file})(), files=files)
-        assert wanted in shown and ("<iframe" in shown) == known
-        assert '--8<-- "examples/paper_ppr.py"' in shown and "](../../examples" not in shown  # the code, not a link
+        assert (f"playbackPath={name}.viser" in shown) == known == ("<figure" in shown)
+        assert (f"](gallery/{name}.png)" in shown) != known and "](gallery/panda-circle.png)" in shown
+        assert '--8<-- "examples/paper_ppr.py"' in shown and "](../examples" not in shown  # the code, not a link
+
+
+def test_what_a_recording_is_made_of_gives_it_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    import recordings
+
+    before = recordings.made_of("paper-ppr")
+    other = tmp_path / "gallery.md"
+    other.write_text(recordings.PAGE.read_text("utf-8").replace("(Fig. 6)", "(Fig. 7)"), "utf-8")
+    monkeypatch.setattr(recordings, "PAGE", other)
+    assert recordings.made_of("paper-ppr") != before
+    assert recordings.made_of("elbow-up").name.startswith("elbow-up-")

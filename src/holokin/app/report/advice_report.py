@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from textwrap import fill
 from typing import Any
 
@@ -12,7 +13,7 @@ from ...analysis.design.trials import is_proven
 from ...base.errors import brief
 from ...base.types import Vector
 from ...robot import Coordinate, Robot, Tip, knows_masses, reach
-from .plots import GREY, HOLONOMIC, INK, PAGE, on_figure
+from .plots import HOLONOMIC, INK, PAGE, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
 from .section import Note, Section, right
 from .sheets_plots import CAUSES, coverage_cloud
@@ -137,12 +138,12 @@ def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     left_over = [100 * law.margin if known else np.nan for law, known in zip(laws, served, strict=True)]
     for panel in panels[1:]:
         panel.set_yticks([])
-    _bars(panels[0], laws, [100 * (1 - law.coverage) for law in laws], "workspace not served [%]")
-    _bars(panels[1], laws, left_over, "nearest limit [% of range]")
-    _bars(panels[2], laws, [100 * (law.speed - 1) for law in laws], "joint speed above least [%]")
+    _bars(panels[0], laws, [100 * (1 - law.coverage) for law in laws], "workspace not served [%]", best=min)
+    _bars(panels[1], laws, left_over, "nearest limit [% of range]", best=max)
+    _bars(panels[2], laws, [100 * (law.speed - 1) for law in laws], "joint speed above least [%]", best=min)
     shown = f"the {len(laws)} best of {every} strategies" if every > len(laws) else f"{every} strategies"
-    proven = "; blue: proven on the whole arm" if any(map(is_proven, laws)) else ""
-    panels[0].set_title(f"{shown}, the best on top{proven}", loc="left", fontsize=10, color=INK)
+    proven = "; *: proven on the whole arm" if any(map(is_proven, laws)) else ""
+    panels[0].set_title(f"{shown}, the advised one dark{proven}", loc="left", fontsize=10, color=INK)
     panel = place((PAGE - SCENE) / 2, top + 0.35 + bars + 0.95, SCENE, scene)
     title = f"start posture, and {len(points)} poses of the workspace"
     draw_panel(panel, stage, [Actor(advice.q0, HOLONOMIC)], title=title)
@@ -163,6 +164,9 @@ LINE = 0.125
 BARS, BAR = (2.25, 3.98, 5.7), 1.5
 """Where the panels of bars begin, and their width [inch]."""
 
+OTHERS = "#A6C8E0"
+"""Bars of the strategies that are not advised."""
+
 LONGEST = 4.0
 """Length of the longest bar that is shown whole, in medians of its panel."""
 
@@ -179,8 +183,8 @@ def bars_height(laws: tuple[RatedStrategy, ...]) -> float:
 
 
 def _label(law: RatedStrategy) -> str:
-    """The name of a strategy in lines."""
-    return fill(on_figure(law.name, 120), 31)
+    """The name of a strategy in lines, with a star if it is proven on the whole arm."""
+    return fill(on_figure(law.name, 120) + (" *" if is_proven(law) else ""), 33)
 
 
 def _rows(laws: tuple[RatedStrategy, ...]) -> tuple[Vector, float]:
@@ -198,26 +202,33 @@ def name_bars(axes: Any, laws: tuple[RatedStrategy, ...]) -> Any:
     return axes
 
 
-def _bars(axes: Any, laws: tuple[RatedStrategy, ...], values: list[float], words: str) -> None:
-    """A bar for each strategy with its number, those in colour that are proven; of one far longer than the others a
-    part is left out, and a stroke through it shows it."""
+def _bars(
+    axes: Any, laws: tuple[RatedStrategy, ...], values: list[float], words: str, best: Callable[..., float]
+) -> None:
+    """A bar for each strategy with its number: that of the advice, the first, dark, the best number bold. Of a bar far
+    longer than the others a part is left out, and a stroke through it shows it."""
     (rows, end), known = _rows(laws), np.nan_to_num(np.array(values), nan=0.0, posinf=0.0)
     usual = float(np.median(known[known > 0])) if known.any() else 1.0
     most = min(float(known.max(initial=1.0)), LONGEST * usual)
-    axes.barh(
-        rows, np.minimum(known, most), color=[HOLONOMIC if is_proven(law) else GREY for law in laws], height=THICK
-    )
+    axes.barh(rows, np.minimum(known, most), color=[HOLONOMIC, *[OTHERS] * (len(laws) - 1)], height=THICK)
     axes.set_ylim(end, 0)
     axes.set_xlim(0, 1.35 * most)
     axes.set_xticks([])
-    axes.set_xlabel(words, fontsize=8)
+    axes.set_xlabel(f"{words}\n{'less' if best is min else 'more'} is better", fontsize=8)
     axes.grid(visible=False)
+    leader = best((value for value in values if np.isfinite(value)), default=np.nan)
     for row, value, shown in zip(rows, values, known, strict=True):
-        text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
-        axes.text(min(shown, most) + 0.03 * most, row, text, va="center", fontsize=8, color=INK)
+        text = _rounded(value)
+        weight = "bold" if text == _rounded(leader) != "-" else "normal"
+        axes.text(min(shown, most) + 0.03 * most, row, text, va="center", fontsize=8, color=INK, fontweight=weight)
         if shown > most:
             strokes = [row + 0.6 * THICK, row - 0.6 * THICK]
             axes.plot(np.array([0.86, 0.92]) * most, strokes, color="white", linewidth=2)
+
+
+def _rounded(value: float) -> str:
+    """A number beside its bar."""
+    return "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
 
 
 def _legend(figure: Any, advice: Advice) -> None:

@@ -131,7 +131,7 @@ def animate(
     apart = tuple(s for s in shown if s.two_paths is not None)
     if result.cycles > 1:
         caption = (
-            "The cycles: the start is pale grey. At the end of each cycle the tool is back; below, how far the joints "
+            "The cycles: the start is pale pink. At the end of each cycle the tool is back; below, how far the joints "
             "are from their start then. The joints of a strategy that repeats here are back too."
         )
         films.append(("cycles", caption, lambda: cycles_frames(result, shown)))
@@ -184,7 +184,7 @@ def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -
 
 
 def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
-    """The cycles, one panel a strategy, the start in grey, and below how far the joints are after each cycle."""
+    """The cycles, one panel a strategy, the start in pale pink, and below how far the joints are after each cycle."""
     panels = []
     for strategy in strategies:
         color = plots.HOLONOMIC if strategy.verdict.holonomic else plots.NONHOLONOMIC
@@ -194,7 +194,7 @@ def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> 
         ) -> str:
             done = _done(walk, share)
             ended = plots.stopped(walk) if share == 1.0 else ""
-            return f"{name}\n{ended or (plots.away(walk, done) if done else 'the start in grey')}"
+            return f"{name}\n{ended or (plots.away(walk, done) if done else 'the start in pale pink')}"
 
         panels.append(Panel(((strategy.cycles, color, 1.0),), title))
     frames = int(np.clip(28 * result.cycles, FRAMES, MOST_FRAMES))
@@ -236,7 +236,7 @@ class _Sheet:
         still = [p for p in self.stage.pieces if p.joint < 0]
         base += solids_at(still, self.stage.frames(self.start), 0, plots.GREY)
         self.things = layer_of(self.stage.scene, [*base, *standing(self.stage.obstacles)], self.window)
-        self.ghost = self.stage.layer(self.start, plots.GREY, self.window, axes=False, still=False)
+        self.ghost = self.stage.layer(self.start, plots.START, self.window, axes=False, still=False)
         self.grounds = [self._ground(*place) for place in self.places]
         self.loops = [
             layer_of(self.stage.scene, self.stage.wires(self._paths(result, panel)), self.window) for panel in panels

@@ -90,7 +90,7 @@ def _figures(result: JobResult) -> Iterator[tuple[str, str, Callable[[], Any]]]:
 
 def _robot_caption(result: JobResult) -> str:
     """What to see in the picture of the robot."""
-    caption = "The robot at the start is pale grey. "
+    caption = "The robot at the start is pale pink. "
     if any(s.two_paths is not None for s in result.drawn):
         caption += (
             "Half a loop clockwise leads it to where it is light blue, half a loop counter-clockwise to the orange "
@@ -240,7 +240,7 @@ def _ranges_figure(result: JobResult) -> Any:
 
 
 def robot_figure(result: JobResult) -> Any:
-    """The robot, one panel a strategy: the start in grey, the two ends in the colours of their ways."""
+    """The robot, one panel a strategy: the start in pale pink, the two ends in the colours of their ways."""
     from matplotlib.figure import Figure
 
     # The strategies whose ends are farthest apart, in the order of the job.
@@ -291,7 +291,7 @@ def _key(figure: Any, drawn: list[StrategyResult]) -> None:
     """Which posture has which colour."""
     from matplotlib.lines import Line2D
 
-    marks: list[tuple[str, str, Any]] = [(plots.GREY, "start", "-")]
+    marks: list[tuple[str, str, Any]] = [(plots.START, "start", "-")]
     if any(s.two_paths is not None for s in drawn):
         marks += [(plots.CLOCKWISE, "end, clockwise", "-"), (plots.COUNTER_CLOCKWISE, "end, counter-clockwise", "--")]
     else:
@@ -304,7 +304,7 @@ def _key(figure: Any, drawn: list[StrategyResult]) -> None:
 
 def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list[Curve]]:
     """The postures to show of a strategy, and its tool's paths; the start is pale, the second path an outline."""
-    actors = [Actor(result.q0, plots.GREY, "ghost")]
+    actors = [Actor(result.q0, plots.START, "ghost")]
     if strategy.two_paths is None:
         color = plots.HOLONOMIC if strategy.verdict.holonomic else plots.NONHOLONOMIC
         points = tool_points(result, strategy.cycles)

@@ -153,7 +153,9 @@ HOLONOMIC_TEXT = SKY
 INK = "#22262E"
 """Text."""
 GREY = "#8A919C"
-"""What is for comparison only, as the robot at the start."""
+"""What is for comparison only, and what stands still."""
+START = PURPLE
+"""The robot at the start, drawn pale: no part of a robot that stands still has this colour."""
 PALE = "#E5E7EB"
 """Grids, floors, and bands behind lines."""
 

@@ -31,7 +31,7 @@ from ...robot import (
     reach,
 )
 from ...robot.tree import Frames, joint_frames
-from ..report.plots import GREY, LOOP, color_of, rgb
+from ..report.plots import LOOP, START, color_of, rgb
 from ..report.robot_view import pieces_of
 
 # --- The links of a robot as triangles to look at: its own meshes, or capsules where it has none that can be read.
@@ -260,8 +260,10 @@ _PLAIN_ADDRESS = (
 )
 
 _NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
-_FLOOR = (246, 247, 249)
-_CELL, _SECTION = (228, 231, 235), (208, 213, 220)
+# colours of the floor, its lines, and what is behind all: darker than a white robot
+_FLOOR = (214, 221, 230)
+_CELL, _SECTION = (196, 205, 216), (170, 181, 195)
+_SKY = (198, 208, 219)
 
 
 def viser_package() -> Any:
@@ -345,7 +347,7 @@ class Scene:
                 batched_scales=np.zeros(count), opacity=1.0, lod="off", **_NO_SHADOW,
             )  # fmt: skip
             self._ghosts.append(ghost)
-        for index, name in enumerate(self.names if count <= _LABELLED else ()):
+        for index, name in enumerate(self.names if count <= _LABELLED and any(self.names) else ()):
             label = self.server.scene.add_label(f"/names/{index}", name, anchor="bottom-center", visible=False)
             self._labels.append(label)
         self._scales = 0.996 - 0.002 * (np.arange(count) % 6)  # within one another, where two stand in one place
@@ -371,14 +373,14 @@ class Scene:
                 label.position = elbows[index] + [0.0, 0.0, _ABOVE]
 
     def show_start(self, q: ArrayLike | None) -> None:
-        """A grey ghost at the posture from which the strategies started (n,), or none."""
+        """A pale pink ghost at the posture from which the strategies started (n,), or none."""
         for handle in self._start:
             handle.remove()
         self._start = []
         if q is None:
             return
         positions, turns = frames_of(self.robot, np.asarray(q, dtype=float)[None])
-        tint: dict[str, Any] = {"color": rgb(GREY), "opacity": 0.25, **_NO_SHADOW}
+        tint: dict[str, Any] = {"color": rgb(START), "opacity": 0.25, **_NO_SHADOW}
         for look in looks_of(self.robot, GHOST)[0]:
             frame = {"position": positions[look.joint + 1, 0], "wxyz": turns[look.joint + 1, 0]}
             name = f"/start/{look.joint + 1}"
@@ -473,6 +475,7 @@ class Scene:
         scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
         lines = {"cell_size": 0.1, "cell_color": _CELL, "section_size": 0.5, "section_color": _SECTION}
         plane = {"plane_color": _FLOOR, "plane_opacity": 1.0, "shadow_opacity": 0.2, "fade_distance": 6.0 * size}
+        scene.set_background_image(np.full((2, 2, 3), _SKY, dtype=np.uint8), format="png")
         scene.add_grid("/floor", size, size, position=(0.0, 0.0, height), **lines, **plane)
 
     def _draw_robot(self) -> None:

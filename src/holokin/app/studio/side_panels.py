@@ -497,8 +497,8 @@ class Panels:
         names = tuple(strategy.name for strategy in session.strategies)
         hint = "The strategy whose robot is drawn solid; the others are ghosts"
         self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=hint)
-        hint = "A grey robot where all strategies began"
-        self.at_start = gui.add_checkbox("Show the start posture, in grey", False, hint=hint)
+        hint = "A pale pink robot where all strategies began"
+        self.at_start = gui.add_checkbox("Show the start posture, in pink", False, hint=hint)
         shown, hint = f"{page.units.angle}, {page.units.length}", "Of the numbers in the page, not of files"
         self.units = gui.add_dropdown("Units", tuple(UNITS), initial_value=shown, hint=hint)
 
