@@ -1,6 +1,6 @@
 """Notebooks as pages of the site. As a hook of MkDocs this file makes a page of each docs/notebooks/*.ipynb.
 
-Cells become Markdown, what they showed (pictures, text) stands below them, and the notebook can be loaded.
+Cells become Markdown, what they showed (pictures, text) stands below them, and the notebook can be downloaded.
 `python docs/notebook_pages.py [NAME...]` runs the notebooks, without Jupyter, and stores what their cells show.
 """
 
@@ -15,11 +15,12 @@ import re
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 FOLDER = Path(__file__).parent / "notebooks"
-COLORS = 128
-"""Of a stored picture."""
+COLORS, WIDE = 256, 96
+"""Of a stored picture, and letters in a line of a page."""
 
 
 # --- Pages.
@@ -32,7 +33,7 @@ def page_of(notebook: Path) -> str:
         source = "".join(cell["source"])
         parts += [linked(source)] if cell["cell_type"] == "markdown" else [f"```python\n{source}\n```"]
         parts += [_shown(output.get("data", {}) | _printed(output)) for output in cell.get("outputs", [])]
-    return "\n\n".join(part for part in [*parts, f"[Load this notebook]({notebook.name})"] if part) + "\n"
+    return "\n\n".join(part for part in [*parts, f"[Download this notebook]({notebook.name})"] if part) + "\n"
 
 
 def linked(markdown: str) -> str:
@@ -50,7 +51,8 @@ def _shown(data: dict[str, Any]) -> str:
     if "image/png" in data:
         picture = "".join(data["image/png"]).replace("\n", "")
         return f'<img alt="what the cell above draws" src="data:image/png;base64,{picture}">'
-    return f"```text\n{''.join(data['text/plain'])}\n```" if "text/plain" in data else ""
+    lines = "".join(data.get("text/plain", "")).splitlines()
+    return "\n".join(["```text", *(fill(line, WIDE) for line in lines), "```"]) if lines else ""
 
 
 def on_files(files: Any, *, config: Any, **_: Any) -> Any:
@@ -101,7 +103,7 @@ def _small(picture: bytes) -> bytes:
     from PIL import Image
 
     stream = io.BytesIO()
-    few = Image.open(io.BytesIO(picture)).convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
+    few = Image.open(io.BytesIO(picture)).convert("RGB").quantize(COLORS, Image.Quantize.FASTOCTREE)
     few.save(stream, "png", optimize=True)
     return stream.getvalue()
 
