@@ -13,6 +13,7 @@ import holokin as hk
 
 ROOT = Path(__file__).parents[2]
 yaml = pytest.importorskip("yaml")
+pytestmark = pytest.mark.skipif(not (ROOT / ".github").is_dir(), reason="an sdist has not these files")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
 
