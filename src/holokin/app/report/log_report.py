@@ -11,7 +11,7 @@ import numpy as np
 from ...analysis.audit import DatasetAudit, LogAudit, LogVerdict
 from ...base.files import write_json
 from .job_figures import margins
-from .plots import BAD, GOOD, GREY, INK, PALE, color_of, joint_unit, on_figure, thin
+from .plots import BAD, GOOD, GREY, INK, PALE, color_of, joint_unit, new_figure, on_figure, thin
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 from .section import Note, Section, Tone
 
@@ -40,9 +40,7 @@ def log_figure(audit: LogAudit) -> Any:
 
 def _two_panels(title: str) -> tuple[Any, Any, Any]:
     """(a figure with a title, its left and its right axes), for what joints do and where the tool is."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.4, 4.6))
+    figure = new_figure(figsize=(9.4, 4.6))
     margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
     figure.suptitle(title, fontsize=12, fontweight="bold", x=0.02, ha="left")
     return figure, figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)

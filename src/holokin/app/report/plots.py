@@ -5,6 +5,7 @@ As in the paper, the clockwise path is solid and the counter-clockwise one dashe
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import Any
@@ -262,6 +263,19 @@ def legible(figure: Any) -> Any:
     return figure
 
 
+def new_figure(**keys: Any) -> Any:
+    """A figure of matplotlib, of its arguments, that notebooks show without pyplot."""
+    from matplotlib.figure import Figure
+
+    class Shown(Figure):
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            legible(self).savefig(stream, format="png", facecolor="white")
+            return stream.getvalue()
+
+    return Shown(**keys)
+
+
 def style() -> Any:
     """matplotlib settings of every figure."""
     return dict(_STYLE)
@@ -451,10 +465,9 @@ def _gap(gap: float, unit: str) -> str:
 def level_figure(levels: LevelRange) -> Any:
     """The share of the workspace that each level serves; shaded, the levels that serve all of it."""
     from matplotlib import rc_context
-    from matplotlib.figure import Figure
 
     with rc_context(style()):
-        figure = Figure(figsize=(6.4, 3.2), layout="constrained")
+        figure = new_figure(figsize=(6.4, 3.2), layout="constrained")
         axes = figure.subplots()
         for k, (low, high) in enumerate(levels.intervals):
             axes.axvspan(low, high, color=BLUE, alpha=0.16, linewidth=0, label=None if k else "serves all")
@@ -481,13 +494,12 @@ def region_figure(region: UniqueRegion, steps: int = 25) -> Any:
         steps: cells along the longest side.
     """
     from matplotlib import rc_context
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     space = region.workspace
     planes = list(grid_planes(space, steps))
     with rc_context(style()):
-        figure = Figure(figsize=(3.4 * len(planes) + 1.9, 3.6), layout="constrained")
+        figure = new_figure(figsize=(3.4 * len(planes) + 1.9, 3.6), layout="constrained")
         seen: set[int] = set()
         for axes, plane in zip(figure.subplots(1, len(planes), squeeze=False)[0], planes, strict=True):
             i, j = plane.axes

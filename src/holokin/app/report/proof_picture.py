@@ -16,7 +16,7 @@ from ...proof import Certificate, UniqueRegion
 from ...proof.proven_region import CAUSES, NEAR, region_of
 from ...strategies.tasks.frame_task import FrameTask, parts_of
 from ...strategies.tasks.task import TipFrame
-from .plots import GREY, HOLONOMIC, INK, LOOP, PROOF_COLORS, VERMILLION, region_map
+from .plots import GREY, HOLONOMIC, INK, LOOP, PROOF_COLORS, VERMILLION, new_figure, region_map
 from .proof_words import proven_time, refuted_by, shapes_of
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 
@@ -46,12 +46,10 @@ def drawable(certificate: Certificate) -> bool:
 
 def proof_figure(certificate: Certificate) -> Any:
     """The robot at its start; the path or the box in green, what is not proven of it dashed and grey."""
-    from matplotlib.figure import Figure
-
     robot, q = certificate.equation.strategy.task.robot, start_of(certificate)
     curves = _curves(certificate)
     # Of the picture [inch].
-    figure = Figure(figsize=(7.6, 4.6))
+    figure = new_figure(figsize=(7.6, 4.6))
     stage = stage_of(robot, q[None], curves)
     place = (0.08, 0.09, 0.53, 0.87) if robot.planar else (0.01, 0.01, 0.6, 0.98)
     draw_panel(figure.add_axes(place), stage, [Actor(q, HOLONOMIC)], curves)
@@ -146,7 +144,6 @@ def box_figure(certificate: Certificate) -> Any:
 
     The robot stands at this posture, or, where none is known, at the start; with the shapes and obstacles of the proof.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     region, worst = region_of(certificate), refuted_by(certificate)
@@ -157,7 +154,7 @@ def box_figure(certificate: Certificate) -> Any:
     actors = [Actor(q, HOLONOMIC)] if worst is None else [Actor(q, HOLONOMIC, "ghost"), Actor(worst.q, VERMILLION)]
     edges = [Curve(edge, LOOP if certificate.whole else INK) for edge in _edges_of(_box(space))]
     # Of the picture [inch].
-    figure = Figure(figsize=(7.6, 6.5))
+    figure = new_figure(figsize=(7.6, 6.5))
     things = [] if clear is None else [shape for shape in shapes_of(clear) if shape.obstacle]
     stage = stage_of(shaped, np.array([actor.q for actor in actors]), edges, obstacles=things)
     draw_panel(figure.add_axes((0.01, 0.43, 0.98, 0.56)), stage, actors, edges)

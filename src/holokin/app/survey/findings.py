@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -273,16 +272,7 @@ def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
 
 
 def _empty(height: float) -> Any:
-    """A figure that notebooks show without pyplot."""
-    from matplotlib.figure import Figure
-
-    class Shown(Figure):
-        def _repr_png_(self) -> bytes:
-            stream = io.BytesIO()
-            plots.legible(self).savefig(stream, format="png", facecolor="white")
-            return stream.getvalue()
-
-    return Shown(figsize=(plots.PAGE, height), layout="constrained")
+    return plots.new_figure(figsize=(plots.PAGE, height), layout="constrained")
 
 
 def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
