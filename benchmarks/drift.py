@@ -299,16 +299,17 @@ def text(found: dict[str, list[Row]], round_off: float, missing: list[str], cycl
             But which joints belong to a pose still depends on the way to it ({span(posture, "ways")}) and on the speed
             ({span(posture, "speeds")}); a stronger pull makes that less, and bends the path. It costs next to no joint
             speed ({span(posture, "effort", ".3f")} times the least), and is the better choice where only the return
-            matters. On these paths, a holonomic law's joints are a function of the pose: two ways agree to
-            {span(held, "ways")}, which is the error of the steps; by `hk.follow` a cycle ends {round_off:.0e} rad from
+            matters. On these paths, a holonomic law's joints are a function of the pose: two ways agree to {
+                span(held, "ways")
+            }, which is the error of the steps; by `hk.follow` a cycle ends {round_off:.0e} rad from
             its beginning. That costs {span(held, "effort", ".3f")} times the least joint speed."""
         ),
         "![Drift on the Panda circle, and what the joints at a pose depend on, of all laws](drift.png)",
         wrapped(
             """*First* and *later cycle* (the last): the drift of that cycle. *Two ways*: the difference of the joints
             opposite the start, reached clockwise and counter-clockwise. *Slow, fast*: the same at another speed.
-            *Tool*: its largest distance from the path. *Speed*: joint speed over the least that moves the tool so. Each
-            is the worst of the paths and of both arms."""
+            *Tool*: its largest distance from the path. *Speed*: joint speed over the least that moves the tool so.
+            Each is the worst of the paths and of both arms."""
         ),
         table(
             ("law", "rule", "first cycle", "later cycle", "two ways", "slow, fast", "tool", "speed"), rows_of(found), 2

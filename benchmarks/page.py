@@ -59,6 +59,7 @@ class Given:
 
 def run(name: str, given: Given) -> None:
     """Measure a part, and put its section in the place of the one before."""
+    given.out.mkdir(parents=True, exist_ok=True)
     blocks, packages = importlib.import_module(PARTS[name]).section(given)
     page = given.out / "measured.md"
     before = page.read_text("utf-8") if page.exists() else ""
@@ -69,7 +70,6 @@ def run(name: str, given: Given) -> None:
     day = f"Last written on {datetime.date.today():%d %B %Y}. Each section ran with:"
     text = [HEAD.strip(), day, table(("section", "versions", "machine"), rows, 3)]
     text += [f"<!-- begin {part} -->\n{sections[part]}\n<!-- end {part} -->" for part in parts]
-    given.out.mkdir(parents=True, exist_ok=True)
     page.write_text("\n\n".join(text) + "\n", "utf-8")
     print(f"wrote the section {name} of {page}", flush=True)
 

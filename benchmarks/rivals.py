@@ -405,8 +405,8 @@ def rivals_text(found: Run) -> list[str]:
             beside libraries at the settings of their own examples and documents, or at better ones. Each runs in an
             environment of its own, all on one core in turns, with the same URDF and the same poses; their forward
             kinematics are compared with ours first. {" ".join(better(marks))} A library that goes on from its last
-            answer may pass where `ik.near(pose, q)` has to jump: that keeps to one of few sheets of the arm, and changes
-            to another where this one ends."""
+            answer may pass where `ik.near(pose, q)` has to jump: that keeps to one of few sheets of the arm, and
+            changes to another where this one ends."""
         ),
         wrapped(
             f"""Of {poses} poses of postures that are drawn evenly within the limits, so that each has an answer: how
@@ -415,14 +415,14 @@ def rivals_text(found: Run) -> list[str]:
         ),
         found_table(marks),
         wrapped(
-            f"""Along {legs} straight legs an arm of {LENGTH} m, out and back, turned by up to
-            {np.degrees(TILT):.0f} degrees, and {circles} horizontal circles of {RADIUS} m, twice round, a sample every
-            {1e3 * SPACING:g} mm. They begin at random postures, and have postures within the limits along them, perhaps
-            not on one continuous path. *Whole*: an answer at every sample, and no joint moves by more than {JUMP} rad
-            between two. *With a jump*: an answer everywhere, but for a jump. *Home*: of the whole legs those after
-            which the joints are those of before within {HOME:g} rad, and the largest difference. *Loops miss*: the
-            largest difference after the first and after the second loop of the whole circles. *A step*: the medians of
-            the arms."""
+            f"""Along {legs} straight legs an arm of {LENGTH} m, out and back, turned by up to {np.degrees(TILT):.0f}
+            degrees, and {circles} horizontal circles of {RADIUS} m, twice round, a sample every {1e3 * SPACING:g} mm.
+            They begin at random postures, and have postures within the limits along them, perhaps not on one
+            continuous path. *Whole*: an answer at every sample, and no joint moves by more than {JUMP} rad between
+            two. *With a jump*: an answer everywhere, but for a jump. *Home*: of the whole legs those after which the
+            joints are those of before within {HOME:g} rad, and the largest difference. *Loops miss*: the largest
+            difference after the first and after the second loop of the whole circles. *A step*: the medians of the
+            arms."""
         ),
         paths_table(marks),
         wrapped("How they were asked: " + "; ".join(f"{name}: {told}" for name, told in _settings(marks)) + "."),

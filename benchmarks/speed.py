@@ -460,9 +460,9 @@ def section(given: Given) -> tuple[list[str], str]:
         table(("one call", "native [us]", "in C floors", "without a compiler [us]"), calls),
         wrapped(
             f"""Building, compiling and loading a strategy and its `radial` takes {first} the first time, and {again}
-            from the cache. With more joints a step grows as follows, for planar arms whose redundant joints are held by
-            dense linear rows. From {linear.DENSE_FROM} joints on, the linear system is left to a factorisation instead
-            of being written out as formulas; *the other way* is what the step takes otherwise."""
+            from the cache. With more joints a step grows as follows, for planar arms whose redundant joints are held
+            by dense linear rows. From {linear.DENSE_FROM} joints on, the linear system is left to a factorisation
+            instead of being written out as formulas; *the other way* is what the step takes otherwise."""
         ),
         table(
             ("joints", "system", "operations", "build", "step [us]", "the other way", "no compiler"), growth(sizes), 2

@@ -68,28 +68,28 @@ def league_text(played: Sequence[Played], cycles: int = CYCLES, dt: float = DT) 
     """The blocks of the page."""
     box, turn = " x ".join(f"{2 * reach:g}" for reach in REACH), f"{np.degrees(TURN):.0f}"
     arms = arms_of(played)
-    head = ("library", "as its example: apart", "tool", "a call", *(f"at its best: {TITLES[a]}" for a in arms))
+    head = ("library", "as its example: apart", "tool", "a call", *(f"best: {TITLES[a]}" for a in arms))
     blocks = [
         "## League",
         wrapped(
-            f"""Which libraries give the same joints at the same tool pose, and what does a call take? Each library runs
-            in an environment of its own, in a script without holokin. Every {dt} s it is given the next pose of the
-            tool, and the twist if it takes one, and gives joints back; the robot is where its last answer put it. The
-            paths are those of [drift](#drift), {cycles} cycles each. Then come {TOURS} tours of two rounds: straight
-            legs through {CORNERS} poses and back, drawn at random in a box of {box} m about the start and turned by up
-            to {turn} degrees. One measure, from the joints alone, is taken of all."""
+            f"""Which libraries give the same joints at the same tool pose, and what does a call take? Each library
+            runs in an environment of its own, in a script without holokin. Every {dt} s it is given the next pose of
+            the tool, and the twist if it takes one, and gives joints back; the robot is where its last answer put it.
+            The paths are those of [drift](#drift), {cycles} cycles each. Then come {TOURS} tours of two rounds:
+            straight legs through {CORNERS} poses and back, drawn at random in a box of {box} m about the start and
+            turned by up to {turn} degrees. One measure, from the joints alone, is taken of all."""
         ),
         *(wrapped(words) for words in reading(played)),
         "![How far apart the joints are at one tool pose that was reached by two paths](league.png)",
         wrapped(
             f"""*As its example*: with the tasks, gains, seeds and solvers of an example of the library itself, our
             start as the posture of a posture task. *At its best*: of all settings that were tried, the fastest whose
-            joints return within {RETURNED:g} rad on this arm, or else the one that is least apart. It must answer every
-            call, keep the tool within {NEAR_MM:g} mm and {NEAR_RAD:g} rad of the path, and the joints within their limits of
-            place and speed. *Apart*: the difference of the joints [rad] opposite the start, reached by two paths, or
-            after the last cycle, whichever is larger; the worst of the arms. *Tours*: in how many the second round has
-            the joints of the first, within {AGAIN:g} rad, of those that are whole, on all arms. *A call*: from Python
-            [us], of the slowest arm."""
+            joints return within {RETURNED:g} rad on this arm, or else the one that is least apart. It must answer
+            every call, keep the tool within {NEAR_MM:g} mm and {NEAR_RAD:g} rad of the path, and the joints within
+            their limits of place and speed. *Apart*: the difference of the joints [rad] opposite the start, reached by
+            two paths, or after the last cycle, whichever is larger; the worst of the arms. *Tours*: in how many the
+            second round has the joints of the first, within {AGAIN:g} rad, of those that are whole, on all arms. *A
+            call*: from Python [us], of the slowest arm."""
         ),
         table((*head, "tours", "a call", "settings"), map(_cells, played, [arms] * len(played))),
         wrapped("Versions, examples, and what was best: " + "; ".join(_settings(played, arms)) + "."),
@@ -115,7 +115,8 @@ def _settings(played: Sequence[Played], arms: Sequence[str]) -> Iterator[str]:
     for p in (p for p in played if p.scores):
         examples = " or ".join(dict.fromkeys(s.source for s in p.scores if s.example))
         best = " or ".join(dict.fromkeys(s.name for s in chosen(p, BEST, arms)))
-        yield f"{', '.join(f'{n} {v}' for n, v in p.versions.items())} ({examples}; best {best or 'none'})"
+        example = f"{examples}; " if p.entry != OURS else ""
+        yield f"{', '.join(f'{n} {v}' for n, v in p.versions.items())} ({example}best {best or 'none'})"
 
 
 def _us(value: float) -> str:
