@@ -58,7 +58,7 @@ def section(given: Given) -> tuple[list[str], str]:
             found.append(play(entry, home / "course", given.environments, home / entry.name))
             print(f"  {found[-1].left_out or f'{len(found[-1].scores)} answers'}", flush=True)
     write_figure(lambda: league_figure(found), given.out / "league.png")
-    return league_text(found, cycles, dt), f"{versions()}, and those of the table"
+    return league_text(found, cycles, dt), f"{versions()}, and those named below"
 
 
 # --- The words, and the table.
@@ -189,7 +189,7 @@ def league_figure(played: Sequence[Played]) -> Any:
         axes.set_xlim(LEAST / 8, 20)
         axes.set_xticks([1e-15, 1e-10, 1e-5, 1])
     panels[-1].set_title("A call", loc="left", fontweight="bold", color=INK)
-    panels[-1].set_xlabel(f"from Python, {TITLES.get(arms[0], arms[0])} [us]")
+    panels[-1].set_xlabel(f"{TITLES.get(arms[0], arms[0])} [us]")
     panels[0].set_yticks(range(len(rows)), [p.entry.name for p in rows])
     for label in panels[0].get_yticklabels():
         if label.get_text() == OURS.name:
