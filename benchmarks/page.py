@@ -22,6 +22,7 @@ PARTS = {
     "league": "benchmarks.league.league_page",
     "rivals": "benchmarks.rivals",
     "inverse": "benchmarks.inverse",
+    "choices": "benchmarks.choices",
     "survey": "benchmarks.survey",
     "cusps": "benchmarks.cusps",
     "accuracy": "benchmarks.accuracy",
