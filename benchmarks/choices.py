@@ -42,7 +42,7 @@ def boxed(names: tuple[str, ...], samples: int) -> Iterator[list[str]]:
 def section(given: Given) -> tuple[list[str], str]:
     """Ask; the blocks of docs/measured.md, and the versions."""
     names, boxes, samples = (ADVISED[:1], BOXED[1:2], 256) if given.quick else (ADVISED, BOXED, 4096)
-    strategies = table(("", "best strategy", "served", "joint speed above the least", "took"), advised(names), 2)
+    strategies = table(("arm", "best strategy", "served", "joint speed above the least", "took"), advised(names), 2)
     return [
         "## Choices",
         wrapped(
@@ -57,5 +57,5 @@ def section(given: Given) -> tuple[list[str], str]:
             1.2 x 1 m in front of each arm, the tool down and tilted by up to 30 degrees, with {samples:,} sampled
             poses. The share is that of other poses which the arm reaches."""
         ),
-        table(("", "sheets", "other poses in reach", "served", "took"), boxed(boxes, samples)),
+        table(("arm", "sheets", "other poses in reach", "served", "took"), boxed(boxes, samples)),
     ], versions("casadi", "numpy", "scipy")

@@ -42,7 +42,7 @@ most.
 """
 
 SECTION = re.compile(r"<!-- begin (\w+) -->\n(.*?)\n<!-- end \1 -->", re.DOTALL)
-RAN = re.compile(r"^\| \[(\w+)\]\(#\1\) \| (.*) \|$", re.MULTILINE)
+RAN = re.compile(r"^\| ?\[(\w+)\]\(#\1\) ?\|(.*)\|$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,9 @@ def run(name: str, given: Given) -> None:
     page = given.out / "measured.md"
     before = page.read_text("utf-8") if page.exists() else ""
     sections = dict(SECTION.findall(before)) | {name: "\n\n".join(blocks)}
-    ran = {part: cells.split(" | ") for part, cells in RAN.findall(before)} | {name: [packages, machine()]}
+    ran = {part: [*map(str.strip, cells.split("|"))] for part, cells in RAN.findall(before)} | {
+        name: [packages, machine()]
+    }
     parts = [name for name in PARTS if name in sections]
     rows = [[f"[{part}](#{part})", *ran[part]] for part in parts]
     day = f"Last written on {datetime.date.today():%d %B %Y}. Each section ran with:"
@@ -101,8 +103,7 @@ def versions(*packages: str) -> str:
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], left: int = 1) -> str:
     """A table; what follows the first columns is at the right."""
     lines = [list(head), ["---"] * left + ["---:"] * (len(head) - left), *([str(c) for c in row] for row in rows)]
-    marks = {"---", "---:"}
-    return "\n".join(f"|{'|'.join(c if c in marks else f' {c} ' for c in cells)}|" for cells in lines)
+    return "\n".join(f"|{'|'.join(cells)}|" for cells in lines)
 
 
 def wrapped(words: str, indent: str = "") -> str:

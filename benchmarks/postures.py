@@ -230,7 +230,7 @@ def postures_table(quick: bool) -> str:
             errors[name] = max(errors.get(name, 0.0), error)
     held = {arm.name: f", joint {arm.held[0] + 1} held" if arm.held else "" for arm in arms}
     rows = [[name, *(of.get(arm, "-") for arm in held), f"{errors[name]:.0e}"] for name, of in cells.items()]
-    return table(("", *(f"{NAMES[arm]}{words}" for arm, words in held.items()), "largest error"), rows)
+    return table(("library", *(f"{NAMES[arm]}{words}" for arm, words in held.items()), "largest error"), rows)
 
 
 def measured(arm: Arm, rounds: int, each: float) -> Iterator[tuple[str, float, float, float]]:

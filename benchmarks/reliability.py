@@ -69,11 +69,11 @@ def section(given: Given) -> tuple[list[str], str]:
             f"""What may a faulty file, a wrong call or a killed process cost? {
                 sum(int(r[1].replace(",", "")) for r in rows):,} were tried for this page, with {
                 faults or "no"
-            } faults; `python -m benchmarks.fuzz` and `python -m
-            benchmarks.kills` try any number. A mutant is at fault when it ends in anything but a result or one
-            sentence, takes more than {SECONDS} s, or brings its process above {MEGABYTES / 1000:g} GB. A kill is at
-            fault when a result is lost, mixed or half-written, a file of the user is gone, or litter stays after the
-            next run."""
+            } faults; `python -m benchmarks.fuzz` and
+            `python -m benchmarks.kills` try any number. A mutant is at fault when it ends in anything but a result or
+            one sentence, takes more than {SECONDS} s, or brings its process above {MEGABYTES / 1000:g} GB. A kill is
+            at fault when a result is lost, mixed or half-written, a file of the user is gone, or litter stays after
+            the next run."""
         ),
         table(("tried", "times", "refused", "faults", "slowest", "memory"), rows),
         wrapped(

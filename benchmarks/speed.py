@@ -31,7 +31,7 @@ from holokin.symbolic.native.toolchain import engine, idle, library
 
 DT = 0.001
 START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
-SIZES = (3, 5, 7, 10, 14, 20, 30, 40, 50, 60)
+SIZES = (3, 5, 7, 10, 14, 20, 30, 60)
 BOTH = 14
 """Up to so many joints a system is solved both ways: written out, and by numbers."""
 

@@ -81,8 +81,8 @@ def text(asked: SurveyTable, cases: Cases, found: Findings) -> list[str]:
             """The pseudo-inverse drifts: {plain_returns} of its cases close the last cycle, and {plain_far} miss by
             more than 0.01; feedback of the tool's pose does not change it. So it stops later: of the arms that
             complete the first cycle, {plain_stops} do not complete all ({fed_stops} with feedback). A law with leaves
-            stops in the first cycle, while somebody looks on, or hardly ever: {lock_stops} with the best joints
-            locked ({held_stops} with feedback). A posture in the null space converges: its first cycle misses by
+            stops in the first cycle, while somebody looks on, or hardly ever: {lock_stops} with the best joints locked
+            ({held_stops} with feedback). A posture in the null space converges: its first cycle misses by
             {posture_first}, its last by {posture_last}, and it covers {posture_covers} of the loops, against
             {lock_covers} with joints locked and {plain_covers} of the pseudo-inverse. Locked joints move {lock_cost}
             times as fast as the least in the median, and {lock_dear} times in the 95 percent.""".format_map(facts)
@@ -96,8 +96,8 @@ def text(asked: SurveyTable, cases: Cases, found: Findings) -> list[str]:
             least, *margin*: the smallest distance to a joint limit, as a share of its range, both medians. Strategies
             without feedback stop at a limit; laws with it go on, and end where they first leave the limits. Of
             {len(found):,} cases {faults} have no answer. pink, mink, the arm angle and centring were asked of some
-            loops only. Of the {len(once) // max(1, len(found.laws))} loops that every law was asked these shares
-            are covered: {once_told(once)}."""
+            loops only. Of the {len(once) // max(1, len(found.laws))} loops that every law was asked these shares are
+            covered: {once_told(once)}."""
         ),
         "![Of each law the share of the cases whose last cycle misses by less](pictures/survey-drift.png)",
         "![Share of the arms that have met no joint limit after so many cycles](pictures/survey-limits.png)",

@@ -92,7 +92,10 @@ def league_text(played: Sequence[Played], cycles: int = CYCLES, dt: float = DT) 
             call*: from Python [us], of the slowest arm."""
         ),
         table((*head, "tours", "a call", "settings"), map(_cells, played, [arms] * len(played))),
-        wrapped("Versions, examples, and what was best: " + "; ".join(_settings(played, arms)) + "."),
+        wrapped(
+            f"""Versions, and the best settings: {"; ".join(_settings(played, arms))}. Where the examples come from,
+            and all settings, stands in `benchmarks/league/workers/libraries.py`."""
+        ),
     ]
     left = [f"{p.entry.name} ({p.left_out})" for p in played if p.left_out]
     return [*blocks, wrapped(f"Not played, or not to the end: {', '.join(left)}.")] if left else blocks
@@ -113,10 +116,8 @@ def _cells(p: Played, arms: Sequence[str]) -> list[str]:
 
 def _settings(played: Sequence[Played], arms: Sequence[str]) -> Iterator[str]:
     for p in (p for p in played if p.scores):
-        examples = " or ".join(dict.fromkeys(s.source for s in p.scores if s.example))
         best = " or ".join(dict.fromkeys(s.name for s in chosen(p, BEST, arms)))
-        example = f"{examples}; " if p.entry != OURS else ""
-        yield f"{', '.join(f'{n} {v}' for n, v in p.versions.items())} ({example}best {best or 'none'})"
+        yield f"{', '.join(f'{n} {v}' for n, v in p.versions.items())} ({best or 'none'})"
 
 
 def _us(value: float) -> str:

@@ -218,7 +218,7 @@ def test_the_page_of_the_catalogue_says_what_the_rows_say() -> None:
             rows[-1] |= {"cusps": 7} if one.law == "arm angle" else {}
     assert len(rows) == 9
     page = " ".join("\n".join(text(rows, 1000)).split())
-    row = "| Panda | none | none | **3.1 cm**, 0.50 | proven none | none | proven none | proven none | 7 cusps |"
+    row = "|Panda|none|none|**3.1 cm**, 0.50|proven none|none|proven none|proven none|7 cusps|"
     assert row in page and "UR5e (proven none)." in page
     assert "Of 8 rules 1 have such a loop; for 6 no cusp was found. The shortest loop is 3.1 cm" in page
 

@@ -134,7 +134,7 @@ def test_the_page_of_the_public_survey_says_what_its_results_say(
     with Store.opened(tmp_path / "s.sqlite", None) as store:
         blocks = text(table, Cases(table, tmp_path), Findings.of(store.rows()))
     page = " ".join("\n".join(blocks).split())
-    assert "Of 3 cases 0 have no answer." in page and "| lock | 1 | 100.0% | 100.0% |" in page
+    assert "Of 3 cases 0 have no answer." in page and "|lock|1|100.0%|100.0%|" in page
     assert "Of the 1 loops that every law was asked these shares are covered: pseudo-inverse 100.0%;" in page
     assert "{" not in page
 
