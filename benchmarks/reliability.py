@@ -20,7 +20,7 @@ FUZZED = {
     "xacro_files": ("xacro files with the files that they name, a process each", 30),
     "dh": ("DH tables, as TOML and in Python", 2000),
     "drawings": ("SVG drawings", 100),
-    "csv_logs": ("CSV logs, read and audited", 1000),
+    "csv_logs": ("CSV logs, read and audited", 500),
     "bags": ("bags (rosbag2, MCAP, ROS 1), read", 1000),
     "datasets": ("LeRobot datasets, v2.1 and v3.0, audited and retargeted", 200),
     "survey_files": ("survey files", 1000),
@@ -31,8 +31,8 @@ FUZZED = {
 }
 """Kind -> (what it is, how many are tried)."""
 
-SIGNALS = ((signal.SIGKILL, 40), (signal.SIGINT, 20), (signal.SIGTERM, 20))
-SELFTESTS, ROBOTS = 20, 25
+SIGNALS = ((signal.SIGKILL, 30), (signal.SIGINT, 20), (signal.SIGTERM, 20))
+SELFTESTS, ROBOTS = 20, 10
 
 
 def tried(quick: bool) -> Iterator[list[str]]:
