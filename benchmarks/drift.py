@@ -1,7 +1,4 @@
-"""Which laws repeat? The drift benchmark: writes docs/drift.md and docs/drift.png.
-
-    python -m benchmarks.drift            # needs: pip install -e ".[rivals]"
-    python -m benchmarks.drift --quick --out /somewhere
+"""Which laws repeat? The drift benchmark of docs/measured.md, and drift.png.
 
 Every law runs in the same loop (dq once a step of 0.01 s, q <- q + dt dq), on the same kinematics, from the same
 start, round the same paths. Libraries that are not installed are left out and named.
@@ -9,18 +6,17 @@ start, round the same paths. Libraries that are not installed are left out and n
 
 from __future__ import annotations
 
-import argparse
-import platform
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, files, version
+from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import holokin as hk
+from benchmarks.page import Given, table, versions, wrapped
 from holokin.app.report.plots import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, beside, write_figure
 from holokin.base.errors import ControllerError, MissingExtraError, PathError
 from holokin.motion import control
@@ -92,7 +88,14 @@ STARTS = {
     "iiwa14": np.array([0.1, 0.6, 0.2, -1.4, 0.1, 1.1, 0.0]),
 }
 QUICK = ("Moore-Penrose", "gradient projection, 1/s", "locked joint 3")
-ROOT = Path(__file__).resolve().parents[1]
+SHOWN = (
+    "Moore-Penrose", "damped, 0.05", "pink", "mink", "placo", "inertia-weighted", "gradient projection, 1/s",
+    "gradient projection, 10/s", "repetitive motion, 4/s", "cyclic in the end, 1/s", "pink, cost 1e-3, gain 1",
+    "pink, cost 0.1, gain 1", "mink, cost 1e-3, gain 1", "placo, weight 1e-4", "pink, leaf of q1 - q3",
+    "mink, leaf of q1 - q3", "locked joint 3", "linear, q1 - q3", "arm angle", "stationary posture",
+    "impedance with memory", "radial strategy",
+)  # fmt: skip
+"""Those of the table; the picture has all."""
 
 
 @dataclass(frozen=True)
@@ -235,143 +238,97 @@ def exact(robot: hk.Robot, start: np.ndarray) -> float:
     )
 
 
-def run(cycles: int, only: tuple[str, ...] | None) -> tuple[dict[str, list[Row]], dict[str, float], list[str]]:
-    """Every law on every arm, with a progress bar. `only` limits the kinds."""
-    from rich.progress import Progress
-
+def run(cycles: int, only: tuple[str, ...] | None) -> tuple[dict[str, list[Row]], float, list[str]]:
+    """Every law on every arm, or those that are named; what round-off alone makes; what is not installed."""
     found: dict[str, list[Row]] = {}
-    missing: list[str] = []
-    round_off: dict[str, float] = {}
-    with Progress() as bar:
-        for name, start in STARTS.items():
-            robot = hk.load(name)
-            entries = [e for e in laws(robot, start) if only is None or e[0] in only]
-            ticker = bar.add_task(name, total=len(entries))
-            found[name] = []
-            for label, kind, make in entries:
+    missing: dict[str, None] = {}
+    round_off = 0.0
+    for name, start in STARTS.items():
+        robot = hk.load(name)
+        found[name] = []
+        for label, kind, make in laws(robot, start):
+            if only is None or label in only:
+                print(f"{name}: {label}", flush=True)
                 try:
                     found[name].append(measure(label, kind, make, robot, start, cycles))
                 except MissingExtraError as problem:
-                    missing.append(f"{label} ({problem})")
-                bar.advance(ticker)
-            round_off[name] = exact(robot, start)
-    return found, round_off, sorted(set(missing))
+                    missing[f"{label} ({problem})"] = None
+        round_off = max(round_off, exact(robot, start))
+    return found, round_off, [*missing]
 
 
-def table(rows: list[Row]) -> str:
-    """A Markdown table."""
-    head = (
-        "| law | rule | first cycle | a later cycle | two paths apart | slow against fast | tracking | speed / MP |\n"
-        "|---|---|---:|---:|---:|---:|---:|---:|\n"
-    )
-    lines = []
-    for r in rows:
-        if r.fault:
-            lines.append(f"| {r.law} | {r.kind} | stopped: {r.fault} | | | | | |")
-            continue
-        limits = "" if r.within else ", past a limit"
-        cells = [f"{v:.1e}" for v in (r.first, r.later, r.ways, r.speeds)]
-        lines.append(f"| {r.law} | {r.kind} | {' | '.join(cells)} | {r.tracking:.2g} mm{limits} | {r.effort:.3f} |")
-    return head + "\n".join(lines) + "\n"
+def rows_of(found: dict[str, list[Row]]) -> Iterator[list[str]]:
+    """Cells of the table: of each law that is shown the worst of the arms."""
+    for law in SHOWN:
+        if rows := [r for each in found.values() for r in each if r.law == law]:
+            if fault := next((r.fault for r in rows if r.fault), ""):
+                yield [law, rows[0].kind, f"stopped: {fault}", *[""] * 5]
+                continue
+            worst = [max(getattr(r, figure) for r in rows) for figure in ("first", "later", "ways", "speeds")]
+            limits = "" if all(r.within for r in rows) else ", past a limit"
+            tracking, effort = max(r.tracking for r in rows), max(r.effort for r in rows)
+            yield [law, rows[0].kind, *(f"{v:.1e}" for v in worst), f"{tracking:.2g} mm{limits}", f"{effort:.3f}"]
 
 
-def versions() -> str:
-    """What was run, and on what."""
-    out = [f"holokin {hk.__version__}"]
-    for package in ("casadi", "numpy", "pin-pink", "pin", "mink", "mujoco", "placo"):
-        try:
-            out.append(f"{package} {version(package)}")
-        except PackageNotFoundError:
-            continue
-    return f"{', '.join(out)}; Python {platform.python_version()}, {platform.system()} {platform.machine()}"
-
-
-def span(rows: list[Row], figure: str, form: str = ".1e") -> str:
+def span(rows: list[Row], figure: str, form: str = ".0e") -> str:
     """The least and the greatest of a figure."""
     values = [getattr(r, figure) for r in rows] or [np.nan]
     return f"{min(values):{form}} to {max(values):{form}}"
 
 
-def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list[str], cycles: int) -> str:
-    """docs/drift.md."""
-    every = {name: {r.law: r for r in rows} for name, rows in found.items()}
-    mp = every["panda"]["Moore-Penrose"]
-    holonomic = [r for rows in found.values() for r in rows if r.kind == "holonomic" and not r.fault]
-    posture = [r for rows in found.values() for r in rows if r.kind == "posture" and not r.fault]
-    free = [r for rows in found.values() for r in rows if r.kind == "no rule" and not r.fault]
-
+def text(found: dict[str, list[Row]], round_off: float, missing: list[str], cycles: int) -> list[str]:
+    """The blocks of the page."""
+    every = [r for rows in found.values() for r in rows if not r.fault]
+    free, posture, held = ([r for r in every if r.kind == kind] for kind in ("no rule", "posture", "holonomic"))
+    mp = next(r for r in found["panda"] if r.law == "Moore-Penrose")
     speeds = ", ".join(map(str, SPEEDS))
-    parts = [
-        "# The drift benchmark\n",
-        "Written by `python -m benchmarks.drift`; do not edit. Which laws return the joints, and do the joints at",
-        "a tool pose depend on the path or the speed? [The league](league.md) compares libraries, each in an",
-        "environment of its own and at its best settings; here are laws, in one process.\n",
-        f"Run with {versions()}.\n",
-        f"Every law is called once a step of {DT} s, q <- q + dt dq, on the same kinematics, from the same start, at",
-        "constant orientation: a circle of 0.1 m radius, a figure eight of two circles of 0.07 m, a square of 0.14 m,",
-        f"{cycles} cycles each at 0.1 m/s; then half the circle by both ways at {speeds} m/s.",
-        f"Where a law has feedback it has the gain {GAIN:g}/s, to the path and to the leaf alike. With a leaf pink",
-        "and mink have `pink_task` or `mink_task` as an equality constraint, gain 1, and no posture task.\n",
-        "Numbers are the largest joint's [rad], worst of the paths: **first cycle** and **a later cycle** (the last):",
-        "drift of that cycle; **two paths apart**: joints at the pose opposite the start, reached clockwise and",
-        "counter-clockwise; **slow against fast**: the same pose reached at another speed; **tracking**: worst",
-        "distance of the tool; **speed / MP**: joint speed over the least that does the same tool motion.\n",
-        "![drift on the Panda circle, and what a pose's joints depend on](drift.png)\n",
+    return [
+        "## Drift",
+        wrapped(
+            f"""Which laws return the joints, and do the joints at a tool pose depend on the path or the speed? Every
+            law is called once a step of {DT} s on the same kinematics of a Panda and an iiwa 14, at constant
+            orientation: round a circle of 0.1 m radius, a figure eight and a square, {cycles} cycles each at 0.1 m/s;
+            then half the circle by both ways at {speeds} m/s. Feedback to the path, and to a leaf where there is one,
+            has the gain {GAIN:g}/s. With a leaf, pink and mink have `pink_task` or `mink_task` as an equality
+            constraint."""
+        ),
+        wrapped(
+            f"""Without a rule for the redundant joint every law drifts, by {span(free, "first")} in the first cycle,
+            and goes on: the pseudo-inverse of the Panda is {mp.history[-1]:.2f} rad away after {cycles} circles. A
+            posture task, which is what most users have, does repeat: a later cycle drifts {span(posture, "later")}.
+            But which joints belong to a pose still depends on the way to it ({span(posture, "ways")}) and on the speed
+            ({span(posture, "speeds")}); a stronger pull makes that less, and bends the path. It costs next to no joint
+            speed ({span(posture, "effort", ".3f")} times the least), and is the better choice where only the return
+            matters. On these paths, a holonomic law's joints are a function of the pose: two ways agree to {
+                span(held, "ways")
+            }, which is the error of the steps; by `hk.follow` a cycle ends {round_off:.0e} rad from
+            its beginning. That costs {span(held, "effort", ".3f")} times the least joint speed."""
+        ),
+        "![Drift on the Panda circle, and what the joints at a pose depend on, of all laws](drift.png)",
+        wrapped(
+            """*First* and *later cycle* (the last): the drift of that cycle. *Two ways*: the difference of the joints
+            opposite the start, reached clockwise and counter-clockwise. *Slow, fast*: the same at another speed.
+            *Tool*: its largest distance from the path. *Speed*: joint speed over the least that moves the tool so.
+            Each is the worst of the paths and of both arms."""
+        ),
+        table(
+            ("law", "rule", "first cycle", "later cycle", "two ways", "slow, fast", "tool", "speed"), rows_of(found), 2
+        ),
+        *(["Not installed, so left out: " + "; ".join(missing) + "."] if missing else []),
     ]
-    for name, rows in found.items():
-        parts += [f"## {name}\n", f"Start q = {np.array2string(STARTS[name], separator=', ')}.\n", table(rows)]
-    cheap = [rows["radial strategy"].effort for rows in every.values() if "radial strategy" in rows]
-    bent = max((r.tracking for r in posture), default=np.nan)
-    parts += [
-        "## Reading it\n",
-        f"- Without a rule for the redundant joint every law drifts, {span(free, 'first')} rad in the first cycle,",
-        f"  and goes on: on the Panda the pseudo-inverse is {mp.history[-1]:.2f} rad away after {cycles} circles.",
-        "  pink, mink and placo without a posture task are it: that is what they compute.",
-        "- **A posture task is what users have, and it does repeat**: a later cycle drifts",
-        f"  {span(posture, 'later')} rad. Which joints belong to a pose still depends on the way",
-        f"  ({span(posture, 'ways')} rad) and on the speed ({span(posture, 'speeds')} rad):",
-        "  the stronger the pull, the less; and the more a soft task bends the path,",
-        f"  up to {bent:.2g} mm here with the highest cost.",
-        "- It is good where that does not matter: nothing to choose but a posture, joint speed",
-        f"  {span(posture, 'effort', '.3f')} times the least, no singularities of its own,",
-        "  any number of redundant joints.",
-        "- On these paths a holonomic law's joints are a function of the pose: two paths agree to",
-        f"  {span(holonomic, 'ways')} rad, a later cycle drifts {span(holonomic, 'later')} rad.",
-        "  What is left is the step of the loop: by `hk.follow`, which solves for the leaf at every sample,",
-        f"  a cycle ends {max(round_off.values()):.0e} rad from where it began.",
-        *held_by_libraries(every),
-        "- Impedance has no constraint to feed back: it is holonomic, and drifts by the error of the step alone.",
-        f"- Repeatability costs joint speed, {span(holonomic, 'effort', '.3f')} times the least; the radial strategy",
-        f"  of the pseudo-inverse {' and '.join(f'{v:.3f}' for v in cheap)} times.",
-    ]
-    parts += ["\nNot installed, so left out: " + "; ".join(missing) + "."] if missing else []
-    return "\n".join(parts) + "\n"
 
 
-def held_by_libraries(every: dict[str, dict[str, Row]]) -> list[str]:
-    """How much nearer two paths are when a library holds a leaf than with its posture task, where both were run."""
-    lines = []
-    for library in ("pink", "mink"):
-        soft, hard = f"{library}, cost 1e-3, gain 1", f"{library}, leaf of q1 - q3"
-        pairs = [(rows[soft], rows[hard]) for rows in every.values() if {soft, hard} <= set(rows)]
-        if pairs:
-            times = " and ".join(f"{a.ways / b.ways:,.0f}" for a, b in pairs)
-            tracking = max(b.tracking / a.tracking for a, b in pairs)
-            lines.append(f"- {library}, our leaf instead of its posture task: two paths {times} times nearer,")
-            lines.append(f"  at {tracking:.2f} times the tracking error or less.")
-    return lines
+def section(given: Given) -> tuple[list[str], str]:
+    """Measure, draw; the blocks of docs/measured.md, and the versions."""
+    with _coarse() if given.quick else nullcontext():
+        cycles, only = (2, QUICK) if given.quick else (10, None)
+        found, round_off, missing = run(cycles, only)
+        write_figure(lambda: drift_picture(found["panda"]), given.out / "drift.png")
+        return text(found, round_off, missing, cycles), versions(*PACKAGES)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run, write, and say where."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="three laws, two cycles, steps of 0.05 s")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of drift.md and drift.png")
-    given = parser.parse_args(arguments)
-    if given.quick:
-        with _coarse():
-            return _written(given.out, 2, QUICK)
-    return _written(given.out, 10, None)
+HEAD = ("law", "rule", "first cycle", "later cycle", "two ways", "slow, fast", "tool", "speed")
+PACKAGES = ("casadi", "numpy", "pin", "pin-pink", "mink", "mujoco", "placo")
 
 
 @contextmanager
@@ -383,20 +340,3 @@ def _coarse() -> Iterator[None]:
         yield
     finally:
         DT, GAIN = before
-
-
-def _written(out: Path, cycles: int, only: tuple[str, ...] | None) -> int:
-    try:
-        found, round_off, missing = run(cycles, only)
-    except KeyboardInterrupt:
-        print("stopped; nothing was written")
-        return 130
-    out.mkdir(parents=True, exist_ok=True)
-    write_figure(lambda: drift_picture(found["panda"]), out / "drift.png")
-    (out / "drift.md").write_text(text(found, round_off, missing, cycles), "utf-8")
-    print(f"wrote {out / 'drift.md'} and drift.png")
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,7 +1,5 @@
 """All postures of a pose: how fast, how many, how exact? Closed forms, ours and those of other libraries.
 
-    taskset -c 1 python -m benchmarks.postures     # needs: pip install -e ".[rivals]", Pinocchio and a C compiler
-
 Random postures within the joint limits, the held joint at one value, give the poses, by Pinocchio; each answer is
 judged by Pinocchio. All libraries of an arm are called in turns, round by round, on all poses, in processor time, on
 one thread. They run as their own examples run them; what is prepared once for an arm is not timed.
@@ -9,28 +7,25 @@ one thread. They run as their own examples run them; what is prepared once for a
 
 from __future__ import annotations
 
-import argparse
-import contextlib
 import importlib
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from itertools import cycle, islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import holokin as hk
-from benchmarks.speed import environment, in_turns, processor
+from benchmarks.page import table, us
+from benchmarks.speed import environment, in_turns
 from holokin.motion.ik.closed_leaf import DOUBT, closed_leaf
 from holokin.robot import to_urdf
 from holokin.robot.closed_form import ClosedInverse
-from holokin.symbolic.native.toolchain import engine
 
 HELD: dict[str, list[int]] = {"panda": [6], "xarm7": [6], "iiwa14": [2], "ur5e": [], "irb140": []}
 """The arms, with the joint that is held: the other six have a closed inverse."""
+
+NAMES = {"panda": "Panda", "xarm7": "xArm 7", "iiwa14": "iiwa 14", "ur5e": "UR5e", "irb140": "IRB 140"}
 
 DECOMPOSITIONS = {
     "panda": ("spherical_two_intersecting", ([0, 1], [3, 4, 5]), True),
@@ -118,9 +113,9 @@ class Arm:
             points[1:][group] = meeting
         return np.ascontiguousarray(h), np.diff(points, axis=0), poses
 
-    def judged(self, answers: Sequence[Any]) -> tuple[float, float, float, float]:
-        """(share of poses with an answer, different postures of a pose, those within limits, largest error)."""
-        total, inside, found, largest = 0, 0, 0, 0.0
+    def judged(self, answers: Sequence[Any]) -> tuple[float, float]:
+        """(different postures of a pose, largest error)."""
+        total, largest = 0, 0.0
         for pose, given in zip(self.poses, answers, strict=True):
             kept: list[np.ndarray] = []
             for q in given:
@@ -129,10 +124,8 @@ class Arm:
                 if error < WRONG and all(np.abs((q - k + np.pi) % TURN - np.pi).max() > 1e-5 for k in kept):
                     kept.append(q)
                     largest = max(largest, error)
-                    turned = q + TURN * np.ceil((self.robot.lower - 1e-9 - q) / TURN)
-                    inside += bool((turned <= self.robot.upper + 1e-9).all())
-            total, found = total + len(kept), found + bool(kept)
-        return found / len(answers), total / len(answers), inside / len(answers), largest
+            total += len(kept)
+        return total / len(answers), largest
 
 
 def holokin(arm: Arm) -> Iterator[Asked]:
@@ -141,37 +134,15 @@ def holokin(arm: Arm) -> Iterator[Asked]:
     strategy = hk.holonomic(task, hk.lock(*arm.held)) if arm.held else hk.moore_penrose(task)
     ik, unlimited = hk.ik(strategy, arm.start), hk.ik(strategy, arm.start, limits=False)
     leaf: Any = closed_leaf(ik.strategy, arm.start[arm.held], False)
-    nothing = np.zeros((0, arm.robot.n))
+    machine = ClosedInverse(leaf.inverse.arm, False).at(leaf.values)
 
     def real(answers: np.ndarray) -> np.ndarray:
         return leaf.postures(answers[answers[:, 9] > DOUBT])
 
-    def one(pose: np.ndarray) -> np.ndarray:
-        try:
-            return ik(pose)[None]
-        except hk.HolokinError:
-            return nothing
-
-    def each(found: Any) -> list[np.ndarray]:
-        return [q[None] if reached else nothing for q, reached in zip(found.q, found.reached, strict=True)]
-
     yield Asked("the closed form alone", leaf.one, arm.poses, real)
-    yield Asked(
-        "the closed form alone, batch", lambda P: leaf.answers(P, 1), arm.poses, lambda all: map(real, all), True
-    )
+    yield Asked("the same, a batch", lambda P: leaf.answers(P, 1), arm.poses, lambda all: map(real, all), True)
+    yield Asked("the same, no compiler", machine.one, arm.poses, real, native=False)
     yield Asked("`ik.all(pose)`", unlimited.all, arm.poses, lambda found: found.q)
-    yield Asked("one: `ik(pose)`", one, arm.poses, lambda q: q)
-    yield Asked("one: `ik.batch(poses)`", lambda P: ik.batch(P, 1), arm.poses, each, True)
-    machine = ClosedInverse(leaf.inverse.arm, False).at(leaf.values)
-    yield Asked("no compiler: the closed form alone", machine.one, arm.poses, real, native=False)
-    yield Asked(
-        "no compiler: the closed form alone, batch",
-        lambda P: machine.answers(P, 1),
-        arm.poses,
-        lambda all: map(real, all),
-        True,
-        False,
-    )
 
 
 def eaik(arm: Arm) -> Iterator[Asked]:
@@ -216,8 +187,6 @@ def frankik(arm: Arm) -> Iterator[Asked]:
         return q[np.isfinite(q).all(axis=1)]
 
     yield Asked("`ik_full(pose, q0, q7)`", lambda X: library.ik_full(X, start, held), poses, read)
-    yield Asked("one: `inverse(pose, q0, q7=)`", lambda X: robot.inverse(X, start, q7=held), poses, read)
-    yield Asked("one, joint 7 free: `inverse(pose, q0)`", lambda X: robot.inverse(X, start), poses, read)
 
 
 def ssik(arm: Arm) -> Iterator[Asked]:
@@ -231,14 +200,11 @@ def ssik(arm: Arm) -> Iterator[Asked]:
     if arm.name not in SSIK:
         h, steps, poses = arm.axes()
         made = library.Manipulator.from_axes(h, steps)
-        yield Asked("of axes, `solve(pose)`", lambda X: made.solve(X, **whole), poses, read)
+        yield Asked("`solve(pose)`", lambda X: made.solve(X, **whole), poses, read)
         return
     made = library.Manipulator.from_prebuilt(SSIK[arm.name])
-    poses, free = arm.framed(made.fk), ", the redundant joint free" if arm.held else ""
-    yield Asked(f"prebuilt{free}, `solve(pose)`", lambda X: made.solve(X, **whole), poses, read)
-    yield Asked(
-        f"one: prebuilt{free}, from a seed", lambda X: made.solve(X, q_seed=arm.start, max_solutions=1), poses, read
-    )
+    free = ", joint 7 or 3 sampled" if arm.held else ""
+    yield Asked(f"`solve(pose)`{free}", lambda X: made.solve(X, **whole), arm.framed(made.fk), read)
 
 
 def ur_analytic_ik(arm: Arm) -> Iterator[Asked]:
@@ -249,35 +215,33 @@ def ur_analytic_ik(arm: Arm) -> Iterator[Asked]:
         yield Asked("`inverse_kinematics(pose)`", robot.inverse_kinematics, poses, lambda q: np.array(q).reshape(-1, 6))
 
 
-def roboticstoolbox(arm: Arm) -> Iterator[Asked]:
-    """Its search `ik_LM`, by its defaults and to 1e-12, on the chain of the URDF; the redundant joint is free."""
-    library, free = importlib.import_module("roboticstoolbox"), ", the redundant joint free" if arm.held else ""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "robot.urdf"
-        file.write_text(to_urdf(arm.robot), "utf-8")
-        chain = library.Robot.URDF(str(file)).ets(end=arm.robot.tips[0].name)
-
-    def read(found: Any) -> np.ndarray:
-        return np.array([found.q] if found.success else []).reshape(-1, arm.robot.n)
-
-    yield Asked(f"one{free}: `ik_LM`", lambda X: chain.ik_LM(X, q0=arm.start), arm.poses, read)
-    yield Asked(f"one{free}: `ik_LM`, tol 1e-12", lambda X: chain.ik_LM(X, q0=arm.start, tol=1e-12), arm.poses, read)
+LIBRARIES = (holokin, eaik, ik_geo, frankik, ssik, ur_analytic_ik)
+PACKAGES = ("EAIK", "ik-geo", "frankik", "ssik", "ur-analytic-ik", "pin")
 
 
-LIBRARIES = (holokin, eaik, ik_geo, frankik, ssik, ur_analytic_ik, roboticstoolbox)
-PACKAGES = ("numpy", "EAIK", "ik-geo", "frankik", "ssik", "ur-analytic-ik", "roboticstoolbox-python", "pin")
+def postures_table(quick: bool) -> str:
+    """A row a way, a column an arm: the time of a pose, and how many postures it has."""
+    arms = [Arm(name, 20 if quick else 1000) for name in ((*HELD,)[::4] if quick else HELD)]
+    cells: dict[str, dict[str, str]] = {}
+    errors: dict[str, float] = {}
+    for arm in arms:
+        for name, seconds, count, error in measured(arm, *((3, 1e-3) if quick else (15, 2e-2))):
+            cells.setdefault(name, {})[arm.name] = f"{us(seconds)} ({count:.3g})"
+            errors[name] = max(errors.get(name, 0.0), error)
+    held = {arm.name: f", joint {arm.held[0] + 1} held" if arm.held else "" for arm in arms}
+    rows = [[name, *(of.get(arm, "-") for arm in held), f"{errors[name]:.0e}"] for name, of in cells.items()]
+    return table(("library", *(f"{NAMES[arm]}{words}" for arm, words in held.items()), "largest error"), rows)
 
 
-def rows(arm: Arm, rounds: int, each: float) -> tuple[list[str], list[str]]:
-    """(rows of the table, what is left out) of an arm."""
+def measured(arm: Arm, rounds: int, each: float) -> Iterator[tuple[str, float, float, float]]:
+    """(name, seconds of a pose, postures of it, largest error) of each way."""
     ways: dict[str, Asked] = {}
-    left_out = []
     for library in LIBRARIES:
         name = library.__name__.replace("eaik", "EAIK").replace("ik_geo", "IK-Geo")
         try:
             ways |= {f"{name}, {way.name}": way for way in library(arm)}
         except (ImportError, LookupError) as problem:
-            left_out.append(f"{name} for {arm.name} ({problem})")
+            print(f"{name} for {arm.name}: {problem}", flush=True)
 
     def run(way: Asked) -> Callable[[int], object]:
         stream = cycle([way.poses[:BATCH]] if way.many else way.poses)
@@ -290,38 +254,7 @@ def rows(arm: Arm, rounds: int, each: float) -> tuple[list[str], list[str]]:
         return over
 
     times = in_turns({name: run(way) for name, way in ways.items()}, rounds, each)
-    lines = []
     for name, way in ways.items():
         given = way.call(way.poses) if way.many else map(way.call, way.poses)
         answers = list(way.postures(given) if way.many else map(way.postures, given))
-        found, count, inside, error = arm.judged(answers)
-        seconds = times[name].median / (len(way.poses[:BATCH]) if way.many else 1)
-        lines.append(
-            f"| {name} | {1e6 * seconds:.3g} us | {100 * found:.4g}% | {count:.3g} | {inside:.3g} | {error:.0e} |"
-        )
-    return lines, left_out
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Measure, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="20 poses, few rounds, a Panda and a UR5e")
-    given = parser.parse_args(arguments)
-    said = [f"holokin {hk.__version__}"]
-    for package in PACKAGES:
-        with contextlib.suppress(PackageNotFoundError):
-            said.append(f"{package} {version(package)}")
-    print(f"{', '.join(said)}; {engine()}; {processor()}")
-    for name in ("panda", "ur5e") if given.quick else HELD:
-        arm = Arm(name, 20 if given.quick else 1000)
-        held = f", {arm.robot.joint_names[arm.held[0]]} held" if arm.held else ""
-        lines, left_out = rows(arm, *((3, 1e-3) if given.quick else (15, 2e-2)))
-        print(f"\n| {name}{held} | a pose | found | postures | within limits | largest error |")
-        print("|---|---:|---:|---:|---:|---:|", *lines, sep="\n")
-        if left_out:
-            print("\nLeft out: " + "; ".join(left_out) + ".")
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+        yield name, times[name].median / (len(way.poses[:BATCH]) if way.many else 1), *arm.judged(answers)

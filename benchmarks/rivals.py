@@ -1,7 +1,4 @@
-"""Joints of a pose from nothing, and along paths: `hk.ik(robot)` beside other libraries. Writes docs/rivals.md.
-
-    python -m benchmarks.rivals          # some ten minutes; the first time some more, to install the libraries
-    python -m benchmarks.rivals --only holokin ssik --arms panda --out /somewhere --environments /a/folder
+"""Joints of a pose from nothing, and along paths: `hk.ik(robot)` beside other libraries. A section of docs/measured.md.
 
 Every library runs in an environment of its own, made as those of the league, pinned to one core. All get the same
 URDF and the same poses. They answer in turns, a tenth of all each time, so that what else runs on the machine meets all
@@ -10,11 +7,8 @@ alike. One measure is taken of the joints of all, by holokin's kinematics.
 
 from __future__ import annotations
 
-import argparse
-import datetime
 import json
 import os
-import platform
 import subprocess
 import tempfile
 import time
@@ -29,15 +23,12 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from benchmarks.league.courses import ranges_of, straight, write_arm
-from benchmarks.league.league_page import wrapped
-from benchmarks.league.played import ENTRIES, OURS, WORKERS, Entry, NoEnvironment, default_folder, python_of, reason_of
+from benchmarks.league.played import ENTRIES, OURS, WORKERS, Entry, NoEnvironment, python_of, reason_of
 from benchmarks.league.scores import tool_errors
-from benchmarks.speed import load, processor
-from holokin.base.errors import HolokinError
+from benchmarks.page import Given, table, us, versions, wrapped
 from holokin.motion.self_motions.self_motions import self_motions_at
 from holokin.robot import to_urdf
 
-ROOT = Path(__file__).resolve().parents[1]
 ARMS = {
     "panda": "Panda",
     "fr3": "FR3",
@@ -287,7 +278,6 @@ class Run:
     marks: list[Mark]
     versions: dict[str, str]
     missing: list[str]
-    seconds: float = 0.0
 
 
 def run(
@@ -301,7 +291,7 @@ def run(
             try:
                 living[entry.name] = Process(entry, python_of(entry, environments), course, home / entry.name, core)
             except NoEnvironment as problem:
-                found.missing.append(f"**{entry.name}** cannot be installed: {problem}.")
+                found.missing.append(f"{entry.name} (it cannot be installed: {problem})")
         for arm in arms:
             _one_arm(arm, living, course, found, tenths)
     finally:
@@ -317,7 +307,7 @@ def _one_arm(arm: str, living: dict[str, Process], course: Path, found: Run, ten
         try:
             return living[name].tell(command)
         except Stopped as problem:
-            found.missing.append(f"**{name}** stopped on the {ARMS[arm]}: {problem}.")
+            found.missing.append(f"{name} stopped on the {ARMS[arm]} ({problem})")
             living.pop(name).close()
             ways.pop(name, None)
             return None
@@ -327,7 +317,7 @@ def _one_arm(arm: str, living: dict[str, Process], course: Path, found: Run, ten
             continue
         found.versions.update(reply["versions"])
         if "fault" in reply:
-            found.missing.append(f"**{name}**, {ARMS[arm]}: {reply['fault']}.")
+            found.missing.append(f"{name} on the {ARMS[arm]} ({reply['fault']})")
         if reply["ways"]:
             ways[name] = reply["ways"]
     for turn in range(tenths):
@@ -339,163 +329,105 @@ def _one_arm(arm: str, living: dict[str, Process], course: Path, found: Run, ten
             found.marks.extend(marked(name, arm, ways[name], course, living[name].answers))
 
 
-# --- docs/rivals.md.
+# --- The section of docs/measured.md.
 
 
-def _us(seconds: float) -> str:
-    us = 1e6 * seconds
-    return f"{us:.2f}" if us < 10 else f"{us:.0f}" if us < 1000 else f"{us:,.0f}"
+def _without_a_start(mark: Mark) -> str:
+    if mark.found is None:
+        return ""
+    return f"{mark.found}: {us(np.median(mark.seconds))} ({us(np.percentile(mark.seconds, 99))})"
 
 
-def _found(mark: Mark) -> str:
-    return "needs a start" if mark.found is None else str(mark.found)
-
-
-def _time(mark: Mark) -> str:
-    return "" if mark.found is None else f"{_us(np.median(mark.seconds))} ({_us(np.percentile(mark.seconds, 99))})"
-
-
-def _legs(mark: Mark) -> str:
-    return f"{sum(walk.even for walk in mark.legs)} + {sum(walk.whole and not walk.even for walk in mark.legs)}"
-
-
-def _steps(mark: Mark) -> str:
-    steps = [walk.step for walk in mark.legs if walk.whole]
-    return f"{np.median(steps):.3f} ({max(steps):.2f})" if steps else "none"
-
-
-def _home(mark: Mark) -> str:
-    away = [walk.away(1) for walk in mark.legs if walk.even]
-    return f"{sum(a < HOME for a in away)} of {len(away)} ({max(away):.0e})" if away else "none"
-
-
-def _circles(mark: Mark) -> str:
-    even = [walk for walk in mark.circles if walk.even]
-    if not even:
-        return "none"
-    return f"{len(even)}: {', '.join(f'{np.median([walk.away(k) for walk in even]):.0e}' for k in (1, 2))}"
-
-
-def _step_time(mark: Mark) -> str:
-    return _us(np.median(mark.step_seconds)) if len(mark.step_seconds) else "none"
-
-
-TABLES: tuple[tuple[str, str, Callable[[Mark], str]], ...] = (
-    (
-        "Found without a start",
-        """Of {poses} poses of postures that are drawn evenly within the limits, so that each has an answer: how many
-        got one, with the tool within 1e-5 m and rad of its pose and the joints within their limits.""",
-        _found,
-    ),
-    ("Time without a start", "A call from Python on one core [us], median, and in brackets 99 % under.", _time),
-    (
-        "Legs",
-        """Straight legs of {LENGTH} m ({legs} of them), turned by up to {TILT} degrees, out and back, a sample every
-        {SPACING} mm. Each begins at a random posture and has postures within the limits along it, perhaps not on one
-        continuous path of the joints. First: how many are whole, with an answer at every sample and no jump. Then: how
-        many more have all answers, but a joint jumps, by more than {JUMP} rad from a sample to the next.""",
-        _legs,
-    ),
-    (
-        "Largest step of a joint",
-        "On legs with all answers, between two samples [rad]: median, the worst.",
-        _steps,
-    ),
-    (
-        "Home after a leg",
-        """Of the whole legs: on how many the joints after the way out and back are those of before, within {HOME} rad,
-        and in brackets the largest difference [rad].""",
-        _home,
-    ),
-    (
-        "Circles",
-        """Horizontal circles of {RADIUS} m radius ({circles} of them), twice round: how many are whole, and of these
-        by how much the largest joint differs after the first and after the second loop, the median [rad].""",
-        _circles,
-    ),
-    (
-        "Time of a step",
-        "A call along legs and circles that has an answer, from Python, the median [us].",
-        _step_time,
-    ),
-)
-"""Of each table its title, what it says, and the cell of a mark."""
-
-
-def measured(marks: Sequence[Mark]) -> dict[str, Any]:
-    """What the words of the tables name: how many poses, legs and circles there were, how long they are."""
-    each = {"poses": lambda m: len(m.seconds), "legs": lambda m: len(m.legs), "circles": lambda m: len(m.circles)}
-    sizes = {"LENGTH": LENGTH, "TILT": round(np.degrees(TILT)), "SPACING": f"{1e3 * SPACING:g}", "RADIUS": RADIUS}
-    bounds = {"JUMP": JUMP, "HOME": f"{HOME:g}"}
-    return {name: max(map(count, marks), default=0) for name, count in each.items()} | sizes | bounds
-
-
-def table(cell: Callable[[Mark], str], marks: Sequence[Mark]) -> list[str]:
-    """A row a way, a column an arm; a row that says nothing on any arm is left out."""
+def found_table(marks: Sequence[Mark]) -> str:
+    """Without a start: a row a way that needs none, a column an arm."""
     arms = [arm for arm in ARMS if any(mark.arm == arm for mark in marks)]
-    lines = [f"| | {' | '.join(ARMS[arm] for arm in arms)} |", f"|---|{'---:|' * len(arms)}"]
+    rows = []
     for name in dict.fromkeys(mark.name for mark in marks):
-        cells = {mark.arm: cell(mark) for mark in marks if mark.name == name}
+        cells = {mark.arm: _without_a_start(mark) for mark in marks if mark.name == name}
         if any(cells.values()):
-            lines.append(f"| {name} | {' | '.join(cells.get(arm, '-') for arm in arms)} |")
-    return lines
+            rows.append([name, *(cells.get(arm, "-") for arm in arms)])
+    return table(("library", *(ARMS[arm] for arm in arms)), rows)
+
+
+def paths_table(marks: Sequence[Mark]) -> str:
+    """Along paths: a row a way, all arms that it knows together."""
+    rows = []
+    for name in dict.fromkeys(mark.name for mark in marks):
+        of = [mark for mark in marks if mark.name == name]
+        legs, circles = ([walk for mark in of for walk in getattr(mark, kind)] for kind in ("legs", "circles"))
+        even, round_trips = [walk for walk in legs if walk.even], [walk for walk in circles if walk.even]
+        away = [walk.away(1) for walk in even]
+        home = f"{sum(a < HOME for a in away)} ({max(away):.0e})" if away else "-"
+        drift = ", ".join(f"{max(walk.away(k) for walk in round_trips):.0e}" for k in (1, 2)) if round_trips else "-"
+        times = [np.median(mark.step_seconds) for mark in of if len(mark.step_seconds)]
+        jumps = sum(walk.whole and not walk.even for walk in legs)
+        cells = [f"{len(even)} of {len(legs)}", str(jumps), home, f"{len(round_trips)} of {len(circles)}", drift]
+        rows.append([name, *cells, f"{us(min(times))} to {us(max(times))}" if times else "-"])
+    return table(("library", "whole legs", "with a jump", "home", "circles", "loops miss", "a step [us]"), rows)
 
 
 def better(marks: Sequence[Mark]) -> Iterator[str]:
     """Sentences: on what others are better than holokin."""
-    measures: tuple[tuple[str, Callable[[Mark], float]], ...] = (
+    times: tuple[tuple[str, Callable[[Mark], float]], ...] = (
         ("find more poses without a start", lambda m: float(-1 if m.found is None else m.found)),
-        ("take less time without a start", lambda m: -np.inf if m.found is None else -float(np.median(m.seconds))),
-        ("have more whole legs", lambda m: sum(walk.even for walk in m.legs)),
-        ("have more whole circles", lambda m: sum(walk.even for walk in m.circles)),
+        ("take less time for it", lambda m: -np.inf if m.found is None else -float(np.median(m.seconds))),
         ("take less time for a step", lambda m: -float(np.median(m.step_seconds if len(m.step_seconds) else np.inf))),
     )
-    for what, measure in measures:
-        ours: dict[str, float] = {}
+    for what, measure in times:
+        ours = {m.arm: -np.inf for m in marks}
         for mark in (mark for mark in marks if mark.library == OURS.name):
-            ours[mark.arm] = max(ours.get(mark.arm, -np.inf), measure(mark))
-        rows: dict[str, list[str]] = {}
+            ours[mark.arm] = max(ours[mark.arm], measure(mark))
+        others = {m.name: None for m in marks if m.library != OURS.name and measure(m) > ours[m.arm]}
+        yield f"On some arm these {what} than holokin: {', '.join(others)}." if others else f"None {what} than holokin."
+    for kind in ("legs", "circles"):
+        whole: dict[str, int] = {}
         for mark in marks:
-            if mark.library != OURS.name and measure(mark) > ours.get(mark.arm, np.inf):
-                rows.setdefault(mark.name, []).append(ARMS[mark.arm])
-        told = "; ".join(f"{name} ({', '.join(arms)})" for name, arms in rows.items())
-        yield f"- These {what} than the best way of holokin: {told}." if told else f"- None {what} than holokin."
+            whole[mark.name] = whole.get(mark.name, 0) + sum(walk.even for walk in getattr(mark, kind))
+        ours_best = max((many for name, many in whole.items() if name.startswith(OURS.name)), default=0)
+        more = sorted(((many, name) for name, many in whole.items() if many > ours_best), reverse=True)
+        told = ", ".join(f"{name.split(',')[0]} {many}" for many, name in more)
+        yield f"More {kind} are whole with {told}, against {ours_best}." if more else f"None has more whole {kind}."
 
 
-def rivals_text(found: Run, day: datetime.date) -> str:
-    """The page."""
-    versions = ", ".join(f"{name} {number}" for name, number in found.versions.items())
-    head = (
-        """Written by `python -m benchmarks.rivals`; do not edit. Which library finds joints of a pose when it is given
-        nothing else, how long does it take, and what do its joints do along a path? Here are `hk.ik(robot)` of [inverse
-        kinematics](inverse.md#without-a-start), and other libraries at the settings of their own examples and
-        documents, or at better ones. [The league](league.md) compares libraries in a control loop.""",
-        f"""Measured on {day:%d %B %Y} with {versions}; Python {platform.python_version()}, {platform.system()}
-        {platform.machine()}, {processor()}, {load()}, in {found.seconds / 60:.0f} minutes. Each library runs in an
-        environment of its own, all on one core, in turns: a tenth of the poses and paths each time. All get the same
-        URDF and the same poses; for pink and placo endless joints have two turns in it. Before, the forward kinematics
-        of each are compared with ours: they agree to 1e-9, those of newton and PyRoki, in single precision, to 1e-5,
-        those of the xArm 7 and the Gen3 that ssik ships, for its tracker, to 1e-4. Where a library has no answer to
-        give, the cell is "-" and [the reason](#not-measured) stands below.""",
-        """Legs and circles begin at a random posture. A library that has joints of its own for the first pose begins
-        there. What follows is asked from the last answer, if the library takes one. `ik.near(pose, q)` keeps to one of
-        few sheets of the whole arm and changes to another where this one ends; a library that goes on from its last
-        answer may pass there without a jump.""",
+def rivals_text(found: Run) -> list[str]:
+    """The blocks of the section."""
+    marks = found.marks
+    poses, legs, circles = (
+        max(map(count, marks), default=0)
+        for count in (lambda m: len(m.seconds), lambda m: len(m.legs), lambda m: len(m.circles))
     )
-    parts = ["# Rivals\n", *(f"{wrapped(words)}\n" for words in head)]
-    for title, words, cell in TABLES:
-        parts += [
-            f"## {title}\n",
-            f"{wrapped(words.format_map(measured(found.marks)))}\n",
-            *table(cell, found.marks),
-            "",
-        ]
-    parts += ["## Where others are better\n", *(wrapped(line, "  ") for line in better(found.marks)), ""]
-    parts += ["## Settings\n", "| | |", "|---|---|"]
-    parts += [f"| {name} | {told} |" for name, told in _settings(found.marks)]
-    if found.missing:
-        parts += ["", "## Not measured\n", *(wrapped(f"- {line}", "  ") for line in found.missing)]
-    return "\n".join(parts) + "\n"
+    return [
+        "## Rivals",
+        wrapped(
+            f"""Which library finds joints of a pose when it is given nothing else, how long does it take, and what do
+            its joints do along a path? Here is `hk.ik(robot)`, of [inverse kinematics](inverse.md#without-a-start),
+            beside libraries at the settings of their own examples and documents, or at better ones. Each runs in an
+            environment of its own, all on one core in turns, with the same URDF and the same poses; their forward
+            kinematics are compared with ours first. {" ".join(better(marks))} A library that goes on from its last
+            answer may pass where `ik.near(pose, q)` has to jump: that keeps to one of few sheets of the arm, and
+            changes to another where this one ends."""
+        ),
+        wrapped(
+            f"""Of {poses} poses of postures that are drawn evenly within the limits, so that each has an answer: how
+            many got one, with the tool within 1e-5 m and rad and the joints within their limits; then the median time
+            of a call from Python by the wall clock [us], and in brackets 99 % under, other work of the machine
+            included."""
+        ),
+        found_table(marks),
+        wrapped(
+            f"""Of each arm {legs} straight legs of {LENGTH} m, out and back, turned by up to {np.degrees(TILT):.0f}
+            degrees, and {circles} horizontal circles of {RADIUS} m, twice round, a sample every {1e3 * SPACING:g} mm.
+            They begin at random postures, and have postures within the limits along them, perhaps not on one
+            continuous path. *Whole*: an answer at every sample, and no joint moves by more than {JUMP} rad between
+            two. *With a jump*: an answer everywhere, but for a jump. *Home*: of the whole legs those after which the
+            joints are those of before within {HOME:g} rad, and the largest difference. *Loops miss*: the largest
+            difference after the first and after the second loop of the whole circles. *A step*: the medians of the
+            arms."""
+        ),
+        paths_table(marks),
+        wrapped("How they were asked: " + "; ".join(f"{name}: {told}" for name, told in _settings(marks)) + "."),
+        *([wrapped("Not measured: " + "; ".join(found.missing) + ".")] if found.missing else []),
+    ]
 
 
 def _settings(marks: Sequence[Mark]) -> Iterator[tuple[str, str]]:
@@ -503,42 +435,17 @@ def _settings(marks: Sequence[Mark]) -> Iterator[tuple[str, str]]:
         told: dict[str, list[str]] = {}
         for mark in (mark for mark in marks if mark.name == name):
             told.setdefault(mark.settings, []).append(ARMS[mark.arm])
-        yield name, "; ".join(text if len(told) == 1 else f"{', '.join(arms)}: {text}" for text, arms in told.items())
+        words = [text.replace("; ", ", ") for text in told]
+        yield name, " or ".join(words)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run, write, and say where."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="holokin alone, on one arm, a tenth of all")
-    parser.add_argument(
-        "--only", nargs="+", metavar="LIBRARY", choices=list(LIBRARIES), help="of " + ", ".join(LIBRARIES)
-    )
-    parser.add_argument("--arms", nargs="+", metavar="ARM", choices=list(ARMS), help="of " + ", ".join(ARMS))
-    parser.add_argument("--tenths", type=int, default=TURNS, help="of the poses and paths so many tenths, to try it")
-    parser.add_argument("--environments", type=Path, default=default_folder(), help="folder of the environments")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of rivals.md")
-    given = parser.parse_args(arguments)
-    names = [OURS.name] if given.quick else given.only or list(LIBRARIES)
-    arms, tenths = ["panda"] if given.quick else given.arms or list(ARMS), 1 if given.quick else given.tenths
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            course = Path(folder) / "course"
-            course.mkdir()
-            write_rivals_course(course, arms)
-            begun = datetime.datetime.now()
-            found = run([LIBRARIES[name] for name in names], arms, course, given.environments, Path(folder), tenths)
-            seconds = (datetime.datetime.now() - begun).total_seconds()
-    except KeyboardInterrupt:
-        print("stopped; nothing was written")
-        return 130
-    except HolokinError as problem:
-        print(problem)
-        return 1
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "rivals.md").write_text(rivals_text(replace(found, seconds=seconds), begun.date()), "utf-8")
-    print(f"wrote {given.out / 'rivals.md'}")
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+def section(given: Given) -> tuple[list[str], str]:
+    """Ask all libraries; the blocks of docs/measured.md, and the versions."""
+    names, arms, tenths = ([OURS.name], ["panda"], 1) if given.quick else (list(LIBRARIES), list(ARMS), TURNS)
+    with tempfile.TemporaryDirectory() as folder:
+        course = Path(folder) / "course"
+        course.mkdir()
+        write_rivals_course(course, arms)
+        found = run([LIBRARIES[name] for name in names], arms, course, given.environments, Path(folder), tenths)
+    others = ", ".join(f"{name} {number}" for name, number in found.versions.items() if name != OURS.name)
+    return rivals_text(found), f"{versions()}, {others}"

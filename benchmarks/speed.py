@@ -1,38 +1,28 @@
-"""How fast? The speed benchmark: writes docs/speed.md.
+"""How fast? One control step beside those of other libraries, calls from Python, loops in C, growth with the joints.
 
-    python -m benchmarks.speed            # needs: pip install -e ".[rivals]" and a C compiler
-
-All in one run on one machine, Panda, pose task, the same circle: one control step called from Python, ours with
-feedback to the path and to the leaf, native and by the virtual machine, beside pink, mink, placo, Pinocchio and
-roboticstoolbox with NumPy's pinv. The C floor is one such step called from C. Then the functions that users call in
-loops, loops in C, memory, and growth with the joints. Calls are timed at the same posture, in turns, round by round,
-and in processor time, so that what else the machine does counts little.
+All of a table is called at the same posture, in turns, round by round, and in processor time, so that what else the
+machine does counts little. The C floor is one control step called from C.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import ctypes
 import importlib
 import os
 import pickle
-import platform
 import tempfile
 import time
-import tracemalloc
-import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 import holokin as hk
-from benchmarks.drift import versions
+from benchmarks.page import Given, table, us, versions, wrapped
 from holokin.analysis.curvature.curvature_of_planes import curvature_function
-from holokin.motion import simulate
 from holokin.robot import to_mjcf, to_urdf
 from holokin.symbolic import linear
 from holokin.symbolic.native.emit import step_source
@@ -40,19 +30,16 @@ from holokin.symbolic.native.kernel import HEAVY
 from holokin.symbolic.native.toolchain import engine, idle, library
 
 DT = 0.001
-ROOT = Path(__file__).resolve().parents[1]
 START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
-SIZES = (3, 5, 7, 10, 14, 20, 30, 40, 50, 60)
-CROSSING = (5, 7, 9, 10, 12, 14)
+SIZES = (3, 5, 7, 10, 14, 20, 30, 60)
+BOTH = 14
+"""Up to so many joints a system is solved both ways: written out, and by numbers."""
 
 
 @dataclass(frozen=True)
 class Growth:
-    """One row: how the system is solved, operations, seconds to build, and of a step from Python (native, not)."""
+    """Operations, seconds to build, and of a step from Python: native, and by the virtual machine."""
 
-    name: str
-    joints: int
-    way: str
     operations: int
     build: float
     native: float
@@ -76,34 +63,11 @@ def planar(n: int) -> hk.Robot:
     return hk.from_dh([{"a": 1.0 / n} for _ in range(n)], name=f"planar {n}R")
 
 
-def two_pandas() -> hk.Robot:
-    """Two Pandas side by side, 0.8 m apart, as one chain of 14 joints from the left hand to the right one."""
-    panda = hk.load("panda")
-    both = ET.Element("robot", name="two Pandas, hand to hand")
-    ET.SubElement(both, "link", name="table")
-    for side, y in (("left", 0.4), ("right", -0.4)):
-        mount = ET.SubElement(both, "joint", name=f"{side}_mount", type="fixed")
-        ET.SubElement(mount, "parent", link="table")
-        ET.SubElement(mount, "child", link=f"{side}_base")
-        ET.SubElement(mount, "origin", xyz=f"0 {y} 0", rpy="0 0 0")
-        for element in ET.fromstring(to_urdf(panda)):
-            element.set("name", f"{side}_{element.get('name')}")
-            for end in (*element.findall("parent"), *element.findall("child")):
-                end.set("link", f"{side}_{end.get('link')}")
-            both.append(element)
-    tip = panda.tips[0].name
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "two-pandas.urdf"
-        file.write_bytes(ET.tostring(both))
-        return hk.from_urdf(file, base=f"left_{tip}", tip=f"right_{tip}")
-
-
-def grown(task: hk.Task, q0: np.ndarray) -> Growth:
-    """The row of a task whose redundant joints are held by dense rows."""
-    rows = np.random.default_rng(0).normal(size=(task.n - task.m, task.n))
-    pose = task.robot.pose(q0)
-    target = pose if task.orientation else pose[:3, 3].copy()
-    twist = np.full(6 if task.orientation else 3, 0.01)
+def grown(n: int) -> Growth:
+    """Of a planar arm whose redundant joints are held by dense rows."""
+    task, q0 = hk.position(planar(n)), np.random.default_rng(n).uniform(-1, 1, n) * 3 / np.sqrt(n)
+    rows = np.random.default_rng(0).normal(size=(n - task.m, n))
+    target, twist = task.robot.pose(q0)[:3, 3].copy(), np.full(3, 0.01)
     build, times, operations = [], [], 0
     with tempfile.TemporaryDirectory() as folder:
         for flag in ("1", "0"):
@@ -115,53 +79,24 @@ def grown(task: hk.Task, q0: np.ndarray) -> Growth:
                 operations = servo.generated[0].instructions
                 step = repeated(lambda servo=servo: servo.step(q0, target, twist))
                 times.append(in_turns({"step": step}, 60, 2e-3)["step"].median)
-    way = "numbers" if task.n >= linear.DENSE_FROM else "written out"
-    return Growth(task.robot.name, task.n, way, operations, build[0], *times)
+    return Growth(operations, build[0], *times)
 
 
-def growth(quick: bool) -> tuple[list[Growth], list[Growth]]:
-    """(rows as they are, rows of sizes around the crossing both ways)."""
-
-    def row(n: int) -> Growth:
-        q0 = np.random.default_rng(n).uniform(-1, 1, n) * 3 / np.sqrt(n)
-        return grown(hk.position(planar(n)), q0)
-
-    rows = [row(n) for n in (SIZES[:1] if quick else SIZES)]
-    if not quick:
-        rows.append(grown(hk.pose(two_pandas()), np.concatenate([START[::-1], START])))
-    both, usual = [], linear.DENSE_FROM
+def growth(sizes: tuple[int, ...]) -> Iterator[list[str]]:
+    """Rows of the table: the usual way of each size, and what a step takes the other way."""
+    usual = linear.DENSE_FROM
     try:
-        for n in CROSSING[:1] if quick else CROSSING:
-            for linear.DENSE_FROM in (n + 1, 0):
-                both.append(row(n))
+        for n in sizes:
+            linear.DENSE_FROM = usual
+            row, other = grown(n), "-"
+            if n <= BOTH:
+                linear.DENSE_FROM = n + 1 if n >= usual else 0
+                other = us(grown(n).native)
+            way = "numbers" if n >= usual else "written out"
+            cells = [us(row.native), other, us(row.machine)]
+            yield [str(n), way, f"{row.operations:,}", f"{row.build:.2f} s", *cells]
     finally:
         linear.DENSE_FROM = usual
-    return rows, both
-
-
-def growth_page(rows: list[Growth], both: list[Growth]) -> list[str]:
-    """Lines of docs/speed.md."""
-    head = ["| robot | joints | system | operations | build | step, native | step, virtual machine |"]
-    head.append("|---|---:|---|---:|---:|---:|---:|")
-
-    def lines(some: list[Growth]) -> list[str]:
-        return [
-            f"| {g.name} | {g.joints} | {g.way} | {g.operations:,} | {g.build:.2f} s | {1e6 * g.native:.3g} us | "
-            f"{1e6 * g.machine:.3g} us |"
-            for g in some
-        ]
-
-    return [
-        "\n## Growth\n",
-        "Planar arms hold n - 2 dense linear rows, the two Pandas eight. Build: expressions, C, compiler and loading",
-        "of a new strategy. A step is called from Python, with feedback and limits.\n",
-        *head,
-        *lines(rows),
-        f"\nFrom {linear.DENSE_FROM} joints on the linear system is left to a dense factorisation in C, or to LAPACK",
-        "without a compiler. Both ways, around the crossing:\n",
-        *head,
-        *lines(both),
-    ]
 
 
 PLACES = 256
@@ -267,17 +202,15 @@ def functions(robot: hk.Robot) -> dict[str, Callable[[np.ndarray], object]]:
 
 
 def machine_and_native(q: np.ndarray, most: int | None = None) -> dict[str, Callable[[int], object]]:
-    """`functions` of a Panda, the first `most`: on the virtual machine, as native code, and as that of a list."""
+    """`functions` of a Panda, the first `most`: on the virtual machine, and as native code."""
     out: dict[str, Callable[[int], object]] = {}
     with environment(HOLOKIN_NATIVE="0"):
         for name, call in [*functions(hk.load("panda")).items()][:most]:
             _worn_in(call, q)
             out[f"{name}, virtual machine"] = repeated(lambda call=call: call(q))
-    given = q.tolist()
     for name, call in [*functions(hk.load("panda")).items()][:most]:
         _worn_in(call, q)
         out[f"{name}, native"] = repeated(lambda call=call: call(q))
-        out[f"{name}, native, of a list"] = repeated(lambda call=call: call(given))
     return out
 
 
@@ -285,41 +218,6 @@ def _worn_in(call: Callable[[np.ndarray], object], q: np.ndarray) -> None:
     """Call it as often as it takes to ask for native code, and wait for that."""
     repeated(lambda: call(q))(HEAVY + 1)
     idle(120.0)
-
-
-def calls_page(times: dict[str, Timed], floor: float) -> list[str]:
-    """Lines of docs/speed.md."""
-    names = [name.removesuffix(", native") for name in times if name.endswith(", native") and name.startswith("`")]
-    lines = [
-        "\n## One call from Python\n",
-        f"New arrays, checks of shape, of finite numbers and of singularity included, after the first {HEAVY:,} calls.",
-        "In C floors, timed in turns; in us on the virtual machine.\n",
-        "| one call | native, in C floors | of a list | virtual machine, in C floors | virtual machine |",
-        "|---|---:|---:|---:|---:|",
-    ]
-    for name in names:
-        native, listed, machine = (
-            times[f"{name}, {way}"].median for way in ("native", "native, of a list", "virtual machine")
-        )
-        lines.append(
-            f"| {name} | {native / floor:.2f} | {listed / floor:.2f} | {machine / floor:.1f} | {1e6 * machine:.1f} us |"
-        )
-    return lines
-
-
-def processor() -> str:
-    """The machine's name: the model of its processor, where the system tells."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
-    except OSError:
-        lines = []
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.processor() or platform.machine())
-
-
-def load() -> str:
-    """How busy the machine is."""
-    return f"load {os.getloadavg()[0]:.1f} at the end" if hasattr(os, "getloadavg") else "load unknown"
 
 
 def without_compiler(make: Callable[[], hk.motion.Controller]) -> hk.motion.Controller:
@@ -336,30 +234,6 @@ def first_use(make: Callable[[], hk.motion.Controller]) -> tuple[float, float]:
         middle = time.perf_counter()
         make()
         return middle - begin, time.perf_counter() - middle
-
-
-def memory(strategy: hk.Strategy, loop: hk.Path, scale: float) -> list[tuple[str, float, int]]:
-    """(what, bytes allocated at the peak for each further sample, bytes of the outputs for each)."""
-
-    def slope(run: Callable[[int], object], low: int, high: int) -> float:
-        peaks = []
-        run(low)
-        for count in (low, high):
-            tracemalloc.start()
-            run(count)
-            peaks.append(tracemalloc.get_traced_memory()[1])
-            tracemalloc.stop()
-        return (peaks[1] - peaks[0]) / (high - low)
-
-    low, high = int(100_000 * scale), int(300_000 * scale)
-    Q = START + np.random.default_rng(1).uniform(-0.3, 0.3, (2 * high, 7))
-
-    def follow(method: Literal["leaf", "velocity"]) -> Callable[[int], object]:
-        return lambda k: hk.follow(strategy, loop, START, samples=k, method=method)
-
-    methods: tuple[Literal["leaf", "velocity"], ...] = ("leaf", "velocity")
-    out = [(f"`follow` by {method}", slope(follow(method), low, high), 8 * 8) for method in methods]
-    return [*out, ("`G.batch`", slope(lambda k: strategy.batch(Q[:k]), 2 * low, 2 * high), 8 * 42)]
 
 
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -523,60 +397,17 @@ def _seconds(call: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def page(
-    rows: list[tuple[str, Timed]], floor: float, one: list[str], loops: list[tuple[str, float]],
-    kept: list[tuple[str, float, int]], first: tuple[float, float, float, float], left_out: list[str], tracking: float,
-    grown: list[Growth], both: list[Growth],
-) -> str:  # fmt: skip
-    """docs/speed.md."""
-    ours = next(t.median for name, t in rows if name == "holokin, native")
-    lines = [
-        "# The speed benchmark\n",
-        "Written by `python -m benchmarks.speed`; do not edit. Each table in one run: processor time, in turns,",
-        "medians. Machines differ, ratios less so. Building and first use are by the clock on the wall.\n",
-        f"Run with {versions()}; {engine()}; {processor()}, {os.cpu_count()} cores, {load()}.\n",
-        "One control step of a Panda (pose task), called from Python. Ours holds the arm angle, with feedback to the",
-        "path and to the leaf and with joint limits; the C floor is one call of the same step from C. `radial`",
-        "carries the posture back to the centre in 4 Runge-Kutta steps at each of its steps. The libraries run as",
-        "their own examples run them, pink and mink with one `Configuration` that is updated, a frame task and a",
-        "posture task; of each, the limits that it takes by default and none, and every solver it has here.\n",
-        "| one control step | median | p99 | in C floors | against holokin, native |",
-        "|---|---:|---:|---:|---:|",
-    ]
-    lines += [
-        f"| {name} | {1e6 * t.median:.3g} us | {1e6 * t.p99:.3g} us | {t.median / floor:.3g} | {t.median / ours:.3g} |"
-        for name, t in rows
-    ]
-    lines += [
-        *one,
-        "",
-        "| loops in C | a sample, one core | in C floors |",
-        "|---|---:|---:|",
-        *(f"| {what} | {1e6 * t:.3g} us | {t / floor:.3g} |" for what, t in loops),
-        "",
-        "| memory | bytes allocated for each further sample, at the peak | bytes of its outputs |",
-        "|---|---:|---:|",
-        *(f"| {what} | {found:.4g} | {wanted} |" for what, found, wanted in kept),
-        "",
-        f"First use of a strategy (build, compile, load) {first[0]:.2f} s; later, from the cache, {first[1]:.3f} s.",
-        f"The same of `radial` {first[2]:.2f} s and {first[3]:.3f} s.",
-        f"The step followed the circle in a loop of 0.01 s to {1e3 * tracking:.2g} mm.",
-        *growth_page(grown, both),
-    ]
-    if left_out:
-        lines += ["\nLeft out: " + "; ".join(left_out) + "."]
-    return "\n".join(lines) + "\n"
+def fastest(times: dict[str, Timed], names: list[str]) -> Iterator[str]:
+    """Of steps that differ in their solver alone, the fastest one."""
+    kinds = {name: name.removesuffix(f", {name.split(', ')[-1]}") if name.endswith(SOLVERS) else name for name in names}
+    for kind in dict.fromkeys(kinds.values()):
+        yield min((name for name in names if kinds[name] == kind), key=lambda name: times[name].median)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Measure, write, and say where."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="few rounds, and the smallest sizes")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of speed.md")
-    given = parser.parse_args(arguments)
-    scale = 0.01 if given.quick else 1.0
+def section(given: Given) -> tuple[list[str], str]:
+    """Measure; the blocks of docs/measured.md, and the versions."""
+    scale, rounds = (0.01, 5) if given.quick else (1.0, 400)
     robot = hk.load("panda")
-    task = hk.pose(robot)
     pose, twist = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
     pose[0, 3] += 1e-4
 
@@ -587,58 +418,82 @@ def main(arguments: list[str] | None = None) -> int:
         task = hk.pose(hk.load("panda"))
         return hk.controller(hk.radial(hk.moore_penrose(task), START), dt=DT, q0=START)
 
-    servo, machine = make(), without_compiler(make)
-    carried, slowly = make_radial(), without_compiler(make_radial)
-    floor_loop = Floor(servo, pose, twist)
+    servo, machine, carried, slowly = make(), without_compiler(make), make_radial(), without_compiler(make_radial)
     others, left_out = rivals(robot, START, DT)
     steps = {
-        "C floor": floor_loop,
-        "holokin, native": repeated(lambda: servo.step(START, pose, twist)),
-        "holokin, virtual machine": repeated(lambda: machine.step(START, pose, twist)),
-        "radial of the pseudo-inverse, called from C": Floor(carried, pose, twist),
-        "radial, native": repeated(lambda: carried.step(START, pose, twist)),
-        "radial, virtual machine": repeated(lambda: slowly.step(START, pose, twist)),
+        "C floor": Floor(servo, pose, twist),
+        "holokin": repeated(lambda: servo.step(START, pose, twist)),
+        "holokin, without a compiler": repeated(lambda: machine.step(START, pose, twist)),
+        "`radial`, called from C": Floor(carried, pose, twist),
+        "`radial`": repeated(lambda: carried.step(START, pose, twist)),
+        "`radial`, without a compiler": repeated(lambda: slowly.step(START, pose, twist)),
     } | {name: repeated(lambda step=step: step(START, pose, twist)) for name, step in others}
-    rounds, each = (5 if given.quick else 400), 5e-4
-    times = in_turns(steps | machine_and_native(START, 3 if given.quick else None), rounds, each)
-    rows, floor = [(name, times[name]) for name in steps], times["C floor"].median
+    times = in_turns(steps | machine_and_native(START, 3 if given.quick else None), rounds, 5e-4)
+    floor, ours = times["C floor"].median, times["holokin"].median
+    shown = [*list(steps)[:6], *fastest(times, [name for name, _ in others])]
+    rows = [
+        (name, us(t.median), us(t.p99), f"{t.median / floor:.3g}", f"{t.median / ours:.3g}")
+        for name, t in ((name, times[name]) for name in shown)
+    ]
+    calls = [(name, us(native), f"{native / floor:.2g}", us(slow)) for name, native, slow in _calls(times)]
+    calls += [(name, us(t), f"{t / floor:.2g}", "-") for name, t in loops(robot, scale)]
+    sizes = SIZES[:1] if given.quick else SIZES
+    first, again = (f"{a:.2g} s and {b:.2g} s" for a, b in zip(first_use(make), first_use(make_radial), strict=True))
+    names = "median [us]", "99 % under [us]", "in C floors", "over holokin's"
+    blocks = [
+        "## Speed",
+        wrapped(
+            """What does one control step of a Panda take, called from Python? Ours holds the arm angle, with feedback
+            to the path and to the leaf and with joint limits. *C floor* is the same step called from C. `radial`
+            carries the posture back to its centre in four Runge-Kutta steps at each step. The libraries run as their
+            own examples run them, with a frame task and a posture task, with the limits that they take by default and
+            with none, each by the fastest of the solvers that are installed. What they do for their time is more
+            general: any number of tasks, weights and inequalities. All are called in turns, in processor time."""
+        ),
+        table(("one control step", *names), rows),
+        wrapped(
+            f"""The functions that programs call in loops return new arrays and check shapes, finite numbers and
+            singularity. They are compiled after {HEAVY:,} calls; until then, or where there is no C compiler, CasADi's
+            virtual machine computes them. The last rows are loops in C: a sample of `hk.follow`, a posture of a batch,
+            on one core."""
+        ),
+        table(("one call", "native [us]", "in C floors", "without a compiler [us]"), calls),
+        wrapped(
+            f"""Building, compiling and loading a strategy and its `radial` takes {first} the first time, and {again}
+            from the cache. With more joints a step grows as follows, for planar arms whose redundant joints are held
+            by dense linear rows. From {linear.DENSE_FROM} joints on, the linear system is left to a factorisation
+            instead of being written out as formulas; *the other way* is what the step takes otherwise."""
+        ),
+        table(
+            ("joints", "system", "operations", "build", "step [us]", "the other way", "no compiler"), growth(sizes), 2
+        ),
+    ]
+    blocks += ["Left out: " + "; ".join(left_out) + "."] if left_out else []
+    libraries = ("casadi", "numpy", "pin", "pin-pink", "mink", "mujoco", "placo", "roboticstoolbox-python")
+    return blocks, f"{versions(*libraries)}, {engine()}"
+
+
+def _calls(times: dict[str, Timed]) -> Iterator[tuple[str, float, float]]:
+    """(name, seconds natively, by the virtual machine) of the functions."""
+    for name in [name.removesuffix(", native") for name in times if name.endswith(", native")]:
+        yield name, times[f"{name}, native"].median, times[f"{name}, virtual machine"].median
+
+
+def loops(robot: hk.Robot, scale: float) -> Iterator[tuple[str, float]]:
+    """(what, seconds of one sample) of loops in C, the least of three."""
     point = robot.pose(START)[:3, 3]
-    loop = hk.circle(point, point - [0.1, 0, 0])
-    strategy = hk.holonomic(task, hk.arm_angle())
-    samples = int(100_000 * scale)
-    hk.follow(strategy, loop, START, samples=samples)
-    follow = min(_seconds(lambda: hk.follow(strategy, loop, START, samples=samples)) for _ in range(3)) / samples
-
-    def integrate() -> object:
-        return hk.follow(strategy, loop, START, samples=samples, method="velocity")
-
-    integrate()
-    velocity = min(_seconds(integrate) for _ in range(3)) / samples
-    count = int(1_000_000 * scale)
+    loop, strategy = hk.circle(point, point - [0.1, 0, 0]), hk.holonomic(hk.pose(robot), hk.arm_angle())
+    samples, count = int(100_000 * scale), int(1_000_000 * scale)
     Q = START + np.random.default_rng(1).uniform(-0.3, 0.3, (count, 7))
     planes = curvature_function(strategy)
-    strategy.batch(Q, threads=1), planes.batch(Q[: count // 10], threads=1)
-    batch = min(_seconds(lambda: strategy.batch(Q, threads=1)) for _ in range(3)) / count
-    curved = min(_seconds(lambda: planes.batch(Q[: count // 10], threads=1)) for _ in range(3)) / (count // 10)
-    cold, warm = first_use(make)
-    others_first = first_use(make_radial)
-    check = simulate(servo, task, loop, START, dt=0.01)
-    loops = [
-        (f"`follow` by leaf, circle of {samples:,} samples", follow),
-        (f"`follow` by velocity (five evaluations), {samples:,} samples", velocity),
-        (f"`G.batch`, {count:,} postures", batch),
-        ("curvature of all 15 planes", curved),
-    ]
-    kept = memory(strategy, loop, 0.2 * scale if given.quick else scale)
-    grown = growth(given.quick)
-    one = calls_page(times, floor)
-    first = (cold, warm, *others_first)
-    text = page(rows, floor, one, loops, kept, first, left_out, check.tracking_error(), *grown)
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "speed.md").write_text(text, "utf-8")
-    print(text)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    runs: dict[str, tuple[int, Callable[[], object]]] = {
+        "`follow` by leaf": (samples, lambda: hk.follow(strategy, loop, START, samples=samples)),
+        "`follow` by velocity": (
+            samples, lambda: hk.follow(strategy, loop, START, samples=samples, method="velocity")
+        ),
+        "`G.batch`": (count, lambda: strategy.batch(Q, threads=1)),
+        "curvature of all 15 planes": (count // 10, lambda: planes.batch(Q[: count // 10], threads=1)),
+    }  # fmt: skip
+    for name, (many, run) in runs.items():
+        run()
+        yield name, min(_seconds(run) for _ in range(3)) / many

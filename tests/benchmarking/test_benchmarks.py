@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
+import itertools
+import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from benchmarks import drift
+from benchmarks import page
+from benchmarks.page import PARTS, RAN, SECTION, Given
 from benchmarks.speed import Floor, in_turns, repeated
 
 import holokin as hk
@@ -26,10 +29,7 @@ FILES = [
     if f.parent.name != "workers" and '__name__ == "__main__"' in f.read_text("utf-8")
 ]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-WRITING = ("benchmarks.league", "benchmarks.rivals", "benchmarks.speed")
-"""These write pages."""
-ELSEWHERE = ("benchmarks.drift", "benchmarks.selftests")
-"""These are run below."""
+Patch = pytest.MonkeyPatch
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
 
@@ -37,46 +37,64 @@ def test_the_benchmarks_that_the_pages_name_are_there() -> None:
     pages = "".join(page.read_text("utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
     named = {words.split("`")[0].split()[0].rstrip(".,;)") for words in pages.split("python -m ")[1:]}
     assert {name for name in named if name.startswith("benchmarks.")} <= set(MODULES)
+    for words in pages.split("python -m benchmarks ")[1:]:
+        parts = words.split("`")[0].split("\n")[0].split()
+        assert set(itertools.takewhile(str.isalpha, parts)) <= {*PARTS, "PART"}, parts
 
 
-def test_the_self_tests_run_with_quick(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(sys, "argv", ["benchmarks.selftests", "--quick"])
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # it takes less time than a compiler
-    assert not importlib.import_module("benchmarks.selftests").main()
-    assert capsys.readouterr().out
+def test_the_page_has_a_section_of_every_part_and_says_what_each_was_run_with() -> None:
+    """A version that the page names is the one that it is part of: no row is of an older one."""
+    page = (ROOT / "docs" / "measured.md").read_text("utf-8")
+    sections, ran = dict(SECTION.findall(page)), dict(RAN.findall(page))
+    assert list(sections) == list(ran) == list(PARTS)
+    for name, text in sections.items():
+        assert text.startswith(f"## {name.title()}\n")
+        assert f"holokin {hk.__version__}, " in ran[name]
+        assert not re.search(r"\bnan\b", text)
+    for picture in re.findall(r"\]\(([\w/-]+\.png)\)", page):
+        assert (ROOT / "docs" / picture).is_file()
 
 
+def test_a_section_is_written_in_its_place_and_the_others_stay(tmp_path: Path, monkeypatch: Patch) -> None:
+    for number, name in enumerate(("survey", "speed", "speed")):
+        part = SimpleNamespace(section=lambda _given, number=number: (["## Title", f"number {number}"], "holokin 9"))
+        monkeypatch.setattr(page.importlib, "import_module", lambda _name, part=part: part)
+        page.run(name, Given(tmp_path))
+    text = (tmp_path / "measured.md").read_text("utf-8")
+    assert dict(SECTION.findall(text)) == {"speed": "## Title\n\nnumber 2", "survey": "## Title\n\nnumber 0"}
+    assert list(dict(RAN.findall(text))) == ["speed", "survey"]
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if name not in ("benchmarks", "benchmarks.arm_maps")])
 @pytest.mark.campaign
-@pytest.mark.parametrize("module", [name for name in MODULES if name not in ELSEWHERE])
-def test_it_runs_with_quick(module: str, tmp_path: Path) -> None:
-    more = ["--out", str(tmp_path)] if module in WRITING else []
-    command = [sys.executable, "-m", module, "--quick", *more]
+def test_it_runs_with_quick(module: str) -> None:
+    command = [sys.executable, "-m", module, "--quick"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr[-2000:]
     assert done.stdout
-    if module == "benchmarks.speed":
-        page = (tmp_path / "speed.md").read_text("utf-8")
-        assert "nan" not in page
-        rows = {cells[1].strip(): cells for line in page.splitlines() if len(cells := line.split("|")) > 5}
-        assert float(rows["radial of the pseudo-inverse, called from C"][4]) < 40
-        assert float(rows["radial, virtual machine"][4]) > 60
-        for library in ("pink", "mink", "placo"):
-            if importlib.util.find_spec(library) is None:
-                assert f"{library} ({library} is not installed)" in page
 
 
 @pytest.mark.campaign
-def test_the_drift_benchmark_runs_and_says_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(drift, "DT", 0.05)
-    monkeypatch.setattr(drift, "GAIN", 10.0)
-    assert drift.main(["--quick", "--out", str(tmp_path)]) == 0
-    page = (tmp_path / "drift.md").read_text("utf-8")
-    assert "nan" not in page
-    rows = {line.split("|")[1].strip(): line.split("|")[3:7] for line in page.splitlines() if line.startswith("| ")}
-    assert float(rows["Moore-Penrose"][0]) > 0.05
-    assert float(rows["locked joint 3"][0]) < 1e-3
-    assert float(rows["locked joint 3"][2]) < 0.2 * float(rows["gradient projection, 1/s"][2])
-    assert (tmp_path / "drift.png").stat().st_size > 20_000
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_of_the_page_runs_with_quick(part: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "benchmarks", part, "--quick", "--out", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr[-2000:]
+    text = dict(SECTION.findall((tmp_path / "measured.md").read_text("utf-8")))[part]
+    assert text.startswith(f"## {part.title()}\n")
+    assert not re.search(r"\bnan\b", text)
+    rows = {cells[1].strip(): cells[2:] for line in text.splitlines() if len(cells := line.split("|")) > 5}
+    if part == "speed":
+        assert float(rows["`radial`, called from C"][2]) < 40
+        assert float(rows["`radial`, without a compiler"][2]) > 60
+        for library in ("pink", "mink", "placo"):
+            if importlib.util.find_spec(library) is None:
+                assert f"{library} ({library} is not installed)" in text
+    if part == "drift":
+        assert float(rows["Moore-Penrose"][1]) > 0.05
+        assert float(rows["locked joint 3"][1]) < 1e-3
+        assert float(rows["locked joint 3"][3]) < 0.2 * float(rows["gradient projection, 1/s"][3])
+        assert (tmp_path / "drift.png").stat().st_size > 20_000
 
 
 @pytest.mark.campaign

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import json
 import sys
 from dataclasses import replace
@@ -90,19 +89,21 @@ def test_the_page_says_where_others_are_better_and_what_is_not_measured() -> Non
     broken = replace(home, whole=False)
     ours = Mark("holokin", "a", "panda", "s", 3, np.full(4, 2e-6), (home, broken), (home,), np.full(9, 1e-6))
     other = Mark("ssik", "b", "panda", "t", None, np.zeros(0), (home, far), (far,), np.full(9, 3e-6))
-    page = rivals_text(Run([ours, other], {"ssik": "8"}, ["**EAIK**, Gen3: none."]), datetime.date(2026, 11, 29))
+    text = "\n".join(rivals_text(Run([ours, other], {"ssik": "8"}, ["EAIK on the Gen3 (none)"])))
     for line in (
-        "| holokin, a | 3 |",
-        "| ssik, b | needs a start |",
-        "| holokin, a | 2.00 (2.00) |",
-        "| holokin, a | 1 + 0 |",
-        "| ssik, b | 1 of 2 (3e-01) |",
-        "| ssik, b | 1: 3e-01, 0e+00 |",
-        "- These have more whole legs than the best way of holokin: ssik, b (Panda).",
-        "- None take less time for a step than holokin.",
-        "- **EAIK**, Gen3: none.",
+        "|holokin, a|3: 2 (2)|",
+        "|holokin, a|1 of 2|0|1 (0e+00)|1 of 1|0e+00, 0e+00|1 to 1|",
+        "|ssik, b|2 of 2|0|1 (3e-01)|1 of 1|3e-01, 0e+00|3 to 3|",
+        "Not measured: EAIK on the Gen3 (none).",
     ):
-        assert line in page.splitlines()
+        assert line in text.splitlines()
+    assert [*rivals.better([ours, other])] == [
+        "None find more poses without a start than holokin.",
+        "None take less time for it than holokin.",
+        "None take less time for a step than holokin.",
+        "More legs are whole with ssik 2, against 1.",
+        "None has more whole circles.",
+    ]
 
 
 LIBRARY = """

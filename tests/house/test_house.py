@@ -156,7 +156,7 @@ def test_there_is_no_import_cycle() -> None:
 
 
 def test_importing_holokin_loads_nothing_heavy() -> None:
-    """`import holokin` and `holokin --help` load neither CasADi nor NumPy; benchmarks/startup.py times them."""
+    """`import holokin` and `holokin --help` load neither CasADi nor NumPy; benchmarks/accuracy.py times them."""
     for words in (["-c", "import holokin"], ["-m", "holokin", "--help"]):
         asked = subprocess.run([sys.executable, "-X", "importtime", *words], capture_output=True, text=True, check=True)
         loaded = {line.rpartition("|")[2].strip() for line in asked.stderr.splitlines()}

@@ -70,8 +70,7 @@ def holokin(arm: Arm) -> Iterator[Setting]:
         """The posture of least distance from the start: what a posture task strives for."""
         return hk.holonomic(task, hk.stationary(hk.strategies.constraints.posture_cost(arm.start)))
 
-    source = "docs/loops.md, a control loop, with another rule"
-    yield Setting("q1 - q3, control step", stepped(tied), example=True, source=source)
+    yield Setting("q1 - q3, control step", stepped(tied), example=True, source="docs/loops.md")
     yield Setting("pseudo-inverse, control step", stepped(lambda task, arm: hk.moore_penrose(task)))
     yield Setting("joint 3 locked, control step", stepped(locked))
     yield Setting("radial, control step", stepped(radial))

@@ -21,7 +21,7 @@ from ..base.types import Array, Matrix, Vector
 from .native.emit import System
 
 DENSE_FROM = 10
-"""Order from which a square system is left to numbers. Measured (docs/speed.md): as C both take the same time from
+"""Order from which a square system is left to numbers. Measured (docs/measured.md): as C both take the same time from
 order 9 to 12, and the dense one is built in a third of it."""
 
 

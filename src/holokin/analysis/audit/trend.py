@@ -115,7 +115,7 @@ def encoder_noise(
 CONFIDENCE = 0.99
 
 # How far spare joints may move beside those that follow a tool path which itself shifts. A strategy that repeats moves
-# them too: with up to 1.76 times the least joint speed (docs/drift.md), so sqrt(1.76^2 - 1) times as far.
+# them too: with up to 1.76 times the least joint speed (docs/measured.md), so sqrt(1.76^2 - 1) times as far.
 LEAF_SLOPE = 1.5
 
 SHIFT = 2.0  # deviations of the noise in the moves to a pose up to which they do not show a shift of the tool's path
