@@ -553,10 +553,10 @@ def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, u
     along = columns.kind in AXES
     axes = _axes(file, turned, lines, units, notes) if along else None
     rotations = _rotations(file, columns.kind, turned, lines, units, notes) if columns.kind and not along else None
-    if columns.kind == "KUKA":
+    if columns.kind == "KUKA" and units.maker is None:
         notes.append(AS_KUKA)
-    if columns.kind == "vector":
-        notes.extend([AS_VECTOR] * (columns.scales[3] != 1.0))
+    if columns.kind == "vector" and columns.scales[3] != 1.0 and units.maker is None:
+        notes.append(AS_VECTOR)
     times = _seconds(file, columns.time, values[:, len(columns.scales) :], notes) if columns.time else None
     speeds = None if columns.speed is None else _speeds(file, values[:, -1] * columns.speed[1], lines, units)
     return PoseRows(points, rotations, times, lines, notes, axes, speeds)
@@ -686,7 +686,7 @@ def _orientation(
         raise FileError(file, fact, "keep one of them")
     if not there:
         some = [n for names in (*NAMED.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
-        some = [n for n in some if n in known]
+        some = [n for n in some if n in known and n not in TIMES]
         if some:
             fact = f"its column {some[0]!r} alone is no orientation"
             cure = (

@@ -22,9 +22,7 @@ _FIRST = re.compile(
 """A line that only such a file has."""
 
 IDLE = set(
-    """PARTNO MACHIN SPINDL COOLNT LOADTL LOAD SELECT TOOLNO CUTTER TLDATA PAINT END-OF-PATH FINI STOP OPSTOP END TOLER
-    INTOL OUTTOL CLRSRF REWIND SEQNO PREFUN AUXFUN MODE HEAD ARCSLP DISPLY SET CLAMP LINTOL NOPOST CLPRNT MULTAX AUTOPS
-    PSIS DELAY OFSTNO ROTABL TMARK LEADER""".split()
+    ["PARTNO", "MACHIN", "SPINDL", "COOLNT", "LOADTL", "LOAD", "SELECT", "TOOLNO", "CUTTER", "TLDATA", "PAINT", "END-OF-PATH", "FINI", "STOP", "OPSTOP", "END", "TOLER", "INTOL", "OUTTOL", "CLRSRF", "REWIND", "SEQNO", "PREFUN", "AUXFUN", "MODE", "HEAD", "ARCSLP", "DISPLY", "SET", "CLAMP", "LINTOL", "NOPOST", "CLPRNT", "MULTAX", "AUTOPS", "PSIS", "DELAY", "OFSTNO", "ROTABL", "TMARK", "LEADER"]
 )
 """Words that move no tool. What they do is the process's to say."""
 
@@ -114,7 +112,7 @@ def read_apt(file: Path, text: str, moves: Moves, units: str | None, into: bool)
         reader.read(statement)
     if reader.state.circle is not None:
         raise line_error(file, reader.state.circle[0], "has a CIRCLE that no GOTO follows", "complete or delete it")
-    moves.end()
+    moves.done()
 
 
 @dataclass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -25,10 +25,12 @@ UNITS = {1: "in", 4: "mm", 5: "cm", 6: "m", 2: "ft"}
 SCALES = {**INCH, "cm": 1e-2, "ft": 0.3048}
 
 REMARKS = set(
-    """TEXT MTEXT DIMENSION ARC_DIMENSION LARGE_RADIAL_DIMENSION HATCH LEADER MULTILEADER MLEADER POINT ATTDEF ATTRIB
-    VIEWPORT XLINE RAY IMAGE WIPEOUT SOLID TRACE ACAD_TABLE TOLERANCE OLE2FRAME ACAD_PROXY_ENTITY""".split()
+    ["TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "HATCH", "LEADER", "MULTILEADER", "MLEADER", "POINT", "ATTDEF", "ATTRIB", "VIEWPORT", "XLINE", "RAY", "IMAGE", "WIPEOUT", "SOLID", "TRACE", "ACAD_TABLE", "TOLERANCE", "OLE2FRAME", "ACAD_PROXY_ENTITY"]
 )
 """Things in a drawing that are no paths."""
+
+FRAME = 16
+"""Flag of a corner that is no point of a polyline, but of the frame of its spline."""
 
 NEAR = 1e-4
 """Gaps [m] between two paths that look as if they should meet."""
@@ -68,6 +70,8 @@ def read_dxf(file: Path, text: str, units: str | None, tolerance: float) -> tupl
     chains = [
         chain for thing in document.modelspace() for chain in _chains(file, text, document, thing, scale, left_out)
     ]
+    if through := sum(1 for thing in document.modelspace().query("SPLINE") if not thing.control_point_count()):
+        notes.append(f"{through} splines are given by points alone: read as the cubics through them that CAD draws")
     if left_out:
         notes.append(f"left out: {', '.join(f'{count} {kind}' for kind, count in sorted(left_out.items()))}")
     joined = _joined(chains, notes)
@@ -130,36 +134,45 @@ def _pieces(thing: Any, kind: str, scale: float) -> list[Piece] | None:
         return [exact_piece(line_segment(a, b, np.zeros(3)))]
     if kind in ("ARC", "CIRCLE"):
         first, last = (thing.dxf.start_angle, thing.dxf.end_angle) if kind == "ARC" else (0.0, 360.0)
-        frame = thing.ocs()
-        center, x, y = (np.array(frame.to_wcs(v).xyz) for v in (thing.dxf.center, (1, 0, 0), (0, 1, 0)))
+        center, (x, y, _) = np.array(thing.ocs().to_wcs(thing.dxf.center).xyz), _axes(thing)
         angle = np.deg2rad((last - first) % 360.0 or 360.0)
         return [_arc(scale * center, scale * thing.dxf.radius, x, y, np.deg2rad(first), angle)]
     if kind == "ELLIPSE":
         return [_ellipse(thing.construction_tool(), scale)]
     if kind in ("SPLINE", "HELIX"):
         return _spline(thing.construction_tool(), scale)
-    if kind == "LWPOLYLINE" or (kind == "POLYLINE" and (thing.is_2d_polyline or thing.is_3d_polyline)):
-        parts = [_pieces(part, part.dxftype(), scale) or [] for part in thing.virtual_entities()]
-        return [piece for part in _in_order(parts) for piece in part]
+    if kind == "LWPOLYLINE":
+        corners = [(x, y, thing.dxf.elevation, bulge) for x, y, bulge in thing.get_points("xyb")]
+        return _polyline(corners, thing.closed, _axes(thing), scale)
+    if kind == "POLYLINE" and (thing.is_2d_polyline or thing.is_3d_polyline):
+        drawn = [vertex for vertex in thing.vertices if not vertex.dxf.flags & FRAME]
+        height = thing.dxf.elevation.z if thing.is_2d_polyline else None
+        corners = [(*v.dxf.location.xyz[:2], v.dxf.location.z if height is None else height, v.dxf.bulge) for v in drawn]
+        return _polyline(corners, thing.is_closed, np.eye(3) if height is None else _axes(thing), scale)
     return None
 
 
-def _in_order(parts: list[list[Piece]]) -> list[list[Piece]]:
-    """The parts of a polyline, each turned to begin where the one before ends: arcs are drawn counter-clockwise."""
-    out: list[list[Piece]] = []
-    for i, (piece,) in enumerate(parts):
-        near = parts[i + 1][0].ends if i + 1 < len(parts) else None
-        if out:
-            forward = np.linalg.norm(piece.ends[0] - out[-1][0].ends[1]) <= np.linalg.norm(
-                piece.ends[1] - out[-1][0].ends[1]
-            )
-        elif near is not None:
-            gaps = np.linalg.norm(piece.ends[:, None] - near[None], axis=2).min(axis=1)
-            forward = gaps[1] <= gaps[0]
-        else:
-            forward = True
-        out.append([piece if forward else piece.reversed()])
-    return out
+def _axes(thing: Any) -> Matrix:
+    """The axes x, y, z (3, 3) of the frame in which a thing is drawn, a row each."""
+    return np.array([thing.ocs().to_wcs(tuple(axis)).xyz for axis in np.eye(3)])
+
+
+def _polyline(corners: Sequence[tuple[float, ...]], closed: bool, frame: Matrix, scale: float) -> list[Piece]:
+    """Lines and arcs through corners x, y, z, bulge, in a frame with rows x, y, z: an arc turns by 4 atan(bulge)."""
+    pieces = []
+    points = scale * np.array([corner[:3] for corner in corners])
+    follow = [*range(1, len(corners)), *([0] if closed else [])]
+    for i, j in enumerate(follow):
+        a, b, bulge = points[i], points[j], corners[i][3]
+        if bulge == 0.0 or np.linalg.norm(b - a) <= SAME:
+            pieces.append(line_segment(a, b, np.zeros(3)))
+            continue
+        left = np.array([a[1] - b[1], b[0] - a[0], 0.0])
+        center = (a + b) / 2 + left * (1 / bulge - bulge) / 4
+        x = a - center
+        y = np.array([-x[1], x[0], 0.0])
+        pieces.append(arc_segment(center, x, y, 4 * float(np.arctan(bulge)), np.zeros(3)))
+    return [exact_piece(piece.mapped(frame.T, np.zeros(3))) for piece in pieces]
 
 
 def _arc(center: Vector, radius: float, x: Vector, y: Vector, first: float, angle: float) -> Piece:

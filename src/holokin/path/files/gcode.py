@@ -22,10 +22,8 @@ _WORD = re.compile(
 )
 _COMMENT = re.compile(r"\(([^()]*)\)|;(.*)$")
 _PROGRAM = re.compile(r"(?:%.*|O\d+|:\d+)\s*")
-_FIRST = re.compile(
-    r"\s*(?:N\s*\d+\s*)?(?:[GMTSF]\s*\d+(?:\.\d+)?(?![A-Z])\s*)+(?:[XYZABCIJKRF]\s*[-+.\d].*)?", re.IGNORECASE
-)
-"""A line with which programs begin."""
+_FIRST = re.compile(r"\s*(?:/\s*)?(?:N\s*\d+\s*)?G\s*\d+(?:\.\d+)?(?![\w.]*\s*[,;\t]\s*[-+.\d])(?!\w*_)", re.IGNORECASE)
+"""A line that begins with a word G, and is no row of a table of points with names."""
 
 PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 """G of a plane -> its two axes and its normal."""
@@ -39,7 +37,7 @@ the points are met, no cycle."""
 REFUSED = {
     **dict.fromkeys((41, 42), "turns on the compensation of the tool's radius: write the path of the tool's center"),
     **dict.fromkeys((93, 95), "gives a feed that is no speed: write feed per minute, G94"),
-    **dict.fromkeys((10, 52, 53, 68, 92), "changes the coordinates: write the points in one frame of the workpiece"),
+    **dict.fromkeys((10, 52, 68, 92), "changes the coordinates: write the points in one frame of the workpiece"),
     **dict.fromkeys((65, 66, 67), "calls a macro: let the postprocessor write moves"),
 }
 OFFSETS = {54, 55, 56, 57, 58, 59}
@@ -50,12 +48,8 @@ _ROTARY = re.compile(r"(?:-?[ABC]){1,3}")
 
 
 def is_gcode(text: str) -> bool:
-    """Whether the first line that says something is one of G-code."""
-    for raw in text.splitlines():
-        line = _COMMENT.sub(" ", raw).strip()
-        if line and not _PROGRAM.fullmatch(line):
-            return _FIRST.fullmatch(line) is not None or "G" in line.upper() and _WORD.match(line.upper()) is not None
-    return False
+    """Whether the text has a line of such a program."""
+    return any(_FIRST.match(line) for line in text.splitlines()[:2000])
 
 
 @dataclass
@@ -100,7 +94,7 @@ def read_gcode(file: Path, text: str, moves: Moves, units: str | None, rotary: s
     for line, words in lines:
         if reader.read(line, words):
             break
-    moves.end()
+    moves.done()
     reader.note(used)
 
 
@@ -168,12 +162,15 @@ class _Reader:
         coordinates: dict[str, _Word] = {}
         codes = [round(word.value, 1) for word in words if word.address == "G"]
         for word in words:
-            self._word(line, word, coordinates)
+            if not (4 in codes and word.address in "XFPSU"):  # the seconds of a dwell
+                self._word(line, word, coordinates)
         ends = any(word.address == "M" and word.value in (2, 30) for word in words)
         if 4 in codes:
             self.moves.notes.append(f"line {line} waits, which is left out")
             return ends
-        if 28 in codes or 30 in codes:
+        if {28, 30, 53} & {*codes}:
+            if 53 in codes and self.state.motion != 0:
+                raise self.error(line, "cuts in the frame of the machine, G53", "write the points in that of the workpiece")
             self._home(coordinates)
             return ends
         # A move.
@@ -242,14 +239,14 @@ class _Reader:
         elif code in REFUSED:
             fact, _, cure = REFUSED[int(code)].partition(": ")
             raise self.error(line, f"{fact}, G{code:g}", cure)
-        elif code not in IDLE and code not in (28, 30):
+        elif code not in IDLE and code not in (28, 30, 53):
             what = "is a cycle" if 73 <= code < 90 else "is not understood"
             raise self.error(line, f"has G{code:g}, which {what}", "let the postprocessor write G0 to G3")
         if code == 49:
             state.tip = state.axis_words = False
 
     def _home(self, coordinates: dict[str, _Word]) -> None:
-        """A way to the machine's home: where it is nobody says, and it ends the path."""
+        """A rapid move in the frame of the machine: where it leads the file does not say, and it ends the path."""
         self.moves.end()
         self.moves.point = None
         for letter in [c for c in coordinates if c in self.state.at] or "XYZ":
@@ -349,10 +346,11 @@ class _Reader:
                 fact = f"turns {' and '.join(missing)}, and nothing says how the machine is built"
                 cure = "say rotary=, its axes from the workpiece to the tool, as in rotary='CA'"
                 raise self.error(line, fact, cure)
-            self.turned = self.turned or (0 if state.tip else line)
         if state.vector is None and not self.kinematics:
             return None
         up = state.vector if state.vector is not None else self._turn() @ [0.0, 0.0, 1.0]
+        if state.vector is None and not state.tip and any(state.at[letter] for letter, _ in self.kinematics):
+            self.turned = self.turned or line
         return np.asarray(up if self.into else -up, dtype=float)
 
     def _turn(self) -> Matrix:

@@ -20,6 +20,9 @@ OFF_CIRCLE = 5e-5, 1e-3
 """How far [m], and by which share of the radius, the end of an arc may lie off the circle about its center through its
 start: postprocessors write three digits of a millimetre, or four of an inch, and controllers let about as much pass."""
 
+ROUND_OFF = 1e-9
+"""Distance [m] between the end of a move and the point of the file up to which it is that point."""
+
 HELIX = 1e-5
 """Tolerance [m] of the spline of a helix."""
 
@@ -79,7 +82,9 @@ class Moves:
         for i, move in enumerate(moves, 1):
             self._moves.append(move)
             self._speeds.append(np.nan if speed is None else speed)
-            self._put(move.position(np.ones(1))[0] if curve else point, axis if i == len(moves) else self.axis, line)
+            end, last = move.position(np.ones(1))[0], i == len(moves)
+            close = last and np.linalg.norm(end - point) <= ROUND_OFF
+            self._put(point if close else end, axis if last else self.axis, line)
         self.point, self.axis = self._points[-1], axis
 
     def _put(self, point: Vector, axis: Vector | None, line: int) -> None:
@@ -98,6 +103,12 @@ class Moves:
             self.paths.append(self._path())
             self.approach, self.comments = [], []
         self._points, self._axes, self._moves, self._speeds, self._lines = [], [], [], [], []
+
+    def done(self) -> None:
+        """The program ends."""
+        self.end()
+        if self.approach:
+            self.notes.append(f"{len(self.approach)} rapid moves behind the last path left out")
 
     def _path(self) -> Waypoints:
         axes = self._axes_of_all()

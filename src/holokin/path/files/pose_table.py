@@ -14,7 +14,7 @@ from ...base.errors import ArgumentError, FileError
 from ...base.files import shown
 from ...base.poses import pose_from
 from ...base.tables import PoseRows, Units, pose_rows
-from ...base.types import Array, ArrayLike, Indices, Vector, check_rotation, finite
+from ...base.types import ArrayLike, Indices, Vector, check_rotation, finite
 from ..path import HALF_TURN, SURE, Poses, Waypoints, distinct, rotations_along, turn_between
 from ..workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 
@@ -31,17 +31,16 @@ def read_table_of_paths(file: Path, text: str, units: Units) -> list[Waypoints]:
     read = pose_rows(file, "waypoint", units)
     names = read.names or [""] * len(read.points)
     starts = [0, *(i for i in range(1, len(names)) if names[i] != names[i - 1]), len(names)]
-    comments = _comments(text, int(read.lines[0]))
+    comments = _comments(text, read.lines.tolist())
     return [_waypoints(file, read, slice(a, b), names[a], () if a else comments) for a, b in pairwise(starts)]
 
 
-def _comments(text: str, first: int) -> tuple[str, ...]:
-    """The comments of a table, but for one that is its header."""
-    marked = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.lstrip().startswith(("#", "//"))]
-    plain = [
-        line for line in text.splitlines()[: first - 1] if line.strip() and not line.lstrip().startswith(("#", "//"))
-    ]
-    header = None if plain else max((n for n, _ in marked if n < first), default=None)
+def _comments(text: str, rows: list[int]) -> tuple[str, ...]:
+    """The comments of a table, but for one that is its header: the last one before the rows where no other line is."""
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    marked = [(number, line) for number, line in lines if line.startswith(("#", "//")) and number not in {*rows}]
+    before = [number for number, line in lines if number < rows[0]]
+    header = before[-1] if before and before == [number for number, _ in marked if number < rows[0]] else None
     return tuple(f"line {n}: {shown(line.lstrip('#/ '))}" for n, line in marked if n != header and line.strip("#/ "))
 
 
