@@ -124,7 +124,7 @@ def polyline(
     path = Path(tuple(segments), speed, rotation=first, notes=(*notes_of_file, *notes))
     if isinstance(points, Waypoints) and points.speeds is not None:
         own = np.append(points.speeds, np.nan)[index[1:] - 1]
-        return replace(path, segments=tuple(at_speeds(segments, own, speed, path.angular_speed)))
+        return replace(path, segments=tuple(at_speeds(segments, own, speed)))
     return path
 
 

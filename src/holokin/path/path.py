@@ -738,7 +738,7 @@ class Waypoints(Value):
         """The path along the moves as the file draws them, straight from point to point where it says no more.
 
         Args:
-            speed: [m/s] where the file states none. angular_speed: [rad/s] where the tool turns on the spot.
+            speed, angular_speed: [m/s] and [rad/s], where the file states no speed, or the tool turns on the spot.
 
         Raises:
             ArgumentError: two points alike, or half a turn between two.
@@ -747,23 +747,17 @@ class Waypoints(Value):
         moves = self.moves or [line_segment(a, b, np.zeros(3)) for a, b in pairwise(self.points)]
         segments = [move.evenly(turn) for move, turn in zip(moves, turns, strict=True)]
         if self.speeds is not None:
-            segments = at_speeds(segments, self.speeds, speed, angular_speed)
+            segments = at_speeds(segments, self.speeds, speed)
         first = None if self.rotations is None else self.rotations[0]
         return Path(tuple(segments), speed, angular_speed, first, self.notes)
 
 
-def at_speeds(segments: Sequence[Segment], speeds: Vector, speed: float, angular_speed: float) -> list[Segment]:
+def at_speeds(segments: Sequence[Segment], speeds: Vector, speed: float) -> list[Segment]:
     """Segments of a path at `speed` [m/s] that each have a speed of their own (k,), where that is not NaN."""
-
-    def timed(segment: Segment, own: float) -> Segment:
-        if np.isnan(own) or segment.length == 0.0:
-            return segment
-        nominal = (
-            max(segment.length, own * segment.turn / angular_speed) if segment.nominal is None else segment.nominal
-        )
-        return replace(segment, nominal=nominal * speed / own)
-
-    return [timed(segment, float(own)) for segment, own in zip(segments, speeds, strict=True)]
+    return [
+        segment if np.isnan(own) or segment.length == 0.0 else replace(segment, nominal=segment.length * speed / own)
+        for segment, own in zip(segments, speeds.tolist(), strict=True)
+    ]
 
 
 def rotations_along(axes: Matrix) -> Array:

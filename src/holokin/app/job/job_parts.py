@@ -259,7 +259,9 @@ def _of_file(table: PathTable, origin: Vector, start: Vector, file: FilePath) ->
     # What the file says beside the points.
     notes = [*read.notes, *(f"a comment of {comment}" for comment in waypoints.comments[:MOST_COMMENTS])]
     if waypoints.approach is not None:
-        notes.append(f"{len(waypoints.approach)} rapid moves to its start are left out; rapid_speed makes them part of it")
+        notes.append(
+            f"{len(waypoints.approach)} rapid moves to its start are left out; rapid_speed makes them part of it"
+        )
     if waypoints.speeds is not None and "speed" in table.model_fields_set:
         notes.append(f"the speeds of the file give way to that of the job, {table.speed:g} m/s")
         waypoints = replace(waypoints, speeds=None)

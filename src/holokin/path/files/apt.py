@@ -22,7 +22,49 @@ _FIRST = re.compile(
 """A line that only such a file has."""
 
 IDLE = set(
-    ["PARTNO", "MACHIN", "SPINDL", "COOLNT", "LOADTL", "LOAD", "SELECT", "TOOLNO", "CUTTER", "TLDATA", "PAINT", "END-OF-PATH", "FINI", "STOP", "OPSTOP", "END", "TOLER", "INTOL", "OUTTOL", "CLRSRF", "REWIND", "SEQNO", "PREFUN", "AUXFUN", "MODE", "HEAD", "ARCSLP", "DISPLY", "SET", "CLAMP", "LINTOL", "NOPOST", "CLPRNT", "MULTAX", "AUTOPS", "PSIS", "DELAY", "OFSTNO", "ROTABL", "TMARK", "LEADER"]
+    [
+        "PARTNO",
+        "MACHIN",
+        "SPINDL",
+        "COOLNT",
+        "LOADTL",
+        "LOAD",
+        "SELECT",
+        "TOOLNO",
+        "CUTTER",
+        "TLDATA",
+        "PAINT",
+        "END-OF-PATH",
+        "FINI",
+        "STOP",
+        "OPSTOP",
+        "END",
+        "TOLER",
+        "INTOL",
+        "OUTTOL",
+        "CLRSRF",
+        "REWIND",
+        "SEQNO",
+        "PREFUN",
+        "AUXFUN",
+        "MODE",
+        "HEAD",
+        "ARCSLP",
+        "DISPLY",
+        "SET",
+        "CLAMP",
+        "LINTOL",
+        "NOPOST",
+        "CLPRNT",
+        "MULTAX",
+        "AUTOPS",
+        "PSIS",
+        "DELAY",
+        "OFSTNO",
+        "ROTABL",
+        "TMARK",
+        "LEADER",
+    ]
 )
 """Words that move no tool. What they do is the process's to say."""
 

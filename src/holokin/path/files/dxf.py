@@ -25,7 +25,31 @@ UNITS = {1: "in", 4: "mm", 5: "cm", 6: "m", 2: "ft"}
 SCALES = {**INCH, "cm": 1e-2, "ft": 0.3048}
 
 REMARKS = set(
-    ["TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "HATCH", "LEADER", "MULTILEADER", "MLEADER", "POINT", "ATTDEF", "ATTRIB", "VIEWPORT", "XLINE", "RAY", "IMAGE", "WIPEOUT", "SOLID", "TRACE", "ACAD_TABLE", "TOLERANCE", "OLE2FRAME", "ACAD_PROXY_ENTITY"]
+    [
+        "TEXT",
+        "MTEXT",
+        "DIMENSION",
+        "ARC_DIMENSION",
+        "LARGE_RADIAL_DIMENSION",
+        "HATCH",
+        "LEADER",
+        "MULTILEADER",
+        "MLEADER",
+        "POINT",
+        "ATTDEF",
+        "ATTRIB",
+        "VIEWPORT",
+        "XLINE",
+        "RAY",
+        "IMAGE",
+        "WIPEOUT",
+        "SOLID",
+        "TRACE",
+        "ACAD_TABLE",
+        "TOLERANCE",
+        "OLE2FRAME",
+        "ACAD_PROXY_ENTITY",
+    ]
 )
 """Things in a drawing that are no paths."""
 
@@ -71,7 +95,9 @@ def read_dxf(file: Path, text: str, units: str | None, tolerance: float) -> tupl
         chain for thing in document.modelspace() for chain in _chains(file, text, document, thing, scale, left_out)
     ]
     if through := sum(1 for thing in document.modelspace().query("SPLINE") if not thing.control_point_count()):
-        notes.append(f"{through} splines are given by points alone: read as the cubics through them that CAD draws")
+        notes.append(
+            f"splines that are given by points alone, {through}, are read as the cubics through them that CAD draws"
+        )
     if left_out:
         notes.append(f"left out: {', '.join(f'{count} {kind}' for kind, count in sorted(left_out.items()))}")
     joined = _joined(chains, notes)
@@ -121,10 +147,10 @@ def _chains(file: Path, text: str, document: Any, thing: Any, scale: float, left
 
 
 def _line_of(text: str, thing: Any) -> int:
-    """The line in which a thing stands, by its handle, or else the first of its kind."""
+    """The line with the kind of a thing, which its handle follows; without handles the first one of this kind."""
     handle = rf"\n\s*5\s*\n\s*{re.escape(str(thing.dxf.handle))}\s*\n"
-    match = re.search(handle, text) or re.search(rf"\n\s*0\s*\n\s*{thing.dxftype()}\s*\n", text)
-    return text[: match.start()].count("\n") + 2 if match else 1
+    match = re.search(handle, text) or re.search(rf"(?<=\n)\s*{thing.dxftype()}\s*\n", text)
+    return text[: match.start()].count("\n") + 1 if match else 1
 
 
 def _pieces(thing: Any, kind: str, scale: float) -> list[Piece] | None:
@@ -147,7 +173,9 @@ def _pieces(thing: Any, kind: str, scale: float) -> list[Piece] | None:
     if kind == "POLYLINE" and (thing.is_2d_polyline or thing.is_3d_polyline):
         drawn = [vertex for vertex in thing.vertices if not vertex.dxf.flags & FRAME]
         height = thing.dxf.elevation.z if thing.is_2d_polyline else None
-        corners = [(*v.dxf.location.xyz[:2], v.dxf.location.z if height is None else height, v.dxf.bulge) for v in drawn]
+        corners = [
+            (*v.dxf.location.xyz[:2], v.dxf.location.z if height is None else height, v.dxf.bulge) for v in drawn
+        ]
         return _polyline(corners, thing.is_closed, np.eye(3) if height is None else _axes(thing), scale)
     return None
 

@@ -20,7 +20,7 @@ _WORD = re.compile(
     rf"\s*(?:(?P<long>CR|[ABC]3|[A-Z])\s*=\s*(?:(?P<way>AC|IC)\s*\(\s*)?(?P<set>{_NUMBER})(?(way)\s*\))"
     rf"|(?P<letter>[A-Z])\s*(?P<number>{_NUMBER})(?![\d(])|(?P<bare>TRAORI(?:\(1\))?|TRAFOOF))",
 )
-_COMMENT = re.compile(r"\(([^()]*)\)|;(.*)$")
+_COMMENT = re.compile(r"(?<![A-Za-z])\(([^()]*)\)|;(.*)$")
 _PROGRAM = re.compile(r"(?:%.*|O\d+|:\d+)\s*")
 _FIRST = re.compile(r"\s*(?:/\s*)?(?:N\s*\d+\s*)?G\s*\d+(?:\.\d+)?(?![\w.]*\s*[,;\t]\s*[-+.\d])(?!\w*_)", re.IGNORECASE)
 """A line that begins with a word G, and is no row of a table of points with names."""
@@ -170,7 +170,9 @@ class _Reader:
             return ends
         if {28, 30, 53} & {*codes}:
             if 53 in codes and self.state.motion != 0:
-                raise self.error(line, "cuts in the frame of the machine, G53", "write the points in that of the workpiece")
+                raise self.error(
+                    line, "cuts in the frame of the machine, G53", "write the points in that of the workpiece"
+                )
             self._home(coordinates)
             return ends
         # A move.
