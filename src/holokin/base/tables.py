@@ -407,8 +407,8 @@ AS_KUKA = (
 )
 
 AS_VECTOR = (
-    "rx, ry, rz are read as a rotation vector, in degrees. Where they are three angles, say maker='Yaskawa' (about fixed "
-    "x, y, z) or maker='Staubli' (about x, the new y, the new z)"
+    "rx, ry, rz are read as a rotation vector, in degrees. Where they are three angles, say maker='Yaskawa' (about the "
+    "fixed x, y, z) or maker='Staubli' (about x, the new y, the new z)"
 )
 
 ALLOWED = {"units": ("m", "cm", "mm", "um", "in"), "angles": ("rad", "deg")}
@@ -440,8 +440,8 @@ class Units:
     """What the caller says of a file; None where its header must say it.
 
     With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, and times
-    are left out. Columns that `ignore` names, or fits with a *, are not there. `columns` names those of a file without a
-    header. `maker` says whose angles they are, `into` whether axes i, j, k point into the work, as the tool's z axis
+    are left out. Columns that `ignore` names, or fits with a *, are not there. `columns` names those of a file without
+    a header. `maker` says whose angles they are, `into` whether axes i, j, k point into the work, as the tool's z axis
     does. `place` is what messages call a row.
     """
 
@@ -579,8 +579,8 @@ def _axes(file: Path, vectors: Matrix, lines: Indices, units: Units, notes: list
         raise FileError(file, fact, "give directions of length 1")
     if units.into is None:
         notes.append(
-            "the columns of the tool axis are read as the direction in which the tool's z axis points, into the work; say "
-            "axis='out' where they point out of it"
+            "the columns of the tool axis are read as the direction in which the tool's z axis points, into the work; "
+            "say axis='out' where they point out of it"
         )
     return vectors / length[:, None] * (-1.0 if units.into is False else 1.0)
 

@@ -707,10 +707,10 @@ def as_point(point: ArrayLike) -> Vector:
 class Waypoints(Value):
     """Points (k, 3) [m] of the tool, with rotations (k, 3, 3) and times (k,) [s] where they are given.
 
-    `notes` says what was changed in reading, and what looks odd. A path of a file has a name, and what the file says of
-    it: `axes` (k, 3), unit vectors along the tool's z axis, where it gives no rotations: `rotations` are turned about
-    them as little as can be; `speeds` (k - 1,) [m/s] of the moves from point to point, NaN where it states none; `moves`
-    (k - 1), where some are not straight; `approach` (j, 3) [m], the rapid moves to the first point; and `comments`.
+    `notes` says what was changed in reading, and what looks odd. A path of a file has a `name`, and what the file says:
+    `axes` (k, 3), unit vectors along the tool's z axis, where it gives no rotations, which are turned about them as
+    little as can be; `speeds` (k - 1,) [m/s] of the moves from point to point, NaN where it states none; `moves`, a
+    segment each, where some are not straight; `approach` (j, 3) [m], the rapid moves to the first point; `comments`.
     """
 
     points: Matrix
@@ -737,6 +737,8 @@ class Waypoints(Value):
     def path(self, speed: float = 0.1, angular_speed: float = 0.5) -> Path:
         """The path along the moves as the file draws them, straight from point to point where it says no more.
 
+        They have the speeds of the file, the greatest of which is that of the path.
+
         Args:
             speed, angular_speed: [m/s] and [rad/s], where the file states no speed, or the tool turns on the spot.
 
@@ -749,7 +751,9 @@ class Waypoints(Value):
         if self.speeds is not None:
             segments = at_speeds(segments, self.speeds, speed)
         first = None if self.rotations is None else self.rotations[0]
-        return Path(tuple(segments), speed, angular_speed, first, self.notes)
+        path = Path(tuple(segments), speed, angular_speed, first, self.notes)
+        stated = self.speeds is not None and not np.isnan(self.speeds).any()
+        return path.at_pace(float(np.max(self.speeds))) if stated else path  # type: ignore[arg-type]
 
 
 def at_speeds(segments: Sequence[Segment], speeds: Vector, speed: float) -> list[Segment]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -55,7 +55,6 @@ from ...symbolic import Function, parse, symbol
 from .schema import Job, dotted
 from .strategy_tables import ConstraintTable, Fitted, StrategyTable
 from .tables import PathTable, TimingTable, robot_of_job
-
 
 MOST_COMMENTS = 10
 """Comments of a file that a job passes on."""
@@ -259,9 +258,7 @@ def _of_file(table: PathTable, origin: Vector, start: Vector, file: FilePath) ->
     # What the file says beside the points.
     notes = [*read.notes, *(f"a comment of {comment}" for comment in waypoints.comments[:MOST_COMMENTS])]
     if waypoints.approach is not None:
-        notes.append(
-            f"{len(waypoints.approach)} rapid moves to its start are left out; rapid_speed makes them part of it"
-        )
+        notes.append(f"the rapid moves to its start are left out ({len(waypoints.approach)})")
     if waypoints.speeds is not None and "speed" in table.model_fields_set:
         notes.append(f"the speeds of the file give way to that of the job, {table.speed:g} m/s")
         waypoints = replace(waypoints, speeds=None)

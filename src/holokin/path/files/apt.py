@@ -16,60 +16,23 @@ from ...base.types import Vector
 from .moves import INCH, Moves, arc_moves, line_error
 
 _FIRST = re.compile(
-    r"\s*(?:GOTO|FROM|GODLTA|FEDRAT|TOOL PATH|PARTNO|UNITS|TLDATA|MACHIN|MSYS|CUTTER|LOADTL|SPINDL|MULTAX|PPRINT)\s*(?:/|$)"
-    r"|\s*(?:RAPID|MULTAX|PARTNO\b.*)\s*$"
+    r"\s*(?:(?:GOTO|FROM|GODLTA|FEDRAT|TOOL PATH|UNITS|TLDATA|MACHIN|MSYS|CUTTER|LOADTL|SPINDL|MULTAX|PPRINT)\s*/"
+    r"|(?:RAPID|MULTAX)\s*$|PARTNO\b)"
 )
 """A line that only such a file has."""
 
-IDLE = set(
-    [
-        "PARTNO",
-        "MACHIN",
-        "SPINDL",
-        "COOLNT",
-        "LOADTL",
-        "LOAD",
-        "SELECT",
-        "TOOLNO",
-        "CUTTER",
-        "TLDATA",
-        "PAINT",
-        "END-OF-PATH",
-        "FINI",
-        "STOP",
-        "OPSTOP",
-        "END",
-        "TOLER",
-        "INTOL",
-        "OUTTOL",
-        "CLRSRF",
-        "REWIND",
-        "SEQNO",
-        "PREFUN",
-        "AUXFUN",
-        "MODE",
-        "HEAD",
-        "ARCSLP",
-        "DISPLY",
-        "SET",
-        "CLAMP",
-        "LINTOL",
-        "NOPOST",
-        "CLPRNT",
-        "MULTAX",
-        "AUTOPS",
-        "PSIS",
-        "DELAY",
-        "OFSTNO",
-        "ROTABL",
-        "TMARK",
-        "LEADER",
-    ]
+_IDLE = re.compile(
+    "PARTNO.*|MACHIN|SPINDL|COOLNT|LOADTL|LOAD|SELECT|TOOLNO|CUTTER|TLDATA|PAINT|END-OF-PATH|FINI|STOP|OPSTOP|END|TOLER"
+    "|INTOL|OUTTOL|CLRSRF|REWIND|SEQNO|PREFUN|AUXFUN|MODE|HEAD|ARCSLP|DISPLY|SET|CLAMP|LINTOL|NOPOST|CLPRNT|MULTAX"
+    "|AUTOPS|PSIS|DELAY|OFSTNO|LEADER"
 )
 """Words that move no tool. What they do is the process's to say."""
 
 FEEDS = {"MMPM": 1e-3 / 60, "IPM": 0.0254 / 60}
 """Units of feed -> m/s; PERMIN has the units of the points."""
+
+AXIS = 1e-3
+"""How far the length of a tool axis may be from 1."""
 
 PER_TURN = ("IPR", "MMPR", "PERREV", "INVERS")
 
@@ -198,7 +161,7 @@ class _Reader:
         elif word in REFUSED:
             fact, _, cure = REFUSED[word].partition(": ")
             raise self.error(statement, f"{fact} ({word})", cure)
-        elif word not in IDLE and not word.startswith("PARTNO"):
+        elif _IDLE.fullmatch(word) is None:
             raise self.error(
                 statement, f"is not understood: {shown(statement.text)!r}", "delete it if it moves nothing"
             )
@@ -278,7 +241,7 @@ class _Reader:
         elif state.rapid and state.circle is None:
             moves.rapid(statement.line, point, state.axis)
         elif state.circle is not None:
-            line, circle = state.circle
+            _, circle = state.circle
             self._arc(
                 statement,
                 point,
@@ -326,7 +289,3 @@ class _Reader:
         scale = self._scale(statement)
         self._arc(statement, scale * np.array(end), scale * np.array(center), axis)
         self.state.ahead = None
-
-
-AXIS = 1e-3
-"""How far the length of a tool axis may be from 1."""

@@ -104,8 +104,11 @@ def read_svg(file: FilePath, text: str, pixel: float | None, tolerance: float) -
 def _outlines(
     file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any
 ) -> Iterator[tuple[str, list[Piece | None]]]:
-    """(id of its element, pieces) of each outline, None for one that is too short. Raises: FileError: an element whose numbers the
-    library cannot draw."""
+    """(id of its element, pieces) of each outline, None for a piece that is too short.
+
+    Raises:
+        FileError: an element whose numbers the library cannot draw.
+    """
     for element in drawing.elements():
         hidden = str(element.values.get("visibility", "")) == "hidden" or element.values.get("display") == "none"
         if not isinstance(element, svgelements.Shape) or hidden:
@@ -178,7 +181,7 @@ def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> Piece | None:
 
 
 def outline(file: FilePath, name: str, pieces: list[Piece], tolerance: float, notes: tuple[str, ...] = ()) -> Waypoints:
-    """An outline of pieces that meet: its smooth stretches one after the other, from a corner on if a closed one has one.
+    """An outline of pieces that meet: its smooth stretches one after the other; a closed one begins at a corner of it.
 
     Raises:
         FileError: too many pieces; a curve that no spline follows to a tolerance [m].

@@ -24,32 +24,9 @@ UNITS = {1: "in", 4: "mm", 5: "cm", 6: "m", 2: "ft"}
 """$INSUNITS of a drawing -> its unit."""
 SCALES = {**INCH, "cm": 1e-2, "ft": 0.3048}
 
-REMARKS = set(
-    [
-        "TEXT",
-        "MTEXT",
-        "DIMENSION",
-        "ARC_DIMENSION",
-        "LARGE_RADIAL_DIMENSION",
-        "HATCH",
-        "LEADER",
-        "MULTILEADER",
-        "MLEADER",
-        "POINT",
-        "ATTDEF",
-        "ATTRIB",
-        "VIEWPORT",
-        "XLINE",
-        "RAY",
-        "IMAGE",
-        "WIPEOUT",
-        "SOLID",
-        "TRACE",
-        "ACAD_TABLE",
-        "TOLERANCE",
-        "OLE2FRAME",
-        "ACAD_PROXY_ENTITY",
-    ]
+_REMARKS = re.compile(
+    "M?TEXT|(?:ARC_|LARGE_RADIAL_)?DIMENSION|HATCH|LEADER|MULTILEADER|MLEADER|POINT|ATTDEF|ATTRIB|VIEWPORT|XLINE|RAY|IMAGE"
+    "|WIPEOUT|SOLID|TRACE|ACAD_TABLE|TOLERANCE|OLE2FRAME|ACAD_PROXY_ENTITY"
 )
 """Things in a drawing that are no paths."""
 
@@ -125,7 +102,7 @@ def _chains(file: Path, text: str, document: Any, thing: Any, scale: float, left
     known = document.layers.get(layer) if layer in document.layers else None
     if known is not None and (known.is_off() or known.is_frozen()):
         left_out[f"on the hidden layer {shown(layer)!r}"] += 1
-    elif kind in REMARKS:
+    elif _REMARKS.fullmatch(kind):
         left_out[kind] += 1
     elif kind == "INSERT":
         for part in thing.virtual_entities():

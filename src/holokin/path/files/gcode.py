@@ -31,8 +31,8 @@ PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 UNITS = {20: "in", 21: "mm", 70: "in", 71: "mm", 700: "in", 710: "mm"}
 
 IDLE = {4, 9, 40, 43, 49, 60, 61, 61.1, 64, 80, 94, 98, 99, 500, 601, 602, 641, 642, 643, 644, 645}
-"""Words G that change no point: a dwell, no compensation of the radius, that of the length, feed per minute, how exactly
-the points are met, no cycle."""
+"""Words G that change no point: a dwell, no compensation of the radius, that of the length, feed per minute, how
+exactly the points are met, no cycle."""
 
 REFUSED = {
     **dict.fromkeys((41, 42), "turns on the compensation of the tool's radius: write the path of the tool's center"),
@@ -343,11 +343,10 @@ class _Reader:
             if not np.linalg.norm(vector) > 0:
                 raise self.error(line, "has a tool axis of no length", "give a direction")
             state.vector = vector / np.linalg.norm(vector)
-        elif rotary := sorted(words.keys() & set("ABC")):
-            if missing := [letter for letter in rotary if letter not in dict(self.kinematics)]:
-                fact = f"turns {' and '.join(missing)}, and nothing says how the machine is built"
-                cure = "say rotary=, its axes from the workpiece to the tool, as in rotary='CA'"
-                raise self.error(line, fact, cure)
+        elif missing := sorted((words.keys() & set("ABC")) - dict(self.kinematics).keys()):
+            fact = f"turns {' and '.join(missing)}, and nothing says how the machine is built"
+            cure = "say rotary=, its axes from the workpiece to the tool, as in rotary='CA'"
+            raise self.error(line, fact, cure)
         if state.vector is None and not self.kinematics:
             return None
         up = state.vector if state.vector is not None else self._turn() @ [0.0, 0.0, 1.0]

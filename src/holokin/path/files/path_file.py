@@ -22,6 +22,15 @@ from .gcode import is_gcode, read_gcode
 from .moves import Moves
 from .pose_table import read_table_of_paths
 
+ARGUMENTS = {
+    "table": ("columns", "angles", "order", "maker", "ignore", "axis"),
+    "APT": ("axis", "rapid_speed"),
+    "G-code": ("axis", "rotary", "rapid_speed"),
+    "DXF": (),
+    "SVG": ("pixel",),
+}
+"""Kind of a file -> the arguments that it may need besides its units."""
+
 LARGEST = 20_000_000
 """Bytes of a file: a drawing of a million points, or a program of half as many moves."""
 
@@ -70,14 +79,14 @@ def read_paths(
     The kind is told by the text of the file: a table (CSV), cutter locations (APT, CLS), G-code, DXF or SVG. Nothing is
     guessed: what is assumed or repaired is said in `notes`, what is not understood is refused with its line.
 
-    A table names its columns in its first line, in any order, with a unit behind a name, as in x_mm, "x [in]", roll_deg:
-    x, y, z; for the tool's direction i, j, k or nx, ny, nz; or for its orientation qx, qy, qz, qw, or q1 to q4 or q0 to
-    q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in this order), or rx, ry, rz, a
-    rotation vector, or a, b, c of KUKA, w, p, r of FANUC, ez, ey, ex of ABB, o, a, t of Kawasaki, a, e, r of Comau, u, v,
-    w of Epson; or T00, T01, ..., T23, the first three rows of the pose's matrix; for times t, time, stamp, timestamp,
-    sec or seconds, or sec and nanosec; for speeds speed_mm_s or feed_mm_min; path, seam or operation for the name of
-    a row's path. Columns named name, label, comment, remark, note, id, index, number, point, line or row are passed
-    over; any other is refused.
+    A table names its columns in its first line, in any order, with a unit behind a name, as in x_mm, "x [in]" or
+    roll_deg: x, y, z; for the tool's direction i, j, k or nx, ny, nz; or for its orientation qx, qy, qz, qw, or q1 to
+    q4 or q0 to q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in this order), or rx,
+    ry, rz, a rotation vector, or a, b, c of KUKA, w, p, r of FANUC, ez, ey, ex of ABB, o, a, t of Kawasaki, a, e, r of
+    Comau, u, v, w of Epson; or T00, T01, ..., T23, the first three rows of the pose's matrix; for times t, time, stamp,
+    timestamp, sec or seconds, or sec and nanosec; for speeds speed_mm_s or feed_mm_min; path, seam or operation for
+    the name of a row's path. Columns named name, label, comment, remark, note, id, index, number, point, line or row
+    are passed over; any other is refused.
 
     In a program a rapid move ends a path and leads to the next one.
 
@@ -110,19 +119,11 @@ def read_paths(
     if kind != "DXF" and (bad := re.search("[\udc80-\udcff\\0]", text)):  # it says its own encoding
         line = text[: bad.start()].count("\n") + 1
         raise FileError(place, f"line {line} is no text in UTF-8", "save it as text in UTF-8")
-    own = {
-        "table": {"columns", "angles", "order", "maker", "ignore", "axis"},
-        "APT": {"axis", "rapid_speed"},
-        "G-code": {"axis", "rotary", "rapid_speed"},
-        "DXF": set(),
-        "SVG": {"pixel"},
-    }[kind]
-    given = {
-        "columns": columns, "angles": angles, "order": order, "maker": maker, "ignore": ignore or None, "axis": axis,
-        "rotary": rotary, "rapid_speed": rapid_speed, "pixel": pixel, "units": units if kind == "SVG" else None,
-    }  # fmt: skip
+    given = {"columns": columns, "angles": angles, "order": order, "maker": maker, "ignore": ignore or None}
+    given |= {"axis": axis, "rotary": rotary, "rapid_speed": rapid_speed, "pixel": pixel}
+    given |= {"units": units} if kind == "SVG" else {}
     for name, value in given.items():
-        if value is not None and name not in own:
+        if value is not None and name not in ARGUMENTS[kind]:
             raise ArgumentError(name, value, f"leave it out: {place} is read as {kind}, which has no use for it")
     # The paths, each kind by its own grammar.
     notes: list[str] = []
