@@ -363,7 +363,7 @@ def test_the_angles_of_a_maker_are_its_turns_about_single_axes(tmp_path: Path, m
     rows = [f"{10 * i},0,0,{a},{b},{c}" for i, (a, b, c) in enumerate(angles)]
     file = tmp_path / "w.csv"
     file.write_text("\n".join([f"X,Y,Z,{names.upper()}", *rows]))
-    read = hk.read_paths(file, units="mm", angles="deg", **({"maker": said} if said else {}))
+    read = hk.read_paths(file, units="mm", angles="deg", maker=said or None)
     wanted = np.array([matrix(*row) for row in angles])
     assert read.paths[0].rotations == pytest.approx(wanted, abs=1e-12)
 
@@ -402,7 +402,7 @@ def test_a_drawing_of_ezdxf_has_its_lines_arcs_and_curves(
     from scipy.special import ellipe
 
     drawing(tmp_path / "d.dxf", version, units)
-    read = hk.read_paths(tmp_path / "d.dxf", **({"units": "mm"} if version == "R12" else {}))
+    read = hk.read_paths(tmp_path / "d.dxf", units="mm" if version == "R12" else None)
     weld = path(
         scale * np.array([[0, 0, 0], [100, 0, 0], [120, 20, 0], [120, 60, 0]]), length=scale * (140 + 10 * np.pi)
     )

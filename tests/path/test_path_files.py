@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,7 +206,7 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg" {}>{}</svg>'
 SIZE = 'width="100mm" height="50mm" viewBox="0 0 200 100"'
 
 
-def drawn(tmp_path: Path, body: str, size: str = SIZE, **said: float) -> list[hk.Path]:
+def drawn(tmp_path: Path, body: str, size: str = SIZE, **said: Any) -> list[hk.Path]:
     pytest.importorskip("svgelements")
     file = tmp_path / "a.svg"
     file.write_text(SVG.format(size, body))

@@ -572,8 +572,9 @@ def _speeds(file: Path, speeds: Vector, lines: Indices, units: Units) -> Vector:
 
 def _axes(file: Path, vectors: Matrix, lines: Indices, units: Units, notes: list[str]) -> Matrix:
     """Directions (k, 3) of the tool's z axis. Raises: FileError: one that is not of unit length."""
-    length = np.linalg.norm(vectors, axis=1)
-    if np.abs(length - 1).max() > UNIT:
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(vectors, axis=1)
+    if not np.abs(length - 1).max() <= UNIT:
         i = int(np.argmax(np.abs(length - 1) > UNIT))
         fact = f"{units.place} {lines[i]} has a tool axis of length {length[i]:.6g}"
         raise FileError(file, fact, "give directions of length 1")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import hypot
 from pathlib import Path
 
 import numpy as np
@@ -220,8 +221,8 @@ class _Reader:
     def _direction(self, statement: _Statement, values: list[float]) -> Vector:
         """The tool's z axis of one from its tip to its holder. Raises: FileError: it is not of unit length."""
         vector = np.array(values)
-        length = float(np.linalg.norm(vector))
-        if abs(length - 1) > AXIS:
+        length = hypot(*values)
+        if not abs(length - 1) <= AXIS:
             raise self.error(statement, f"has a tool axis of length {length:.6g}", "give a direction of length 1")
         return vector / length if self.into else -vector / length
 
@@ -276,16 +277,13 @@ class _Reader:
         """CATIA's arcs: TLON,GOFWD/(CIRCLE/center, radius),ON,(LINE/center, end), or about a CYLNDR to a POINT."""
         text = re.sub(r"\s+", "", statement.text.upper())
         found = {name: re.findall(rf"\({name}/([-+.,\dE]+)\)", text) for name in _NAMES}
-        try:
-            circle = [float(v) for v in (found["CIRCLE"] or found["CYLNDR"])[0].split(",")]
-            end = [float(v) for v in (found["LINE"] or found["POINT"])[-1].split(",")][-3:]
-            center, axis = circle[:3], circle[3:6] if len(circle) == 7 else None
-            complete = len(circle) in (4, 7) and len(end) == 3
-        except (IndexError, ValueError):
-            complete = False
-        if not complete:
+        ahead, behind = found["CIRCLE"] or found["CYLNDR"] or [""], found["LINE"] or found["POINT"] or [""]
+        circle, end = ([number_in(text) for text in part.split(",")] for part in (ahead[0], behind[-1]))
+        if len(circle) not in (4, 7) or len(end) not in (3, 6) or None in circle or None in end:
             fact = f"has a move along a curve that is not understood, {shown(statement.text)!r}"
             raise self.error(statement, fact, "let the CAM system write GOTO or circles")
+        numbers = np.array(circle, dtype=float)
+        center, axis = numbers[:3], numbers[3:6].tolist() if len(circle) == 7 else None
         scale = self._scale(statement)
-        self._arc(statement, scale * np.array(end), scale * np.array(center), axis)
+        self._arc(statement, scale * np.array(end[-3:], dtype=float), scale * center, axis)
         self.state.ahead = None

@@ -225,7 +225,7 @@ def _joined(chains: list[_Chain], notes: list[str]) -> list[_Chain]:
 
     Of a joined path the first chain of the file keeps its direction.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     if not chains:
         return []
@@ -233,7 +233,7 @@ def _joined(chains: list[_Chain], notes: list[str]) -> list[_Chain]:
     ends = np.concatenate([chain.ends for chain in chains])
     near: list[list[int]] = [[] for _ in ends]
     gaps = 0
-    for a, b in cKDTree(ends).query_pairs(NEAR):
+    for a, b in KDTree(ends).query_pairs(NEAR):
         if chains[a // 2].layer != chains[b // 2].layer:
             continue
         meet = np.linalg.norm(ends[a] - ends[b]) <= SAME

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import ArgumentError, FileError
+from ...base.tables import FAR
 from ...base.types import Vector
 from ..curves import even_curve
 from ..path import HALF_TURN, SAME, SURE, Segment, Waypoints, arc_segment, line_segment, rotations_along
@@ -57,7 +58,8 @@ class Moves:
     _lines: list[int] = field(default_factory=list)
 
     def rapid(self, line: int, point: Vector, axis: Vector | None) -> None:
-        """A rapid move."""
+        """A rapid move. Raises: FileError: it is too far."""
+        self._near(line, point)
         if self.rapid_speed is not None and self.point is not None:
             self.feed(line, point, axis, self.rapid_speed)
             return
@@ -68,7 +70,12 @@ class Moves:
     def feed(
         self, line: int, point: Vector, axis: Vector | None, speed: float | None, curve: Sequence[Segment] = ()
     ) -> None:
-        """A move to a point at a speed [m/s], straight, or along a curve. The first one of all may begin nowhere."""
+        """A move to a point at a speed [m/s], straight, or along a curve. The first one of all may begin nowhere.
+
+        Raises:
+            FileError: it is too far.
+        """
+        self._near(line, point)
         if self.point is None:
             self.notes.append(f"line {line} is the first move, from an unknown point: the path begins where it ends")
             self.point, self.axis = point, axis
@@ -86,6 +93,12 @@ class Moves:
             close = last and np.linalg.norm(end - point) <= ROUND_OFF
             self._put(point if close else end, axis if last else self.axis, line)
         self.point, self.axis = self._points[-1], axis
+
+    def _near(self, line: int, point: Vector) -> None:
+        size = float(np.abs(point).max())
+        if not size <= FAR:
+            fact = f"has a coordinate of {size:g} m, which no robot reaches"
+            raise line_error(self.file, line, fact, "look whether its unit is right")
 
     def _put(self, point: Vector, axis: Vector | None, line: int) -> None:
         self._points.append(point)
@@ -157,7 +170,7 @@ def arc_moves(
     last = (end - center) - ((end - center) @ normal) * normal
     radius, other = float(np.linalg.norm(first)), float(np.linalg.norm(last))
     off, allowed = abs(other - radius), max(OFF_CIRCLE[0], OFF_CIRCLE[1] * radius)
-    if not radius > SAME or off > allowed:
+    if not radius > SAME or not off <= allowed:
         fact = f"has an arc whose start is {1e3 * radius:.6g} mm from its center, and whose end {1e3 * other:.6g} mm"
         raise line_error(file, line, fact, "correct its center or its end")
     # A center as far from the end as from the start; where that is too far away, the arc ends beside its end.

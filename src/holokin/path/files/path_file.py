@@ -130,7 +130,14 @@ def read_paths(
     if kind == "table":
         into = None if axis is None else axis == "into"
         said = Units(
-            units, angles, order, False, tuple(ignore), columns=columns and tuple(columns), maker=maker, into=into
+            units,
+            angles,
+            order,
+            False,
+            tuple(ignore),
+            columns=None if columns is None else tuple(columns),
+            maker=maker,
+            into=into,
         )
         paths = read_table_of_paths(place, text, said)
     elif kind in ("APT", "G-code"):
