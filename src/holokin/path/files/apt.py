@@ -131,7 +131,7 @@ class _Reader:
     into: bool
     given: str | None
 
-    def error(self, statement: _Statement, fact: str, cure: str) -> FileError:
+    def _error(self, statement: _Statement, fact: str, cure: str) -> FileError:
         return line_error(self.file, statement.line, fact, cure)
 
     def read(self, statement: _Statement) -> None:
@@ -161,9 +161,9 @@ class _Reader:
             self._only_off(statement)
         elif word in REFUSED:
             fact, _, cure = REFUSED[word].partition(": ")
-            raise self.error(statement, f"{fact} ({word})", cure)
+            raise self._error(statement, f"{fact} ({word})", cure)
         elif _IDLE.fullmatch(word) is None:
-            raise self.error(
+            raise self._error(
                 statement, f"is not understood: {shown(statement.text)!r}", "delete it if it moves nothing"
             )
 
@@ -173,17 +173,17 @@ class _Reader:
         if not off:
             what = {"ORIGIN": "another origin", "CUTCOM": "a compensation of the cutter", "CYCLE": "a cycle"}
             cure = "let the CAM system write plain GOTO in one frame"
-            raise self.error(statement, f"turns on {what[statement.word]}, {shown(statement.text)!r}", cure)
+            raise self._error(statement, f"turns on {what[statement.word]}, {shown(statement.text)!r}", cure)
 
     def _units(self, statement: _Statement) -> None:
         known = {"MM": "mm", "INCHES": "in", "INCH": "in", "IN": "in"}
         unit = known.get(statement.arguments[0].upper() if statement.arguments else "")
         if unit is None:
-            raise self.error(statement, f"has a unit that is not known, {shown(statement.text)!r}", "write UNITS/MM")
+            raise self._error(statement, f"has a unit that is not known, {shown(statement.text)!r}", "write UNITS/MM")
         if self.state.units not in (None, unit):
             before = f"and you say units={self.given!r}" if self.given else f"and before it is {self.state.units}"
             cure = "leave out units=" if self.given else "write one file in one unit"
-            raise self.error(statement, f"sets the unit {unit}, {before}", cure)
+            raise self._error(statement, f"sets the unit {unit}, {before}", cure)
         self.state.units = unit
 
     def _feed(self, statement: _Statement) -> None:
@@ -191,10 +191,12 @@ class _Reader:
         values = [value for cell in words if (value := number_in(cell)) is not None]
         units = [cell for cell in words if number_in(cell) is None]
         if any(unit in PER_TURN for unit in units):
-            raise self.error(statement, "gives a feed that is no speed", "write feed per minute, as in FEDRAT/480,MMPM")
+            raise self._error(
+                statement, "gives a feed that is no speed", "write feed per minute, as in FEDRAT/480,MMPM"
+            )
         if len(values) != 1 or not values[0] > 0 or len(units) > 1 or {*units} - {*FEEDS, "PERMIN"}:
             fact = f"has a feed that is not understood, {shown(statement.text)!r}"
-            raise self.error(statement, fact, "write it as FEDRAT/480,MMPM")
+            raise self._error(statement, fact, "write it as FEDRAT/480,MMPM")
         if not units:
             note = "FEDRAT without a unit is read as the units of the points a minute"
             self.moves.notes += [note] if note not in self.moves.notes else []
@@ -204,14 +206,14 @@ class _Reader:
     def _scale(self, statement: _Statement) -> float:
         if self.state.units is None:
             cure = "say units='mm' or units='in', or write UNITS/MM or UNITS/INCHES"
-            raise self.error(statement, "has the first length, and nothing says its unit", cure)
+            raise self._error(statement, "has the first length, and nothing says its unit", cure)
         return INCH[self.state.units]
 
     def _system(self, statement: _Statement) -> None:
         """The frame of a file: there may be one."""
         values = statement.numbers(self.file, 9, 12)
         if self.state.system and values != self.state.system:
-            raise self.error(statement, "changes the coordinates, MSYS", "write the paths of one frame into one file")
+            raise self._error(statement, "changes the coordinates, MSYS", "write the paths of one frame into one file")
         if not self.state.system and values[:9] != [0, 0, 0, 1, 0, 0, 0, 1, 0]:
             self.moves.notes.append(
                 f"the points count from the frame MSYS of line {statement.line}, not from the part's"
@@ -223,7 +225,7 @@ class _Reader:
         vector = np.array(values)
         length = hypot(*values)
         if not abs(length - 1) <= AXIS:
-            raise self.error(statement, f"has a tool axis of length {length:.6g}", "give a direction of length 1")
+            raise self._error(statement, f"has a tool axis of length {length:.6g}", "give a direction of length 1")
         return vector / length if self.into else -vector / length
 
     def _goto(self, statement: _Statement) -> None:
@@ -232,7 +234,7 @@ class _Reader:
         point = self._scale(statement) * np.array(values[:3])
         if statement.word == "GODLTA":
             if moves.point is None:
-                raise self.error(statement, "moves on from a point that is not known", "begin with GOTO or FROM")
+                raise self._error(statement, "moves on from a point that is not known", "begin with GOTO or FROM")
             point = moves.point + point
         if len(values) == 6:
             state.axis = self._direction(statement, values[3:])
@@ -257,16 +259,16 @@ class _Reader:
         """An arc to a point, in the direction of INDIRV, or else counter-clockwise about the axis of its circle."""
         state, moves = self.state, self.moves
         if moves.point is None:
-            raise self.error(statement, "has an arc from a point that is not known", "begin with GOTO or FROM")
+            raise self._error(statement, "has an arc from a point that is not known", "begin with GOTO or FROM")
         normal = np.array([0.0, 0.0, 1.0] if axis is None else axis, dtype=float)
         if not np.linalg.norm(normal) > 0:
-            raise self.error(statement, "has a circle without an axis", "give a direction")
+            raise self._error(statement, "has a circle without an axis", "give a direction")
         normal /= np.linalg.norm(normal)
         if state.ahead is not None:
             side = float(np.cross(normal, moves.point - center) @ state.ahead)
             normal = normal if side > 0 else -normal
         elif axis is None:
-            raise self.error(statement, "has an arc, and nothing says which way round", "write INDIRV before it")
+            raise self._error(statement, "has an arc, and nothing says which way round", "write INDIRV before it")
         else:
             note = "arcs of CIRCLE are read as counter-clockwise about the axis that it gives"
             moves.notes += [note] if note not in moves.notes else []
@@ -281,7 +283,7 @@ class _Reader:
         circle, end = ([number_in(text) for text in part.split(",")] for part in (ahead[0], behind[-1]))
         if len(circle) not in (4, 7) or len(end) not in (3, 6) or None in circle or None in end:
             fact = f"has a move along a curve that is not understood, {shown(statement.text)!r}"
-            raise self.error(statement, fact, "let the CAM system write GOTO or circles")
+            raise self._error(statement, fact, "let the CAM system write GOTO or circles")
         numbers = np.array(circle, dtype=float)
         center, axis = numbers[:3], numbers[3:6].tolist() if len(circle) == 7 else None
         scale = self._scale(statement)

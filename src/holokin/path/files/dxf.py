@@ -50,6 +50,7 @@ class _Chain:
         return np.array([self.pieces[0].ends[0], self.pieces[-1].ends[1]])
 
     def reversed(self) -> _Chain:
+        """The same chain, run through backwards."""
         return _Chain(self.layer, [piece.reversed() for piece in reversed(self.pieces)])
 
 

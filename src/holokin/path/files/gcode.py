@@ -153,7 +153,7 @@ class _Reader:
     whole: int = 0
     turned: int = 0
 
-    def error(self, line: int, fact: str, cure: str) -> FileError:
+    def _error(self, line: int, fact: str, cure: str) -> FileError:
         return line_error(self.file, line, fact, cure)
 
     def read(self, line: int, words: list[_Word]) -> bool:
@@ -170,7 +170,7 @@ class _Reader:
             return ends
         if {28, 30, 53} & {*codes}:
             if 53 in codes and self.state.motion != 0:
-                raise self.error(
+                raise self._error(
                     line, "cuts in the frame of the machine, G53", "write the points in that of the workpiece"
                 )
             self._home(coordinates)
@@ -179,7 +179,7 @@ class _Reader:
         if coordinates.keys() & set("XYZABCIJK") or coordinates.keys() & {"A3", "B3", "C3"}:
             self._move(line, coordinates)
         elif coordinates:
-            raise self.error(line, f"has {' and '.join(coordinates)} without a point", "complete or delete it")
+            raise self._error(line, f"has {' and '.join(coordinates)} without a point", "complete or delete it")
         return ends
 
     def _word(self, line: int, word: _Word, coordinates: dict[str, _Word]) -> None:
@@ -191,19 +191,19 @@ class _Reader:
             self._code(line, round(value, 1))
         elif address == "M":
             if value in CALLS:
-                raise self.error(line, f"calls {CALLS[int(value)]}, M{value:g}", "write its moves in its place")
+                raise self._error(line, f"calls {CALLS[int(value)]}, M{value:g}", "write its moves in its place")
             state.tip |= value == 128
             self.left_out |= {f"M{value:g}"} - {"M2", "M30", "M128"}
         elif address in ("TRAORI", "TRAFOO"):
             state.tip = address == "TRAORI"
         elif address == "F":
             if not value > 0:
-                raise self.error(line, f"has a feed of {value:g}", "give one above 0")
+                raise self._error(line, f"has a feed of {value:g}", "give one above 0")
             state.feed = value
         elif address in ("X", "Y", "Z", "A", "B", "C", "I", "J", "K", "R", "CR", "A3", "B3", "C3"):
             address = "R" if address == "CR" else address
             if address in coordinates:
-                raise self.error(line, f"has {address} twice", "keep one of them")
+                raise self._error(line, f"has {address} twice", "keep one of them")
             coordinates[address] = word
             if address in "XYZIJKR" and "." not in word.text and value != 0 and not self.whole:
                 self.whole = line
@@ -211,7 +211,7 @@ class _Reader:
             self.left_out.add(address)
         elif address != "N":
             fact = f"has the word {address}{word.text}, which is not understood"
-            raise self.error(line, fact, "let the postprocessor write X, Y, Z, A, B, C, I, J, K, R and F")
+            raise self._error(line, fact, "let the postprocessor write X, Y, Z, A, B, C, I, J, K, R and F")
 
     def _code(self, line: int, code: float) -> None:
         """Takes a word G. Raises: FileError: one that is not understood, or that contradicts an earlier one."""
@@ -221,7 +221,7 @@ class _Reader:
             if state.units is not None and state.units != unit:
                 before = f"and you say units={self.given!r}" if self.given else f"and before them are {state.units}"
                 cure = "leave out units=" if self.given else "write one program in one unit"
-                raise self.error(line, f"sets the unit {unit}, {before}", cure)
+                raise self._error(line, f"sets the unit {unit}, {before}", cure)
             state.units = unit
         elif code in (0, 1, 2, 3):
             state.motion = int(code)
@@ -234,16 +234,16 @@ class _Reader:
         elif code in OFFSETS:
             if state.offset not in (None, code):
                 fact = f"changes the frame of the workpiece from G{state.offset} to G{code:g}"
-                raise self.error(line, fact, "write the paths of one frame into one file")
+                raise self._error(line, fact, "write the paths of one frame into one file")
             state.offset = int(code)
         elif code in (43.4, 43.5):
             state.tip, state.axis_words = True, code == 43.5
         elif code in REFUSED:
             fact, _, cure = REFUSED[int(code)].partition(": ")
-            raise self.error(line, f"{fact}, G{code:g}", cure)
+            raise self._error(line, f"{fact}, G{code:g}", cure)
         elif code not in IDLE and code not in (28, 30, 53):
             what = "is a cycle" if 73 <= code < 90 else "is not understood"
-            raise self.error(line, f"has G{code:g}, which {what}", "let the postprocessor write G0 to G3")
+            raise self._error(line, f"has G{code:g}, which {what}", "let the postprocessor write G0 to G3")
         if code == 49:
             state.tip = state.axis_words = False
 
@@ -258,10 +258,10 @@ class _Reader:
         """Raises: FileError: a move of which something is not known."""
         state, file = self.state, self.file
         if state.motion is None:
-            raise self.error(line, "has a point, and no G0 to G3 stands before it", "say how the tool moves there")
+            raise self._error(line, "has a point, and no G0 to G3 stands before it", "say how the tool moves there")
         if state.units is None:
             cure = "say units='mm' or units='in', or write G21 or G20"
-            raise self.error(line, "has the first point, and nothing says its unit", cure)
+            raise self._error(line, "has the first point, and nothing says its unit", cure)
         scale, before = INCH[state.units], dict(state.at)
         for letter, word in words.items():
             if letter in state.at:
@@ -275,7 +275,7 @@ class _Reader:
             self.moves.point = None
             return
         if needed:
-            raise self.error(line, f"cuts where {' and '.join(needed)} is not known", "give it before")
+            raise self._error(line, f"cuts where {' and '.join(needed)} is not known", "give it before")
         point = scale * np.array([state.at[letter] for letter in "XYZ"])
         axis = self._axis(line, words)
         if state.motion == 0:
@@ -284,12 +284,12 @@ class _Reader:
         speed = None if state.feed is None else state.feed * scale / 60
         if state.motion == 1:
             if extra := sorted(words.keys() & set("IJKR")) if not state.axis_words else []:
-                raise self.error(line, f"has {' and '.join(extra)} in a straight move", "delete it, or write G2 or G3")
+                raise self._error(line, f"has {' and '.join(extra)} in a straight move", "delete it, or write G2 or G3")
             self.moves.feed(line, point, axis, speed)
             return
         start = scale * np.array([before[letter] for letter in "XYZ"])
         if self.moves.point is None or np.isnan(start).any():
-            raise self.error(line, "has an arc that begins at a point that is not known", "give its start before")
+            raise self._error(line, "has an arc that begins at a point that is not known", "give its start before")
         start = self.moves.point
         center, normal = self._center(line, words, start, point, scale)
         self.moves.feed(line, point, axis, speed, arc_moves(file, line, start, point, center, normal))
@@ -308,11 +308,11 @@ class _Reader:
         given = words.keys() & set("IJKR")
         if "R" in given:
             if len(given) > 1:
-                raise self.error(line, "gives the center of an arc and its radius", "keep one of them")
+                raise self._error(line, "gives the center of an arc and its radius", "keep one of them")
             return self._by_radius(line, scale * words["R"].value, start, end, normal, c), normal
         if "IJK"[c] in given or not given:
             fact = f"has {'IJK'[c]} beside the plane G{state.plane}" if given else "has an arc without center or radius"
-            raise self.error(line, fact, f"give {'IJK'[a]} and {'IJK'[b]}, or R")
+            raise self._error(line, fact, f"give {'IJK'[a]} and {'IJK'[b]}, or R")
         center = start.copy()
         for i in (a, b):
             word = words.get("IJK"[i])
@@ -330,7 +330,7 @@ class _Reader:
         rest = radius**2 - (length / 2) ** 2
         if length == 0.0 or rest < -1e-3 * radius**2:
             fact = f"has an arc of radius {1e3 * radius:g} mm between points {1e3 * length:.6g} mm apart"
-            raise self.error(line, fact, "give a radius of at least half of that, and for a circle its center")
+            raise self._error(line, fact, "give a radius of at least half of that, and for a circle its center")
         left = np.cross(normal, chord / length)
         return start + chord / 2 + copysign(sqrt(max(rest, 0.0)), radius) * left
 
@@ -341,12 +341,12 @@ class _Reader:
         if words.keys() & set(names) and (not state.axis_words or state.motion == 1):
             vector = np.array([words[name].value if name in words else 0.0 for name in names])
             if not np.linalg.norm(vector) > 0:
-                raise self.error(line, "has a tool axis of no length", "give a direction")
+                raise self._error(line, "has a tool axis of no length", "give a direction")
             state.vector = vector / np.linalg.norm(vector)
         elif missing := sorted((words.keys() & set("ABC")) - dict(self.kinematics).keys()):
             fact = f"turns {' and '.join(missing)}, and nothing says how the machine is built"
             cure = "say rotary=, its axes from the workpiece to the tool, as in rotary='CA'"
-            raise self.error(line, fact, cure)
+            raise self._error(line, fact, cure)
         if state.vector is None and not self.kinematics:
             return None
         up = state.vector if state.vector is not None else self._turn() @ [0.0, 0.0, 1.0]
