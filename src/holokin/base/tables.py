@@ -646,6 +646,10 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
             raise FileError(file, fact, cure)
     if units.assumed:
         time = speed = path = None
+    if time is not None and speed is not None:
+        names = [header[time.places[0]], header[speed[0]]]
+        cure = f"leave one of them out, as in ignore={[shown(names[1])]}"
+        raise FileError(file, f"has times and speeds, {listed(names)}", cure)
     found = [places[n] for n in where], [places[n] for n in names]
     return PoseColumns(*found, kind, time, np.array(scales), speed, path)
 

@@ -84,9 +84,9 @@ def read_paths(
     q4 or q0 to q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in this order), or rx,
     ry, rz, a rotation vector, or a, b, c of KUKA, w, p, r of FANUC, ez, ey, ex of ABB, o, a, t of Kawasaki, a, e, r of
     Comau, u, v, w of Epson; or T00, T01, ..., T23, the first three rows of the pose's matrix; for times t, time, stamp,
-    timestamp, sec or seconds, or sec and nanosec; for speeds speed_mm_s or feed_mm_min; path, seam or operation for
-    the name of a row's path. Columns named name, label, comment, remark, note, id, index, number, point, line or row
-    are passed over; any other is refused.
+    timestamp, sec or seconds, or sec and nanosec; for the speed of the move to a row speed_mm_s or feed_mm_min; path,
+    seam or operation for the name of a row's path. Columns named name, label, comment, remark, note, id, index, number,
+    point, line or row are passed over; any other is refused.
 
     In a program a rapid move ends a path and leads to the next one.
 
