@@ -32,6 +32,9 @@ _IDLE = re.compile(
 FEEDS = {"MMPM": 1e-3 / 60, "IPM": 0.0254 / 60}
 """Units of feed -> m/s; PERMIN has the units of the points."""
 
+LARGEST = 1e9
+"""Size of the numbers of a statement at most: more than any length, in any unit."""
+
 AXIS = 1e-3
 """How far the length of a tool axis may be from 1."""
 
@@ -64,7 +67,9 @@ class _Statement:
         """Its arguments as numbers. Raises: FileError: text, or not as many as asked for."""
         values = [number_in(argument) for argument in self.arguments]
         bad = [
-            text for text, value in zip(self.arguments, values, strict=True) if value is None or not np.isfinite(value)
+            text
+            for text, value in zip(self.arguments, values, strict=True)
+            if value is None or not abs(value) <= LARGEST
         ]
         if bad:
             raise line_error(file, self.line, f"has {shown(bad[0])!r} where a number belongs", "write numbers")
@@ -168,9 +173,10 @@ class _Reader:
             )
 
     def _only_off(self, statement: _Statement) -> None:
-        """Raises: FileError: a cycle, a compensation or another origin."""
-        off = all(cell.upper() in ("OFF", "NOMORE") or number_in(cell) == 0.0 for cell in statement.arguments)
-        if not off:
+        """Raises: FileError: a cycle, a compensation or another origin than the one that there is."""
+        values = [number_in(cell) for cell in statement.arguments]
+        same = statement.word == "ORIGIN" and values in ([0, 0, 0], [0, 0, 0, 1, 0, 0, 0, 0, 1])
+        if not same and not all(cell.upper() in ("OFF", "NOMORE") for cell in statement.arguments):
             what = {"ORIGIN": "another origin", "CUTCOM": "a compensation of the cutter", "CYCLE": "a cycle"}
             cure = "let the CAM system write plain GOTO in one frame"
             raise self._error(statement, f"turns on {what[statement.word]}, {shown(statement.text)!r}", cure)
@@ -281,7 +287,8 @@ class _Reader:
         found = {name: re.findall(rf"\({name}/([-+.,\dE]+)\)", text) for name in _NAMES}
         ahead, behind = found["CIRCLE"] or found["CYLNDR"] or [""], found["LINE"] or found["POINT"] or [""]
         circle, end = ([number_in(text) for text in part.split(",")] for part in (ahead[0], behind[-1]))
-        if len(circle) not in (4, 7) or len(end) not in (3, 6) or None in circle or None in end:
+        far = [value for value in circle + end if value is None or not abs(value) <= LARGEST]
+        if len(circle) not in (4, 7) or len(end) not in (3, 6) or far:
             fact = f"has a move along a curve that is not understood, {shown(statement.text)!r}"
             raise self._error(statement, fact, "let the CAM system write GOTO or circles")
         numbers = np.array(circle, dtype=float)
