@@ -23,7 +23,7 @@ DIALECT = Dialect(
     "{state} P{number}",
     "G4 P{seconds:g}",
     ("M65", "M64"),
-    own=0,
+    own=(),
     sliding=True,
     kinds=("joint",),
     forbidden=r"%|^[oO]",

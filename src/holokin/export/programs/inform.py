@@ -2,12 +2,14 @@
 
 Grammar: Yaskawa, "DX200 / YRC1000 Options: Instructions for INFORM Language" (MOVJ, MOVL, DOUT, TIMER, comments of at
 most 32 characters), and "DX200 Options: Instructions for Data Transmission Function" (the form of a job file: //POS
-with ///NPOS, ///TOOL, ///POSTYPE PULSE, ///PULSE; //INST with ///DATE, ///ATTR, ///GROUP1).
+with ///NPOS, ///TOOL, ///POSTYPE PULSE, ///PULSE; //INST with ///DATE, ///ATTR, ///GROUP1). Seven axes in the order S L U R B T E: Ros_CtrlGroup_ConvertToRosPos of
+CtrlGroup.c in ros-industrial/motoman.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -31,6 +33,7 @@ DIALECT = Dialect(
     "DOUT OT#({number}) {state}",
     "TIMER T={seconds:.2f}",
     ("OFF", "ON"),
+    own=(6, 7),
     external=3,
     kinds=("joint", "linear"),
     forbidden=r"^/|^END\b|^NOP\b|^'.{33}",
@@ -41,38 +44,43 @@ DIALECT = Dialect(
 def to_inform(
     timed: TimedTrajectory, pulses: Sequence[float], *, name: str | None = None, about: str = "",
     wiring: Wiring | None = None, tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None,
-    speeds: Sequence[float] | None = None, zone: int = 1, tool: int = 0, written: datetime | None = None,
+    speeds: Sequence[float] | None = None, zone: int = 1, tool: int = 0, group: int = 1,
+    written: datetime | None = None,
 ) -> Program:  # fmt: skip
-    """An INFORM job NAME.JBI of one robot, with up to three base axes; positions are in pulses.
+    """An INFORM job NAME.JBI of one robot of six or seven axes, with up to three base axes; positions are in pulses.
 
     A MOVJ has a share of the axes' greatest speed (VJ, in hundredths of a per cent), since INFORM knows no time of a
     move; a MOVL has its speed (V, in tenths of mm/s). The notes of the program say how much these roundings change the
     speed. There are no circular moves.
 
     Args:
-        pulses: of each axis, the robot's six and then the base axes [pulses per degree, or per mm of sliding ones], as
-            the controller's parameters have them.
+        pulses: of each axis, the robot's six or seven in the controller's order, then the base axes [pulses per degree,
+            or per mm of sliding ones], as the controller's parameters have them.
         name: of the job, at most 32 letters, digits and underscores.
         about: a line of the header: the strategy.
-        wiring: of the controller's axes: S, L, U, R, B, T, and base axes as external ones.
+        wiring: of the controller's axes: S, L, U, R, B, T, and base axes as external ones. The axis E of an arm of
+            seven is the third joint from the base and the controller's last axis: by default it is put there.
         tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
         lines: of the process.
         speeds: greatest speeds of the joints [rad/s or m/s] as the controller knows them; by default the limits of the
             motion.
         zone: 0 to 8, the position level PL of targets passed without a stop; corners and the end are PL=0.
         tool: number of the tool.
+        group: number of the robot on its controller: the right arm of an SDA is 2.
         written: the date in the header; by default now.
 
     Raises:
-        ExportError: a robot of other than six axes; a move too slow or too fast for VJ or V.
+        ExportError: a robot of other than six or seven axes; an external joint within the arm; a move too slow or too
+            fast for VJ or V.
         ArgumentError: bad names, numbers, wiring or lines.
     """
-    for what, value, most in (("zone", zone, LEVELS), ("tool", tool, 63)):
-        if whole(what, value, 0) > most:
-            raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
+    for what, value, least, most in (("zone", zone, 0, LEVELS), ("tool", tool, 0, 63), ("group", group, 1, 8)):
+        if whole(what, value, least) > most:
+            raise ArgumentError(what, value, f"give a whole number from {least} to {most}")
+    wiring = _seven_axes(timed, wiring or Wiring())
     goals = targets(timed, wiring, DIALECT, tolerance, lines)
     short = program_name(name, about, NAME, goals).upper()
-    facts = header(timed, about, goals, ["positions in pulses", f"tool {tool}, PL {zone}"], REMARK)
+    facts = header(timed, about, goals, ["positions in pulses", *_order(wiring), f"tool {tool}, PL {zone}"], REMARK)
     remarks = [f"'{line}" for line in facts]
     moves, rounded = _moves(goals, speed_shares(goals, speeds), zone)
     body = ["NOP", *remarks, *with_lines(goals, moves), "END"]
@@ -83,10 +91,32 @@ def to_inform(
     text += [f"///TOOL {tool}", "///POSTYPE PULSE", "///PULSE"]
     text += [f"C{i:05d}={','.join(map(str, row[: goals.own]))}" for i, row in enumerate(counts)]
     text += [f"BC{i:05d}={','.join(map(str, row[goals.own :]))}" for i, row in enumerate(counts) if bases]
-    text += ["//INST", f"///DATE {date:%Y/%m/%d %H:%M}", "///ATTR SC,RW", f"///GROUP1 RB1{',BS1' * bool(bases)}"]
+    text += ["//INST", f"///DATE {date:%Y/%m/%d %H:%M}", "///ATTR SC,RW", f"///GROUP1 RB{group}{f',BS{group}' * bool(bases)}"]
     note = f"the roundings of VJ and V change the speed of a move by up to {100 * rounded:.2g} %"
     files = {f"{short}.JBI": "\n".join([*text, *body, ""])}
     return Program(files, len(goals.q), goals.deviation, goals.tool, (note,))
+
+
+def _seven_axes(timed: TimedTrajectory, wiring: Wiring) -> Wiring:
+    """The wiring with the joints of an arm of seven in the controller's order S, L, U, R, B, T, E.
+
+    Raises: ExportError: an external joint between those of the arm, which no base axis is.
+    """
+    own = [name for name in timed.joint_names if name not in wiring.external]
+    places = [timed.joint_names.index(name) for name in own]
+    for name in set(wiring.external) & set(timed.joint_names):
+        if own and places[0] < timed.joint_names.index(str(name)) < places[-1]:
+            fact = f"{name} lies between joints of the arm, and no base axis of INFORM does"
+            raise ExportError(fact, "leave it out of external=: INFORM has arms of seven axes")
+    if wiring.axes is not None or len(own) != 7:
+        return wiring
+    return replace(wiring, axes=(*own[:2], *own[3:], own[2]))
+
+
+def _order(wiring: Wiring) -> list[str]:
+    """Which joints the axes of an arm of seven are, in words."""
+    named = zip("SLURBTE", wiring.axes or (), strict=False)
+    return ["axes " + ", ".join(f"{axis} = {entry}" for axis, entry in named)] if len(wiring.axes or ()) == 7 else []
 
 
 def _counts(goals: Targets, pulses: Sequence[float]) -> Matrix:

@@ -43,7 +43,7 @@ LANGUAGES = {
     "rapid": Language(to_rapid, (*COMMON, *CELL), longest=RAPID_NAME - 2),
     "krl": Language(to_krl, (*COMMON, *CELL), longest=KRL_NAME),
     "urscript": Language(to_urscript, (*COMMON, "tool", "payload", "zone"), streams=STEPS),
-    "inform": Language(to_inform, (*COMMON, "tool", "zone", "pulses", "speeds"), INFORM_NAME, ("pulses",)),
+    "inform": Language(to_inform, (*COMMON, "tool", "zone", "pulses", "speeds", "group"), INFORM_NAME, ("pulses",)),
     "val3": Language(to_val3, (*COMMON, "tool", "base", "zone", "speeds"), longest=VAL3_NAME),
     "gcode": Language(to_gcode, (*COMMON, "zone", "letters")),
     "ls": Language(to_fanuc, (*COMMON, *CELL, "coupled"), longest=SHORT),

@@ -18,7 +18,7 @@ from ...base.units import PrintedUnits
 from ...motion import TimedTrajectory
 from ...path.path import rotation_matrix, rotation_vector, straight
 from ...strategies.tasks.task import Task, of_one_tool
-from ...strategies.tasks.task_kinds import pose
+from ...strategies.tasks.task_kinds import pose, relative_pose
 
 FINER = 4
 """Instants a step at which a program is held against the motion. Between two of them it is a sixteenth as far off as
@@ -389,7 +389,7 @@ class Dialect:
     Attributes:
         language: its name in messages.
         output, wait, states: how an output is set, with its words for off and on, and how the program waits.
-        own: the axes of a robot that it holds; 0 for any number. external: how many external ones besides.
+        own: how many axes its robots have; none for any number. external: how many external ones besides.
         sliding: whether axes of the robot may slide.
         kinds: the moves that it has.
         halt: what waits for the end of a move, where the program runs on before that.
@@ -401,7 +401,7 @@ class Dialect:
     output: str
     wait: str
     states: tuple[str, str]
-    own: int = 6
+    own: tuple[int, ...] = (6,)
     external: int = 0
     sliding: bool = False
     kinds: tuple[Kind, ...] = KINDS

@@ -241,7 +241,7 @@ def targets(
     # Where lines stand the robot stops, so that they come in time.
     stops = np.isin(picked, [*timed.stops, *more])
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
-    of, own = (timed, wiring, dialect, lines), dialect.own or timed.q.shape[1]
+    of, own = (timed, wiring, dialect, lines), q.shape[1] - len(wiring.external)
     axes = timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()), own
     on, off = np.searchsorted(picked, window).tolist()
     return Targets(*of, *axes, deviation(timed, picked), tuple(moves), via, tool, linear, on, off)
@@ -346,12 +346,13 @@ def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Ma
     # As many axes as the language holds.
     names = list(timed.joint_names)
     axes, external = wiring.axes, wiring.external
-    language, own, most = dialect.language, dialect.own or len(names), dialect.external
+    language, own, most = dialect.language, dialect.own or (len(names),), dialect.external
     if axes is None:
         axes = tuple(name for name in names if name not in external)
-    held = f"{language} holds {own} axes of a robot" + (f" and {most} external ones" if most else "")
-    if len(axes) != own:
-        cure = f"name the {own} in axes=, joints or fixed values" + (", and the others in external=" if most else "")
+    counts = " or ".join(map(str, own))
+    held = f"{language} holds {counts} axes of a robot" + (f" and {most} external ones" if most else "")
+    if len(axes) not in own:
+        cure = f"name the {counts} in axes=, joints or fixed values" + (", and the others in external=" if most else "")
         raise ExportError(f"{held}, but {len(axes)} are given: {', '.join(map(str, axes))}", cure)
     if len(external) > most:
         cure = f"name at most {most}" if most else "export to another language, or lock joints in the robot"
@@ -369,7 +370,7 @@ def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Ma
     for k, entry in enumerate((*axes, *external)):
         joint = names.index(entry) if isinstance(entry, str) else None
         is_length = joint is not None and timed.joint_units[joint] == "m"
-        if is_length and k < own and not dialect.sliding:
+        if is_length and k < len(axes) and not dialect.sliding:
             raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
         column = timed.q[:, joint] if joint is not None else np.full(len(timed), _still(entry))
         columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
