@@ -17,7 +17,7 @@ from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, 
 from ...base.units import PrintedUnits
 from ...motion import TimedTrajectory
 from ...path.path import rotation_matrix, rotation_vector, straight
-from ...strategies.tasks.task import Task, of_one_tool
+from ...strategies.tasks.task import RelativeFrame, Task, of_one_tool
 from ...strategies.tasks.task_kinds import pose, relative_pose
 
 FINER = 4
@@ -88,6 +88,12 @@ class ToolTolerance(Value):
     joints: float = 0.02
     linear: bool = False
 
+    @property
+    def part(self) -> RelativeFrame | None:
+        """The frame of a part that moves, as on a turntable, on which the tool has its place and speed; else None."""
+        frame = getattr(self.task, "frame", None)
+        return frame if isinstance(frame, RelativeFrame) else None
+
     def __post_init__(self) -> None:
         super().__post_init__()
         check("task", Task, self.task)
@@ -155,7 +161,7 @@ class ToolMotion(Value):
     """A timed motion as its tool makes it, at k instants: `FINER` a step of the motion.
 
     Attributes:
-        task: the pose of its tool.
+        task: the pose of its tool; where the task is relative, that on the part.
         own: the joints (a,) that the controller moves to a pose by its inverse; the others it moves evenly.
         t, q, dq: times (k,), joints and their rates (k, n). limits: of these (n,).
         p, R: of the tool, (k, 3) and (k, 3, 3).
@@ -182,7 +188,8 @@ class ToolMotion(Value):
         robot = tolerance.task.robot
         if robot.joint_names != timed.joint_names:
             raise ArgumentError("the task of the tolerance", robot.name, "give a task of the robot that moves")
-        task = pose(robot, tip=tolerance.task.tip)
+        frame = tolerance.part
+        task = pose(robot, tip=tolerance.task.tip) if frame is None else relative_pose(robot, frame.name, frame.other)
         t, q, dq = finer(timed)
         p, R = task._poses(q)
         J, _ = task.jacobian_batch(q)

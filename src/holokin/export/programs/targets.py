@@ -313,6 +313,9 @@ def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) ->
     names = list(timed.joint_names)
     axes = [name for name in names if name not in wiring.external] if wiring.axes is None else wiring.axes
     own = np.array(sorted(names.index(axis) for axis in axes if isinstance(axis, str)))
+    if tolerance.linear and tolerance.part is not None:
+        fact = f"linear moves of {timed.joint_names[own[0]]} and the others are lines in the room, not on {tolerance.part.other}"
+        raise ExportError(fact, "write joint moves: leave out linear")
     if tolerance.linear and (len(own) != 6 or np.ptp(own) != 5):
         fact = f"a linear move to a pose does not say where {len(own)} joints are"
         raise ExportError(f"{fact}, but those of six axes one after another", "write joint moves: leave out linear")
