@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from holokin.base.types import Matrix
+from holokin.export import Program
 
 REAL = r"[+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 
@@ -39,6 +40,11 @@ class Parsed:
     via: dict[int, list[float]] = field(default_factory=dict)
     lines: list[tuple[int, str]] = field(default_factory=list)
     zones: list[float] = field(default_factory=list)
+
+
+def facts(program: Program) -> str:
+    """The text beside a program on one line."""
+    return " ".join(program.facts.split())
 
 
 class GrammarError(Exception):

@@ -20,6 +20,7 @@ import grammars_more
 import holokin as hk
 import referees
 from conftest import campaign, sampled
+from grammars import facts
 from holokin.base.errors import ArgumentError, ExportError
 from holokin.export import Program, ToolTolerance, to_fanuc, to_inform, to_krl, to_rapid, to_ros, to_urscript, to_val3
 from holokin.export.programs.moves import ToolMotion
@@ -140,7 +141,7 @@ def test_there_are_nearly_as_few_targets_as_can_be(
 
 def test_the_header_says_how_far_the_tool_and_its_speed_are_off(welder: hk.Task, corner: TimedTrajectory) -> None:
     program = to_rapid(corner, tolerance=ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02, True))
-    said = " ".join(read(program, "rapid").comments)
+    said = facts(program)
     assert "linear moves" in said and "mm/s" in said and "no other joint moves" in said
     assert "deviations are measured every 2 ms; in this time the tool moves at most 0.016 mm along the path" in said
     assert "the lines that switch the process on and off are at multiples of 8 ms" in said
@@ -149,7 +150,7 @@ def test_the_header_says_how_far_the_tool_and_its_speed_are_off(welder: hk.Task,
 def test_acc_and_jerk_are_told_of_joint_moves_alone(welder: hk.Task, corner: TimedTrajectory) -> None:
     """A controller makes a linear move with ramps of its own: the limits of the timed motion are not those."""
     for linear in (False, True):
-        said = " ".join(read(to_krl(corner, tolerance=ToolTolerance(welder, linear=linear)), "krl").comments)
+        said = facts(to_krl(corner, tolerance=ToolTolerance(welder, linear=linear)))
         assert ("acc 286.479 deg/s^2" in said) is not linear
         assert ("the controller chooses acc and jerk of the joints: none are stated" in said) is linear
         assert "speed 200 deg/s" in said
@@ -164,7 +165,7 @@ def test_a_tool_that_turns_in_place_makes_joint_moves_and_the_header_says_where(
     found = read(program, "rapid")
     turning = found.kinds.index("linear")
     assert turning > 0 and set(found.kinds[:turning]) == {"joint"} and set(found.kinds[turning:]) == {"linear"}
-    assert f"joint moves to targets {', '.join(str(i + 2) for i in range(min(turning, 6)))}" in " ".join(found.comments)
+    assert f"joint moves to targets {', '.join(str(i + 2) for i in range(min(turning, 6)))}" in facts(program)
 
 
 def test_no_linear_move_leads_along_a_singular_posture(irb140: hk.Robot) -> None:
@@ -174,9 +175,10 @@ def test_no_linear_move_leads_along_a_singular_posture(irb140: hk.Robot) -> None
     task = hk.position(irb140)
     walk = hk.follow(hk.holonomic(task, hk.lock(3, 4, 5)), hk.polyline(at + np.array([[0, 0, 0], [0, 0.05, 0]])), q0)
     timed = hk.retime(walk, acceleration=5.0, dt=0.02)
-    found = read(to_rapid(timed, tolerance=ToolTolerance(task, 1e-3, 0.05, 0.05, 0.05, True)), "rapid")
+    program = to_rapid(timed, tolerance=ToolTolerance(task, 1e-3, 0.05, 0.05, 0.05, True))
+    found = read(program, "rapid")
     assert set(found.kinds) == {"joint"}
-    assert "or the arm is nearly singular" in " ".join(found.comments)
+    assert "or the arm is nearly singular" in facts(program)
 
 
 def test_linear_moves_of_a_seven_axis_arm_are_refused(panda: hk.Robot) -> None:
@@ -210,14 +212,14 @@ def test_a_tool_that_only_turns_has_no_speed_and_few_targets(welder: hk.Task) ->
     timed = seam(welder, hk.polyline(poses), 0.02)
     program = to_rapid(timed, tolerance=ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02))
     assert program.targets < 12 and np.isnan(program.tool.slowest)
-    assert "its speed was not compared" in " ".join(read(program, "rapid").comments)
+    assert "its speed was not compared" in facts(program)
 
 
 def test_a_tolerance_that_the_samples_cannot_keep_is_said_to_be_missed(welder: hk.Task) -> None:
     at = welder.robot.pose(Q0)[:3, 3]
     timed = seam(welder, hk.path.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.1)
     program = to_rapid(timed, tolerance=ToolTolerance(welder, 1e-6, 0.02, 1e-6, 0.02))
-    assert not program.tool.kept and "NOT within what was asked for" in " ".join(read(program, "rapid").comments)
+    assert not program.tool.kept and "NOT within what was asked for" in facts(program)
 
 
 def test_the_tool_is_as_near_between_the_steps_as_the_header_says(welder: hk.Task) -> None:

@@ -17,6 +17,7 @@ import grammars_more
 import holokin as hk
 import referees
 from conftest import IRB_START, PANDA_START, Command, sampled
+from grammars import facts
 from holokin.analysis.audit.logs import read_recording
 from holokin.app.job import open_job, program_of_job, run_job
 from holokin.app.job.job_parts import build_entry, build_paths, entry_report
@@ -98,8 +99,10 @@ def test_urscript_streams_every_sample(six: TimedTrajectory) -> None:
 @pytest.mark.parametrize("language", WRITERS)
 def test_the_header_tells_the_law_limits_tolerance_and_units(language: str, six: TimedTrajectory) -> None:
     soft = replace(six, limits=replace(six.limits, jerk=np.full(6, 300.0)))
-    said = " ".join(read(WRITERS[language](soft, about=ABOUT), language).comments)
-    assert "wrist held: q4, q5, q6 stay ?" in said
+    program = WRITERS[language](soft, about=ABOUT)
+    said, header = facts(program), read(program, language).comments
+    assert len(header) == 5 and "targets" in header[2] and "way to" in header[4]
+    assert "wrist held: q4, q5, q6 stay ue" in said
     plain = "q3: -0.872665 to 4.01426 rad, speed 3 rad/s, acc 10 rad/s^2, jerk 300 rad/s^3"
     turned = "q3: -50 to 230 deg, speed 171.887 deg/s, acc 572.958 deg/s^2, jerk 17188.7 deg/s^3"
     assert (plain if language == "urscript" else turned) in said
@@ -177,10 +180,11 @@ def test_a_remark_of_a_fanuc_program_ends_no_statement(six: TimedTrajectory) -> 
 
 def test_fanuc_counts_joint_three_from_the_floor_when_asked(six: TimedTrajectory) -> None:
     """J3 = joint 3 - joint 2, as ROS-Industrial's driver has it; the header says which of the two it is."""
-    plain, coupled = (read(to_fanuc(six, coupled=c), "ls") for c in (False, True))
+    programs = [to_fanuc(six, coupled=c) for c in (False, True)]
+    plain, coupled = (read(program, "ls") for program in programs)
     np.testing.assert_allclose(coupled.axes[:, 2], plain.axes[:, 2] - plain.axes[:, 1], atol=2e-3)
-    assert "J3 = joint 3 - joint 2" in " ".join(coupled.comments)
-    assert "no coupling" in " ".join(plain.comments)
+    assert "J3 = joint 3 - joint 2" in facts(programs[1])
+    assert "no coupling" in facts(programs[0])
 
 
 @pytest.mark.parametrize("format", ["json", "yaml"])
@@ -288,8 +292,8 @@ def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: P
     done = holokin("run", "weld.toml", "--out", "out")
     assert done.code == 0, done.err
     assert re.search(r"trapezoidal, [01]\.\d+ s", done.out), done.out
-    facts = json.loads(Path("out/weld/result.json").read_text("utf-8"))["strategies"][0]
-    assert facts["timing"]["duration"] == facts["metrics"]["time"]
+    result = json.loads(Path("out/weld/result.json").read_text("utf-8"))["strategies"][0]
+    assert result["timing"]["duration"] == result["metrics"]["time"]
     header = Path("out/weld/wrist-timed.csv").read_text("utf-8").partition("\n")[0]
     assert header.startswith("time [s],q1 [rad]")
     assert "Timing" in Path("out/weld/report.html").read_text("utf-8")
@@ -297,8 +301,8 @@ def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: P
     assert done.code == 0, done.err
     texts = [Path("krl", name).read_text("utf-8") for name in ("irb140_wrist.src", "irb140_wrist.dat")]
     found = grammars.krl(*texts)
-    assert sum(found.seconds) == pytest.approx(facts["timing"]["duration"], abs=1e-3)
-    assert "Job weld: wrist on irb140" in " ".join(found.comments)
+    assert sum(found.seconds) == pytest.approx(result["timing"]["duration"], abs=1e-3)
+    assert "Job weld: wrist on irb140" in Path("krl", "irb140_wrist.txt").read_text("utf-8")
     assert holokin("export", "ros", "weld.toml", "--out", "ros", "--dt", "0.01").code == 0
     assert len(Path("ros/joints.csv").read_text("utf-8").splitlines()) < 200
     done = holokin("export", "ls", "weld.toml", "--out", "x", "--jerk", "-1")

@@ -77,13 +77,13 @@ def to_fanuc(
     short = program_name(name, about, NAME if name else SHORT, goals).upper()
     counted = "J3 = joint 3 - joint 2" if coupled else "J3 = joint 3 of the model (no coupling)"
     more = ["degrees, external axes degrees or mm", counted, f"UF {base}, UT {tool}"]
-    remarks = header(timed, about, goals, more, REMARK)
-    body = [f"!{line.replace(';', ',')}" for line in remarks]  # a semicolon ends a statement
+    head = header(timed, about, goals, more, REMARK)
+    body = [f"!{line.replace(';', ',')}" for line in head.lines]  # a semicolon ends a statement
     body += [f"UFRAME_NUM={base}", f"UTOOL_NUM={tool}"]
     body += [f"PAYLOAD[{payload}]"] if payload is not None else []
     body += with_lines(goals, [["J P[1] 10% FINE"], *_moves(goals, zone)])
     text = _listing(short, body, goals, f"UF : {base}, UT : {tool}", written or datetime.now())
-    return Program({f"{short}.LS": text}, len(goals.q), goals.deviation, goals.tool)
+    return head.program({f"{short}.LS": text}, goals)
 
 
 def _coupled(q: Array) -> Array:

@@ -2,8 +2,8 @@
 
 Grammar: Yaskawa, "DX200 / YRC1000 Options: Instructions for INFORM Language" (MOVJ, MOVL, DOUT, TIMER, comments of at
 most 32 characters), and "DX200 Options: Instructions for Data Transmission Function" (the form of a job file: //POS
-with ///NPOS, ///TOOL, ///POSTYPE PULSE, ///PULSE; //INST with ///DATE, ///ATTR, ///GROUP1). Seven axes in the order S L U R B T E: Ros_CtrlGroup_ConvertToRosPos of
-CtrlGroup.c in ros-industrial/motoman.
+with ///NPOS, ///TOOL, ///POSTYPE PULSE, ///PULSE; //INST with ///DATE, ///ATTR, ///GROUP1). The order of seven axes,
+S L U R B T E, is that of Ros_CtrlGroup_ConvertToRosPos in CtrlGroup.c of ros-industrial/motoman.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ def to_inform(
     wiring = _seven_axes(timed, wiring or Wiring())
     goals = targets(timed, wiring, DIALECT, tolerance, lines)
     short = program_name(name, about, NAME, goals).upper()
-    facts = header(timed, about, goals, ["positions in pulses", *_order(wiring), f"tool {tool}, PL {zone}"], REMARK)
-    remarks = [f"'{line}" for line in facts]
+    head = header(timed, about, goals, ["positions in pulses", *_order(wiring), f"tool {tool}, PL {zone}"], REMARK)
+    remarks = [f"'{line}" for line in head.lines]
     moves, rounded = _moves(goals, speed_shares(goals, speeds), zone)
     body = ["NOP", *remarks, *with_lines(goals, moves), "END"]
     counts = _counts(goals, pulses)
@@ -91,10 +91,11 @@ def to_inform(
     text += [f"///TOOL {tool}", "///POSTYPE PULSE", "///PULSE"]
     text += [f"C{i:05d}={','.join(map(str, row[: goals.own]))}" for i, row in enumerate(counts)]
     text += [f"BC{i:05d}={','.join(map(str, row[goals.own :]))}" for i, row in enumerate(counts) if bases]
-    text += ["//INST", f"///DATE {date:%Y/%m/%d %H:%M}", "///ATTR SC,RW", f"///GROUP1 RB{group}{f',BS{group}' * bool(bases)}"]
+    groups = f"RB{group},BS{group}" if bases else f"RB{group}"
+    text += ["//INST", f"///DATE {date:%Y/%m/%d %H:%M}", "///ATTR SC,RW", f"///GROUP1 {groups}"]
     note = f"the roundings of VJ and V change the speed of a move by up to {100 * rounded:.2g} %"
     files = {f"{short}.JBI": "\n".join([*text, *body, ""])}
-    return Program(files, len(goals.q), goals.deviation, goals.tool, (note,))
+    return head.program(files, goals, [note])
 
 
 def _seven_axes(timed: TimedTrajectory, wiring: Wiring) -> Wiring:

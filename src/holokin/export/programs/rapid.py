@@ -70,7 +70,8 @@ def to_rapid(
     places, reduced = _zones(goals, zone)
     used = tool if base is None else f"{tool}\\WObj:={base}"
     more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]
-    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, goals, more, 76))]
+    head = header(timed, about, goals, more, 76)
+    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in head.lines)]
     text += [line for i in range(len(goals.q)) for line in _declared(f"p{i + 1}", goals, i)]
     text += [line for i in goals.via for line in _declared(f"c{i + 2}", goals, i, via=True)]
     moves = [[f"    MoveAbsJ p1\\NoEOffs,v100,fine,{used};"]]
@@ -88,7 +89,7 @@ def to_rapid(
         body = ["CirPathMode\\ObjectFrame;", *body, "CirPathMode\\PathFrame;"]
     text += ["", f"  PROC {short}()", *(f"    {line.strip()}" for line in [*load, *body])]
     text += ["  ENDPROC", "ENDMODULE", ""]
-    return Program({f"{short}_M.mod": "\n".join(text)}, len(goals.q), goals.deviation, goals.tool)
+    return head.program({f"{short}_M.mod": "\n".join(text)}, goals)
 
 
 def _declared(name: str, goals: Targets, i: int, via: bool = False) -> list[str]:

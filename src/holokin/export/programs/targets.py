@@ -314,7 +314,7 @@ def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) ->
     axes = [name for name in names if name not in wiring.external] if wiring.axes is None else wiring.axes
     own = np.array(sorted(names.index(axis) for axis in axes if isinstance(axis, str)))
     if tolerance.linear and tolerance.part is not None:
-        fact = f"linear moves of {timed.joint_names[own[0]]} and the others are lines in the room, not on {tolerance.part.other}"
+        fact = f"a linear move of the arm is a line in the room, and not on {tolerance.part.other}, which moves"
         raise ExportError(fact, "write joint moves: leave out linear")
     if tolerance.linear and (len(own) != 6 or np.ptp(own) != 5):
         fact = f"a linear move to a pose does not say where {len(own)} joints are"
