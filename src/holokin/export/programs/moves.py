@@ -25,8 +25,8 @@ FINER = 4
 between two samples: the largest distance of a curve from its chord goes with the square of the step."""
 
 
-def finer(timed: TimedTrajectory) -> tuple[Vector, Matrix, Matrix]:
-    """Times (k,), joints and their rates (k, n) at FINER instants a step; sample i of the motion is instant FINER * i.
+def finer(timed: TimedTrajectory, each: int = FINER) -> tuple[Vector, Matrix, Matrix]:
+    """Times (k,), joints and their rates (k, n) at `each` instants a step; sample i of the motion is instant each * i.
 
     Between two samples by the polynomial of degree five that has the motion's joints, rates and accelerations at both.
     Where an acceleration jumps by a within a step of h seconds it is off by 0.018 a h^2 at most.
@@ -37,7 +37,7 @@ def finer(timed: TimedTrajectory) -> tuple[Vector, Matrix, Matrix]:
     c3 = 10 * gone - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
     c4 = -15 * gone + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
     c5 = 6 * gone - 3 * v0 - 3 * v1 - 0.5 * a0 + 0.5 * a1
-    s = (np.arange(FINER) / FINER)[:, None]
+    s = (np.arange(each) / each)[:, None]
     between = q[:-1] + s * (v0 + s * (a0 / 2 + s * (c3 + s * (c4 + s * c5))))
     rates = (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
     n = timed.q.shape[1]
@@ -395,7 +395,8 @@ class Dialect:
 
     Attributes:
         language: its name in messages.
-        output, wait, states: how an output is set, with its words for off and on, and how the program waits.
+        output, wait, states: how an output is set, with its words for off and on, and how the program waits; no output
+            where every project has its own way.
         own: how many axes its robots have; none for any number. external: how many external ones besides.
         sliding: whether axes of the robot may slide.
         kinds: the moves that it has.
@@ -424,9 +425,12 @@ class Dialect:
 
     def _line(self, line: str) -> str:
         if match := OUTPUT.fullmatch(line):
+            if not self.output:
+                cure = "the outputs are those of an I/O group of your project: write its own line"
+                raise ArgumentError(f"a process line of {self.language}", line, cure)
             return self.output.format(number=int(match[1]), state=self.states[match[2] == "on"]) + self.end
         if match := WAIT.fullmatch(line):
-            return self.wait.format(seconds=float(match[1])) + self.end
+            return self.wait.format(seconds=float(match[1]), milliseconds=1e3 * float(match[1])) + self.end
         if re.match(r"(?:output|wait)\b(?=[ .\d]|$)", line):
             raise ArgumentError("a process line", line, "write 'output 3 on', 'output 3 off' or 'wait 0.5'")
         if re.search(self.forbidden, line) or len(line) > self.longest:

@@ -33,7 +33,8 @@ from .targets import Targets, Wiring
 #
 # Instructions are those that the written programs use: a program of such a name would call itself. Others may stand in
 # process lines: there a name is looked for, too. TP and INFORM call programs by CALL and RUN, and a G-code program is
-# known by its file alone: their names are apart from their words.
+# known by its file alone: their names are apart from their words. A Python program of the name of a module that it
+# imports would be that module.
 
 DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))})
 """Names that Windows, on which programs are loaded, and FANUC's controllers keep for devices: no file has them."""
@@ -92,10 +93,21 @@ _VAL3 = """
     waitendmove delay jointtopoint
 """
 
+_JAVA = """
+    abstract assert boolean break byte case catch char class const continue default do double else enum extends final
+    finally float for goto if implements import inject int interface joint jointposition lbr long math native new null
+    override package private protected ptp public return roboticsapiapplication short spline splinejp splinemotionjp
+    static strictfp string super switch synchronized target targets this threadutil throw throws transient true false
+    try void volatile while
+"""
+
 LANGUAGE_WORDS = {
     "RAPID": Words(frozenset(_RAPID.split()), r"[pc]\d+", r"v\d+|z\d+|fine|do\d+|tool0|wobj0|load0"),
     "KRL": Words(frozenset(_KRL.split()), r"X[PCFG]\d+|XERR"),
     "URScript": Words(frozenset(_URSCRIPT.split()), exact=True),
+    "Sunrise": Words(frozenset(_JAVA.split())),
+    "xArm": Words(frozenset({"sys", "xarm"})),
+    "libfranka": Words(frozenset({"sys", "pathlib", "numpy", "pylibfranka"})),
     "VAL3": Words(frozenset(_VAL3.split()), r"l_(jA|jB|pA|pB|mDesc)", r"flange|world|diOut\d+"),
 }
 """By the name of the language in messages; the others keep the names of devices alone."""
@@ -191,7 +203,7 @@ def header(
         width: characters of a line of the program.
     """
     start = "The controller chooses the way to the first target: make sure that this way is free"
-    facts = [f"Written by holokin {__version__}", _plain(about) or "strategy: not told"]
+    facts = [f"Written by holokin {__version__}", ascii_text(about) or "strategy: not told"]
     facts += [*_timing_facts(timed, goals), *_deviation_facts(timed, goals), start, *more]
     text = [part for line in facts for part in textwrap.wrap(line, 100, break_on_hyphens=False)]
     # Five lines for the operator.
@@ -201,7 +213,7 @@ def header(
     few = [f"holokin {__version__}", facts[1], f"{timed.duration:.3f} s{count}", _within(timed, goals), beside]
     lines = [line if len(line) <= width else f"{line[: width - 3].rstrip()}..." for line in few]
     foreign = [words for words in (about, *timed.joint_names) if not words.isascii()]
-    notes = [f"the program holds ASCII alone: {words!r} is {_plain(words)!r} there" for words in foreign]
+    notes = [f"the program holds ASCII alone: {words!r} is {ascii_text(words)!r} there" for words in foreign]
     return Header(tuple(lines), "\n".join([*text, ""]), tuple(notes))
 
 
@@ -235,7 +247,7 @@ def _timing_facts(timed: TimedTrajectory, goals: Targets | None) -> list[str]:
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
-        lines.append(f"{_plain(name)}: " + ", ".join([span, *rates, *turned]))
+        lines.append(f"{ascii_text(name)}: " + ", ".join([span, *rates, *turned]))
     return lines
 
 
@@ -262,7 +274,7 @@ def _deviation_facts(timed: TimedTrajectory, goals: Targets | None) -> list[str]
     return lines
 
 
-def _plain(words: str) -> str:
+def ascii_text(words: str) -> str:
     """Words of a file on one line of ASCII, without what ends a comment, a statement or a section in any language."""
     latin = unicodedata.normalize("NFKD", line(words).translate(SPELT))
     kept = "".join(c for c in latin if not unicodedata.combining(c))
@@ -318,6 +330,6 @@ def program_name(given: str | None, about: str, longest: int, goals: Targets, na
     used = [*own, *(word for word in names if isinstance(word, str))]
     if given is not None:
         return checked_name(given, longest, language, used=used)
-    words = re.sub(r"[^A-Za-z0-9]+", "_", about or "holokin").strip("_")
+    words = re.sub(r"[^A-Za-z0-9]+", "_", ascii_text(about) or "holokin").strip("_")
     name = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
     return f"hk_{name}"[:longest] if taken(name, language, used=used) else name

@@ -226,7 +226,7 @@ def targets(
         ArgumentError: bad wiring; a tolerance of another robot's tool.
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
-    q, lengths = _wired(timed, wiring, dialect)
+    q, lengths = wired(timed, wiring, dialect, timed.q)
     window = _window(timed, lines)
     more = window if lines.on or lines.off else ()
     # The moves, and the samples to which they lead.
@@ -344,8 +344,8 @@ def deviation(timed: TimedTrajectory, picked: Indices) -> float:
     return max(_off(q, int(a), int(b)) for a, b in pairwise(picked))
 
 
-def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Matrix, tuple[bool, ...]]:
-    """(axes (k, own + external), which are lengths). Raises: ExportError, ArgumentError."""
+def wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect, q: Matrix) -> tuple[Matrix, tuple[bool, ...]]:
+    """(axes (k, own + external) of joints q (k, n), which are lengths). Raises: ExportError, ArgumentError."""
     # As many axes as the language holds.
     names = list(timed.joint_names)
     axes, external = wiring.axes, wiring.external
@@ -375,7 +375,7 @@ def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Ma
         is_length = joint is not None and timed.joint_units[joint] == "m"
         if is_length and k < len(axes) and not dialect.sliding:
             raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
-        column = timed.q[:, joint] if joint is not None else np.full(len(timed), _still(entry))
+        column = q[:, joint] if joint is not None else np.full(len(q), _still(entry))
         columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
         lengths.append(is_length)
     return np.column_stack(columns), tuple(lengths)
