@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -109,6 +111,28 @@ def test_sunrise_stops_where_the_motion_does_and_waits_in_java(corner: TimedTraj
         to_sunrise(hk.retime(corner.untimed, acceleration=4.0, speed=1.0, dt=0.002), tolerance=1e-12)
     with pytest.raises(ExportError, match="% of the greatest speed"):
         to_sunrise(corner, speeds=[0.01] * 7)
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(shutil.which("javac") is None, reason="needs a JDK")
+def test_java_compiles_the_class_and_runs_through_its_targets(sia: hk.Robot, tmp_path: Path) -> None:
+    """With classes of KUKA's names that print what they are asked: the most targets that a class may have."""
+    slow = hk.path.arc(at := sia.pose(START)[:3, 3], at - [0.06, 0, 0], 2.0).at_speed(0.03)
+    timed = motion(sia, START, slow, 2, jerk=100.0)
+    some = hk.retime(timed.untimed, acceleration=4.0, speed=1.0, dt=timed.duration / 998)  # nearly the most
+    program = to_sunrise(some, name="Seam", tolerance=1e-12, lines=ProcessLines(off=["wait 0.5"]))
+    assert program.targets > 980
+    (tmp_path / "Seam.java").write_text(program.text, "utf-8")
+    stubs = Path(__file__).with_name("sunrise_stubs")
+    sources = [str(tmp_path / "Seam.java"), *map(str, stubs.rglob("*.java"))]
+    subprocess.run(["javac", "-Xlint:all", "-Werror", "-d", str(tmp_path), *sources], check=True)
+    done = subprocess.run(["java", "-cp", str(tmp_path), "Play", "Seam"], check=True, capture_output=True, text=True)
+    lines = done.stdout.splitlines()
+    rows = np.array([[float(x) for x in line.split()] for line in lines if line[0] in "-.0123456789"])
+    read = grammars_seven.sunrise(program.text, np.rad2deg(sia.max_velocity))
+    np.testing.assert_allclose(np.rad2deg(rows[:, :7]), read.axes, atol=1e-9)
+    ends = [i for i, line in enumerate(lines) if line == "end"]
+    assert len(ends) == sum(read.stops) and lines[-1] == "sleep 500"
 
 
 def test_an_xarm_program_ends_at_the_first_call_that_is_refused(corner: TimedTrajectory) -> None:
