@@ -1,7 +1,7 @@
 """Programs of arms of seven axes: their grammar is read, or their Python is run with the maker's calls recorded.
 
 KUKA: "Sunrise.OS" (a class of RoboticsAPIApplication with ptp and SplineJP of targets). UFACTORY: xArm-Python-SDK 1.18,
-doc/api/xarm_api.md. Franka: pylibfranka 0.21.
+doc/api/xarm_api.md. Franka: pylibfranka 0.21. Kinova: Kortex API.
 """
 
 from __future__ import annotations
@@ -191,3 +191,86 @@ def franka(program: Program, folder: Path, at: np.ndarray, lost: int | None = No
         if np.abs(before[-1] - after[0]).max() > 1e-9:
             raise GrammarError("a motion that begins elsewhere")
     return [np.array(rows) for rows in played]
+
+
+class Message(SimpleNamespace):
+    """Of protobuf: fields that are made when they are asked for, and lists to which `add` adds."""
+
+    def __getattr__(self, name: str) -> Message:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        made = Message(items=[])
+        setattr(self, name, made)
+        return made
+
+    def add(self, **fields: object) -> None:
+        self.items.append(SimpleNamespace(**fields))
+
+
+def kinova(program: Program, folder: Path, aborts: bool = False) -> tuple[list[float], np.ndarray, np.ndarray]:
+    """(the angles of the move to the start, times (k,), the rows (k, 3 n) of the trajectory), by the Kortex API."""
+    asked: list[Message] = []
+    heard: list = []
+
+    class BaseClient:
+        def __init__(self, router: object) -> None:
+            pass
+
+        def OnNotificationActionTopic(self, hear, options: object) -> int:
+            heard.append(hear)
+            return 1
+
+        def Unsubscribe(self, handle: int) -> None:
+            heard.pop()
+
+        def ExecuteAction(self, action: Message) -> None:
+            asked.append(action)
+            heard[-1](SimpleNamespace(action_event="end"))
+
+        def PlayPreComputedJointTrajectory(self, trajectory: Message) -> None:
+            asked.append(trajectory)
+            heard[-1](SimpleNamespace(action_event="abort" if aborts else "end"))
+
+        def GetTrajectoryErrorReport(self) -> str:
+            return "no trajectory for this arm"
+
+    class Router:
+        basicErrorCallback = None
+
+        def __init__(self, transport: object, callback: object) -> None:
+            pass
+
+    def named(**members: object) -> ModuleType:
+        module = ModuleType("of Kortex")
+        module.__dict__.update(members)
+        return module
+
+    kinds = {"Action": Message, "PreComputedJointTrajectory": Message, "NotificationOptions": Message}
+    words = {"ACTION_END": "end", "ACTION_ABORT": "abort", "JOINT_CONSTRAINT_SPEED": "speed"}
+    base = named(**kinds, **words, TRAJECTORY_CONTINUITY_MODE_POSITION="position")
+    messages = named(Base_pb2=base, Session_pb2=named(CreateSessionInfo=Message))
+    manager = type(
+        "Manager", (), {"__init__": lambda *_: None, "CreateSession": lambda *_: None, "CloseSession": lambda *_: None}
+    )
+    transport = type("Transport", (), {"connect": lambda *_: None, "disconnect": lambda *_: None})
+    parts = {
+        "kortex_api": named(), "kortex_api__autogen": named(), "kortex_api__autogen__client_stubs": named(),
+        "kortex_api__autogen__client_stubs__BaseClientRpc": named(BaseClient=BaseClient),
+        "kortex_api__autogen__messages": messages, "kortex_api__RouterClient": named(RouterClient=Router),
+        "kortex_api__SessionManager": named(SessionManager=manager),
+        "kortex_api__TCPTransport": named(TCPTransport=transport),
+    }  # fmt: skip
+    file = program.save(folder)[0]
+    argv, sys.argv = sys.argv, [str(file), "192.168.1.10", "user", "word"]
+    try:
+        with _modules(**parts):
+            exec(compile(program.text, str(file), "exec"), {"__name__": "__main__", "__file__": str(file)})
+    finally:
+        sys.argv = argv
+    action, trajectory = asked
+    start = [angle.value for angle in action.reach_joint_angles.joint_angles.joint_angles.items]
+    if trajectory.mode != "position" or action.reach_joint_angles.constraint.value != 10.0:
+        raise GrammarError("the mode of the trajectory, or the speed to its start")
+    elements = trajectory.trajectory_elements.items
+    rows = [[*e.joint_angles, *e.joint_speeds, *e.joint_accelerations] for e in elements]
+    return start, np.array([e.time_from_start for e in elements]), np.array(rows)

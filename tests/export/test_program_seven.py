@@ -27,6 +27,7 @@ from holokin.export import (
     Wiring,
     to_franka,
     to_inform,
+    to_kinova,
     to_sunrise,
     to_urscript,
     to_xarm,
@@ -163,6 +164,22 @@ def test_a_franka_gets_a_row_a_millisecond_within_its_limits(corner: TimedTrajec
         to_franka(replace(corner, dt=0.0005))
 
 
+def test_a_kinova_gets_one_trajectory_from_its_first_millisecond_on(corner: TimedTrajectory, tmp_path: Path) -> None:
+    program = to_kinova(corner, name="seam")
+    start, t, rows = grammars_seven.kinova(program, tmp_path)
+    np.testing.assert_allclose(start, np.rad2deg(START) % 360, atol=1e-6)
+    np.testing.assert_allclose(t, 1e-3 * np.arange(len(rows)), atol=1e-12)
+    angles, rates, accelerations = rows[:, :7], rows[:, 7:14], rows[:, 14:]
+    np.testing.assert_allclose(angles[::8], np.rad2deg(corner.q), atol=1e-6)
+    np.testing.assert_allclose(rates[::8], np.rad2deg(corner.dq), atol=0.1)
+    assert np.abs(accelerations).max() <= np.rad2deg(4.0) * 1.02
+    with pytest.raises(SystemExit, match="no trajectory for this arm"):
+        grammars_seven.kinova(program, tmp_path, aborts=True)
+    slow = hk.retime(corner.untimed, acceleration=4.0, speed=0.05, dt=0.01)
+    with pytest.raises(ExportError, match="trajectories of 30 s"):
+        to_kinova(slow)
+
+
 def test_a_jerk_that_a_franka_refuses_is_refused_here(sia: hk.Robot) -> None:
     at = sia.pose(START)[:3, 3]
     walk = hk.follow(hk.holonomic(hk.pose(sia), hk.lock(2)), hk.circle(at, at - [0.03, 0, 0]), START, samples=100)
@@ -171,7 +188,8 @@ def test_a_jerk_that_a_franka_refuses_is_refused_here(sia: hk.Robot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("write", "bad"), [(to_sunrise, "lbr"), (to_sunrise, "class"), (to_xarm, "xarm"), (to_franka, "NumPy")]
+    ("write", "bad"),
+    [(to_sunrise, "lbr"), (to_sunrise, "class"), (to_xarm, "xarm"), (to_franka, "NumPy"), (to_kinova, "csv")],
 )
 def test_no_program_has_the_name_of_what_it_imports(write, bad: str, corner: TimedTrajectory) -> None:
     with pytest.raises(ArgumentError, match="has this word already"):
@@ -204,7 +222,11 @@ def test_words_of_another_alphabet_are_written_as_ascii_and_that_is_said(corner:
 
 
 ARMS = ("iiwa14", "xarm7", "fr3", "sia20", "gen3")
-LANGUAGES = ("inform", "sunrise", "xarm", "franka")
+LANGUAGES = ("inform", "sunrise", "xarm", "franka", "kinova")
+
+
+STREAMED = ("franka", "kinova")
+"""They get a row a millisecond."""
 
 
 def random_motion(rng: np.random.Generator, sia: hk.Robot) -> tuple[hk.Task, TimedTrajectory, float]:
@@ -229,12 +251,16 @@ def played(language: str, task: hk.Task, timed: TimedTrajectory, folder: Path) -
     """The program of a language, and what a controller makes of it: joints of the robot in rad."""
     tolerance = ToolTolerance(task, 2e-4, 0.01, 0.02, 0.9 * HUNDREDTH)
     speeds = np.rad2deg(task.robot.max_velocity)
-    if language == "franka":
-        program = to_franka(timed, name="seam")
-        rows = grammars_seven.franka(program, folder, timed.q[0])[-1]
-        still = len(rows) - 1
-        made = grammars_seven.Parsed("", rows, [1e-3] * still, [False] * (still + 1), kinds=["joint"] * still)
-        return program, replace(made, speeds=[np.nan] * still)
+    if language in STREAMED:
+        program = (to_franka if language == "franka" else to_kinova)(timed, name="seam")
+        if language == "franka":
+            rows = grammars_seven.franka(program, folder, timed.q[0])[-1]
+        else:
+            rows = np.deg2rad(grammars_seven.kinova(program, folder)[2][:, :7])
+        rows = rows[::4] if len(rows) % 4 == 1 else np.vstack([rows[::4], rows[-1:]])
+        n = len(rows) - 1
+        made = grammars_seven.Parsed("", rows, [4e-3] * n, [False] * (n + 1), kinds=["joint"] * n)
+        return program, replace(made, speeds=[np.nan] * n)
     if language == "inform":
         program = to_inform(timed, PULSES.tolist(), tolerance=tolerance, speeds=task.robot.max_velocity.tolist())
         read = grammars_more.inform(program.text, PULSES, speeds[ORDER])
@@ -283,15 +309,15 @@ def check_motion(seed: int, sia: hk.Robot, folder: Path) -> str:
         rounding = 0.0
         if language == "inform":
             rounding = float(re.search(r"up to (.*) %", program.notes[0])[1]) / 100  # type: ignore[index]
-        steps = 1 if language == "franka" else 8
+        steps = 1 if language in STREAMED else 8
         made = controllers.play(read, pose, steps, degrees=False)
         q = np.concatenate([move.q for move in made])
         assert near.query(q, p=np.inf)[0].max() <= HUNDREDTH + grain + bend, (seed, language)
         assert ((q >= robot.lower - 1e-6) & (q <= robot.upper + 1e-6)).all(), (seed, language)
         rests = [a or b for a, b in pairwise(read.stops)]
         even = [move for move, rest in zip(made, rests, strict=True) if not rest]
-        if language == "franka":  # rows hold ramps: those amid the longest even stretch
-            middle = np.interp(np.arange(len(read.axes)) * 1e-3, timed.t, timed.path_speed)[:-1]
+        if language in STREAMED:  # rows hold ramps: those amid the longest even stretch
+            middle = np.interp(np.arange(len(read.axes)) * 4e-3, timed.t, timed.path_speed)[:-1]
             even = [move for move, share in zip(made, middle, strict=True) if share > 0.9999]
         elif timed.path_speed.max() < 0.9999:
             even = []  # the joints' limits hold it back: it has no even speed
@@ -305,7 +331,7 @@ def check_motion(seed: int, sia: hk.Robot, folder: Path) -> str:
     return "played"
 
 
-@sampled(2, "seed", list(range(120)))
+@sampled(1, "seed", list(range(120)))
 def test_random_motions_of_seven_axes_are_played_as_timed(seed: int, sia: hk.Robot, tmp_path: Path) -> None:
     """Joints within 0.01 degrees, the tool's speed within 2 % (of INFORM as its rounding says), limits kept."""
     check_motion(seed, sia, tmp_path)

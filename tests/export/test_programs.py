@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import controllers
 import grammars
@@ -480,6 +481,101 @@ def test_the_seam_is_straight_and_even_from_its_start_to_its_end(weld: Path) -> 
         assert move.kind == "linear"
         np.testing.assert_allclose(move.p[:, [0, 2]], np.tile([0.56, 0.45], (len(move.p), 1)), atol=2e-4)
         np.testing.assert_allclose(move.speed, 0.008, rtol=0.02)
+
+
+def test_an_abb_welds_by_moves_of_its_arc_welder_and_at_the_speed_of_the_path(weld: Path) -> None:
+    """The arc burns from one end of the seam to the other; approach and retract are one linear move each."""
+    weld.write_text(of("rapid").replace("[program]", '[program]\narc = ["seam1", "weld1"]'), "utf-8")
+    program, _, _ = program_of_job(*open_job(str(weld)), "rapid")
+    read = grammars.rapid(program.text)
+    (start, first), (end, last) = [(place, line) for place, line in read.lines if line.startswith("Arc")]
+    assert (first, last) == ("ArcLStart seam1 weld1", "ArcLEnd seam1 weld1")
+    axes = np.deg2rad(read.axes)
+    np.testing.assert_allclose(torch_at(axes[start]), [0.56, -0.05, 0.45], atol=1e-4)
+    np.testing.assert_allclose(torch_at(axes[end]), [0.56, -0.01, 0.45], atol=1e-4)
+    assert read.kinds == ["joint", *["linear"] * 5] and read.speeds[1:] == [0.008] * 5
+    assert any("set weld_speed to 8 mm/s" in note for note in program.notes)
+    listing = program_of_job(*open_job(rewritten(weld, of("ls"))), "ls")[0]
+    assert grammars.listing(listing.text).speeds[1:] == [0.008] * 5 and " 8mm/sec FINE" in listing.text
+    few = of("rapid").replace("linear = true\n", "").replace("[program]", '[program]\narc = ["seam1", "weld1"]')
+    with pytest.raises(HolokinError, match="no arc burns on one"):
+        program_of_job(*open_job(rewritten(weld, from_start(few))), "rapid")
+    for bad in ('["weld1"]', '["seam 1", "weld1"]', '["seam1", "MoveL"]'):
+        text = from_start(of("rapid")).replace("[program]", f"[program]\narc = {bad}")
+        with pytest.raises(HolokinError, match=r"arc|a letter|already"):
+            program_of_job(*open_job(rewritten(weld, text)), "rapid")
+
+
+def rewritten(file: Path, text: str) -> str:
+    file.write_text(text, "utf-8")
+    return str(file)
+
+
+TABLE = """
+name = "t"
+source = "a shop"
+convention = "urdf"
+tip = "plate"
+[[joints]]
+joint = "c1"
+xyz = [0, 0, 0.3]
+axis = [0, 0, 1]
+lower = -6
+upper = 6
+max_velocity = 2
+"""
+
+TURNED = """
+title = "a seam on a turntable"
+[robot]
+name = "cell"
+parts = [{name = "irb140"}, {name = "table.toml", on = "base", xyz = [0.55, 0, 0]}]
+[task]
+kind = "relative-pose"
+orientation = "axis"
+tip = "tcp"
+other = "plate"
+[start]
+q = [0, 20, -10, 10, 60, 0, 0]
+degrees = true
+[path]
+kind = "circle"
+center = [-0.05, 0, 0]
+relative = true
+speed = 0.02
+samples = 300
+[timing]
+profile = "trapezoidal"
+acceleration = 5
+dt = 0.012
+[program]
+external = ["c1"]
+[strategies.still]
+kind = "lock"
+joints = ["q1", "q6"]
+"""
+
+
+def test_on_a_turntable_the_speed_is_that_on_the_part(weld: Path) -> None:
+    """In the room the torch makes 6.9 to 21.4 mm/s, on the plate 20: by P. Corke's table and a turn about z."""
+    Path("table.toml").write_text(TABLE, "utf-8")
+    program, _, _ = program_of_job(*open_job(rewritten(weld, TURNED)), "rapid")
+    read = grammars.rapid(program.text)
+    axes, seconds = np.deg2rad(read.axes), np.array([10.0, *read.seconds])
+    share = np.linspace(0, 1, 20)[:, None]
+    speeds = []
+    for i in range(2, len(axes) - 1):
+        q = axes[i - 1] + share * (axes[i] - axes[i - 1])
+        turned = Rotation.from_euler("z", -q[:, 6:])
+        points = turned.apply([referees.irb140(x[:6])[:3, 3] - [0.55, 0, 0.3] for x in q])
+        speeds.append(np.linalg.norm(np.diff(points, axis=0), axis=1) * 19 / seconds[i])
+    slowest, fastest = np.min(speeds), np.max(speeds)
+    assert program.tool is not None and slowest > 0.0185 and fastest < 0.0215
+    assert program.tool.slowest == pytest.approx(slowest, abs=5e-4)
+    assert program.tool.fastest == pytest.approx(fastest, abs=5e-4)
+    with pytest.raises(HolokinError, match="a line in the room, and not on plate"):
+        linear = TURNED.replace("[program]", '[program]\nlinear = true\ntool = "t1"')
+        program_of_job(*open_job(rewritten(weld, linear)), "rapid")
 
 
 def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> None:

@@ -12,6 +12,7 @@ from .programs.fanuc import to_fanuc
 from .programs.franka import to_franka
 from .programs.gcode import to_gcode
 from .programs.inform import to_inform
+from .programs.kinova import to_kinova
 from .programs.krl import to_krl
 from .programs.languages import LANGUAGES as LANGUAGES
 from .programs.moves import ProcessLines, ToolDeviation, ToolTolerance
@@ -44,6 +45,7 @@ __all__ = [
     "to_franka",
     "to_gcode",
     "to_inform",
+    "to_kinova",
     "to_krl",
     "to_rapid",
     "to_ros",

@@ -12,16 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, ExportError
+from ...base.errors import ExportError
 from ...base.types import Matrix
 from ...base.units import SI
 from ...motion import TimedTrajectory
-from .moves import Dialect, finer
-from .robot_program import Program, header, program_name
-from .targets import Wiring, targets, wired
-
-STEP = 1e-3
-"""Seconds of a control cycle."""
+from .moves import Dialect
+from .robot_program import Program, docstring, header, program_name
+from .targets import MILLISECOND, Wiring, every_millisecond, table
 
 ACCELERATION, JERK = 10.0, 5000.0
 """The most that a Franka Research 3 takes of a joint [rad/s^2, rad/s^3]."""
@@ -88,28 +85,20 @@ def to_franka(
         ExportError: a robot of other than seven axes; an acceleration or jerk that the robot refuses.
         ArgumentError: the step of the motion is no whole number of milliseconds; a bad name or wiring.
     """
-    each = round(timed.dt / STEP)
-    if each < 1 or abs(each * STEP - timed.dt) > 1e-9:
-        raise ArgumentError("dt of the trajectory", timed.dt, "retime it with whole milliseconds, as dt=0.004")
-    goals = targets(timed, wiring, DIALECT, None, None)
+    goals, q = every_millisecond(timed, wiring, DIALECT)
+    _within_limits(q)
     short = program_name(name, about, 64, goals)
-    q = wired(timed, goals.wiring, DIALECT, finer(timed, each)[1])[0]
-    fastest = _greatest(q)
-    goals = replace(goals, deviation=fastest * STEP**2 / 8)  # the height of a parabola's arc over a step
     head = header(timed, about, goals, ["rad; one row a millisecond", "the program needs pylibfranka and numpy"])
-    remarks = "\n".join(line.replace('"', "'").replace("\\", "/") for line in head.lines)
-    rows = [",".join(f"{x:.12f}" for x in row) for row in q + 0.0]
-    table = "\n".join([",".join(f"q{i} [rad]" for i in range(1, 8)), *rows, ""])
-    text = TEXT.format(name=short, remarks=remarks, step=STEP)
-    return replace(head.program({f"{short}.py": text, f"{short}.csv": table}, goals), targets=len(q))
+    text = TEXT.format(name=short, remarks=docstring(head), step=MILLISECOND)
+    files = {f"{short}.py": text, f"{short}.csv": table([f"q{i} [rad]" for i in range(1, 8)], q, 12)}
+    return replace(head.program(files, goals), targets=len(q))
 
 
-def _greatest(q: Matrix) -> float:
-    """The greatest acceleration of rows q (k, 7), a step apart, from rest to rest. Raises: ExportError: too much."""
+def _within_limits(q: Matrix) -> None:
+    """Raises: ExportError: rows q (k, 7), a millisecond apart, from rest to rest, are too much for the robot."""
     still = np.vstack([q[:1].repeat(3, axis=0), q, q[-1:].repeat(3, axis=0)])
-    for what, order, most in (("jerk", 3, JERK), ("acceleration", 2, ACCELERATION)):
-        rates = np.abs(np.diff(still, order, axis=0)).max(axis=0) / STEP**order
+    for what, order, most in (("acceleration", 2, ACCELERATION), ("jerk", 3, JERK)):
+        rates = np.abs(np.diff(still, order, axis=0)).max(axis=0) / MILLISECOND**order
         if rates.max() > most:
-            fact = f"{what} of {rates.max():.4g} rad/s^{order} at joint {int(np.argmax(rates)) + 1}"
+            fact = f"joint {int(np.argmax(rates)) + 1} has a {what} of {rates.max():.4g} rad/s^{order}"
             raise ExportError(f"{fact}, and the robot takes {most:g}", f"give the motion a limit of {what}")
-    return float(rates.max())

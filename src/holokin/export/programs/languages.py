@@ -13,6 +13,7 @@ from .franka import to_franka
 from .gcode import to_gcode
 from .inform import NAME as INFORM_NAME
 from .inform import to_inform
+from .kinova import to_kinova
 from .krl import NAME as KRL_NAME
 from .krl import to_krl
 from .rapid import NAME as RAPID_NAME
@@ -43,7 +44,7 @@ class Language:
 
 LANGUAGES = {
     "ros": Language(to_ros, ("about",)),
-    "rapid": Language(to_rapid, (*COMMON, *CELL), longest=RAPID_NAME - 2),
+    "rapid": Language(to_rapid, (*COMMON, *CELL, "arc"), longest=RAPID_NAME - 2),
     "krl": Language(to_krl, (*COMMON, *CELL), longest=KRL_NAME),
     "urscript": Language(to_urscript, (*COMMON, "tool", "payload", "zone"), streams=STEPS),
     "inform": Language(to_inform, (*COMMON, "tool", "zone", "pulses", "speeds", "group"), INFORM_NAME, ("pulses",)),
@@ -51,6 +52,7 @@ LANGUAGES = {
     "sunrise": Language(to_sunrise, (*COMMON, "speeds")),
     "xarm": Language(to_xarm),
     "franka": Language(to_franka, ("name", "about", "wiring")),
+    "kinova": Language(to_kinova, ("name", "about", "wiring")),
     "gcode": Language(to_gcode, (*COMMON, "zone", "letters")),
     "ls": Language(to_fanuc, (*COMMON, *CELL, "coupled"), longest=SHORT),
 }

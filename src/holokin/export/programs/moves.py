@@ -57,6 +57,9 @@ KINDS: tuple[Kind, ...] = ("joint", "linear", "circular")
 STILL = 1e-3
 """Share of the tool's largest speed below which the tool turns in place, and has no speed to keep."""
 
+STEPPED = 0.01
+"""Share by which a motion that takes whole steps of dt is slower than its path."""
+
 NO_WAY, SLOWEST = 1e-6, 1e-5
 """Way [m or rad] of a tool that is none, and speed [m/s] that is none: round-off."""
 
@@ -132,7 +135,8 @@ class ToolDeviation(Result):
         sentences = [f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion"]
         sentences.append(f"and the joints within {factor * self.joints:.2g} {unit}")
         if np.isfinite(self.slowest):
-            speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
+            least, most = f"{1e3 * self.slowest:.4g}", f"{1e3 * self.fastest:.4g}"
+            speeds = f"{least} mm/s" if least == most else f"{least} to {most} mm/s"
             compared = f"{100 * self.compared:.3g} % of the time"
             sentences.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed")
             sentences.append(f"the speed was compared for {compared}; at other times the tool")
@@ -167,6 +171,8 @@ class ToolMotion(Value):
         p, R: of the tool, (k, 3) and (k, 3, 3).
         way: how far the tool is along the path (k,) [m]; how far it has turned [rad] where the path has no length.
         speed: of the tool (k,) [m/s].
+        asked: the speed that the path asks for (k,) [m/s], where the timed motion is as fast but for its steps of dt;
+            else the speed of the tool.
         ramp: where the tool gathers speed from rest, or loses it, and before the path begins: it has no speed to keep.
     """
 
@@ -180,6 +186,7 @@ class ToolMotion(Value):
     R: Array
     way: Vector
     speed: Vector
+    asked: Vector
     ramp: Flags
 
     @staticmethod
@@ -202,7 +209,10 @@ class ToolMotion(Value):
         steps[: timed.begin] = True
         ramp = np.append(np.repeat(steps[:-1] & steps[1:], FINER), steps[-1])
         ramp[::FINER] = steps
-        return ToolMotion(task, own, t, q, dq, timed.limits.velocity, p, R, way, speed, ramp)
+        share = np.interp(t, timed.t, timed.path_speed)
+        near = np.abs(share - 1.0) < min(STEPPED, tolerance.speed / 2)
+        asked = np.where(near, speed / np.where(near, share, 1.0), speed)
+        return ToolMotion(task, own, t, q, dq, timed.limits.velocity, p, R, way, speed, asked, ramp)
 
     def share(self, a: int, b: int, rows: Indices) -> Vector:
         """How far along the move from instant a to instant b some are, by the tool's way, else by time."""
@@ -236,7 +246,7 @@ class ToolMotion(Value):
 
     def steady(self, a: int, b: int) -> float:
         """The speed of a linear or circular move [m/s]: the mean where there is one to keep, else the largest."""
-        part = self.speed[a : b + 1]
+        part = self.asked[a : b + 1]
         with_speed = part[self.has_speed[a : b + 1]]
         return float(with_speed.mean() if len(with_speed) else part.max())
 

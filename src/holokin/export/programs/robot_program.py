@@ -102,11 +102,12 @@ _JAVA = """
 """
 
 LANGUAGE_WORDS = {
-    "RAPID": Words(frozenset(_RAPID.split()), r"[pc]\d+", r"v\d+|z\d+|fine|do\d+|tool0|wobj0|load0"),
+    "RAPID": Words(frozenset(_RAPID.split()), r"[pcs]\d+", r"v\d+|z\d+|fine|do\d+|tool0|wobj0|load0"),
     "KRL": Words(frozenset(_KRL.split()), r"X[PCFG]\d+|XERR"),
     "URScript": Words(frozenset(_URSCRIPT.split()), exact=True),
     "Sunrise": Words(frozenset(_JAVA.split())),
     "xArm": Words(frozenset({"sys", "xarm"})),
+    "Kortex": Words(frozenset({"csv", "sys", "threading", "pathlib", "kortex_api"})),
     "libfranka": Words(frozenset({"sys", "pathlib", "numpy", "pylibfranka"})),
     "VAL3": Words(frozenset(_VAL3.split()), r"l_(jA|jB|pA|pB|mDesc)", r"flange|world|diOut\d+"),
 }
@@ -215,6 +216,11 @@ def header(
     foreign = [words for words in (about, *timed.joint_names) if not words.isascii()]
     notes = [f"the program holds ASCII alone: {words!r} is {ascii_text(words)!r} there" for words in foreign]
     return Header(tuple(lines), "\n".join([*text, ""]), tuple(notes))
+
+
+def docstring(head: Header) -> str:
+    """Lines of a header that stand between three quotation marks in Python."""
+    return "\n".join(line.replace('"', "'").replace("\\", "/") for line in head.lines)
 
 
 def _within(timed: TimedTrajectory, goals: Targets | None) -> str:

@@ -247,6 +247,29 @@ def targets(
     return Targets(*of, *axes, deviation(timed, picked), tuple(moves), via, tool, linear, on, off)
 
 
+MILLISECOND = 1e-3
+"""Seconds of a cycle of controllers that take a row a cycle."""
+
+
+def every_millisecond(timed: TimedTrajectory, wiring: Wiring | None, dialect: Dialect) -> tuple[Targets, Matrix]:
+    """(all samples as targets, axes (k, own) at every millisecond), between samples as of `finer`.
+
+    Raises: ArgumentError: the step of the motion is no whole number of milliseconds. As `targets`.
+    """
+    each = round(timed.dt / MILLISECOND)
+    if each < 1 or abs(each * MILLISECOND - timed.dt) > 1e-9:
+        raise ArgumentError("dt of the trajectory", timed.dt, "retime it with whole milliseconds, as dt=0.004")
+    goals = targets(timed, wiring, dialect, None, None)
+    q, _ = wired(timed, goals.wiring, dialect, finer(timed, each)[1])
+    bend = float(np.abs(np.diff(q, 2, axis=0)).max()) / 8  # a parabola over its chord
+    return replace(goals, deviation=bend), q
+
+
+def table(columns: Sequence[str], rows: Matrix, digits: int) -> str:
+    """A text of comma-separated columns with their names."""
+    return "\n".join([",".join(columns), *(",".join(f"{x:.{digits}f}" for x in row) for row in rows + 0.0), ""])
+
+
 def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
     """The samples at which the process begins and ends: those nearest to the path's postures at these times."""
     if lines.window is None:

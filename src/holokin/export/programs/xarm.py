@@ -13,7 +13,7 @@ from ...base.arguments import typed
 from ...base.errors import ExportError
 from ...motion import TimedTrajectory
 from .moves import Dialect, ProcessLines, ToolTolerance
-from .robot_program import Program, header, program_name
+from .robot_program import Program, docstring, header, program_name
 from .targets import Wiring, targets, with_lines
 
 SLOWEST, FASTEST, SWIFTEST = 0.0058, 180.0, 1145.0
@@ -104,7 +104,6 @@ def to_xarm(
     acceleration = min(float(np.rad2deg(fastest)), SWIFTEST)
     said = f"degrees; joints gather speed at {acceleration:.6g} deg/s^2"
     head = header(timed, about, goals, [said, "the program needs xarm-python-sdk"])
-    remarks = "\n".join(line.replace('"', "'").replace("\\", "/") for line in head.lines)
     body = "\n".join(with_lines(goals, moves))
-    text = TEXT.format(name=short, remarks=remarks, acceleration=acceleration, body=body)
+    text = TEXT.format(name=short, remarks=docstring(head), acceleration=acceleration, body=body)
     return head.program({f"{short}.py": text}, goals)
