@@ -78,11 +78,10 @@ def to_inform(
         if whole(what, value, least) > most:
             raise ArgumentError(what, value, f"give a whole number from {least} to {most}")
     wiring = _seven_axes(timed, wiring or Wiring())
-    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    goals, moves, rounded = _rounded(timed, wiring, tolerance, lines, speeds, zone)
     short = program_name(name, about, NAME, goals).upper()
     head = header(timed, about, goals, ["positions in pulses", *_order(wiring), f"tool {tool}, PL {zone}"], REMARK)
     remarks = [f"'{line}" for line in head.lines]
-    moves, rounded = _moves(goals, speed_shares(goals, speeds), zone)
     body = ["NOP", *remarks, *with_lines(goals, moves), "END"]
     counts = _counts(goals, pulses)
     bases = counts.shape[1] - goals.own
@@ -129,11 +128,42 @@ def _counts(goals: Targets, pulses: Sequence[float]) -> Matrix:
     return np.rint(goals.shown() * each).astype(int)
 
 
-def _moves(goals: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], float]:
-    """(the instruction of each move, the largest share by which rounding changes a speed). Raises: ExportError."""
+def _rounded(
+    timed: TimedTrajectory,
+    wiring: Wiring,
+    tolerance: float | ToolTolerance,
+    lines: ProcessLines | None,
+    speeds: Sequence[float] | None,
+    zone: int,
+) -> tuple[Targets, list[list[str]], float]:
+    """(targets, the instruction of each move, the largest share by which rounding changes a speed).
+
+    Where a tolerance of the tool's speed is kept but for the roundings, the targets are chosen anew to leave room for
+    them, unless they take half of it.
+    """
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    moves, rounded, passing = _moves(goals, speed_shares(goals, speeds), zone)
+    if not isinstance(tolerance, ToolTolerance):
+        return goals, moves, rounded
+    room = tolerance.speed
+    for _ in range(3):
+        excess = (0.0 if goals.tool is None else goals.tool.speed) + passing - tolerance.speed
+        if excess <= 0.0 or room - excess < tolerance.speed / 2:
+            break
+        room -= excess
+        goals = targets(timed, wiring, DIALECT, replace(tolerance, speed=room), lines)
+        moves, rounded, passing = _moves(goals, speed_shares(goals, speeds), zone)
+    return goals, moves, rounded
+
+
+def _moves(goals: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], float, float]:
+    """(the instruction of each move, the largest share by which rounding changes a speed, of moves without a ramp).
+
+    Raises: ExportError: a speed that INFORM does not take.
+    """
     bases = goals.q.shape[1] > goals.own
     text = [[f"MOVJ {_position(0, bases)} VJ=10.00 PL=0"]]
-    largest = 0.0
+    largest = passing = 0.0
     for i, (move, share) in enumerate(zip(goals.moves, shares.tolist(), strict=True), 1):
         joint = move.kind == "joint"
         exact = 100.0 * share if joint else 1e3 * move.speed
@@ -142,11 +172,13 @@ def _moves(goals: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], 
         if not least <= value <= most:
             fact = f"the move to target {i + 1} needs {word}={exact:.3g}, and INFORM takes {least:g} to {most:g}"
             raise ExportError(fact, "change the speed of the path, or take linear moves")
-        largest = max(largest, abs(value / exact - 1.0))
-        level = 0 if i == len(goals.moves) or goals.stops[i] else zone
+        change = abs(value / exact - 1.0)
+        rests = i == 1 or goals.stops[i - 1], i == len(goals.moves) or goals.stops[i]
+        largest, passing = max(largest, change), passing if any(rests) else max(passing, change)
+        level = 0 if rests[1] else zone
         verb = f"MOVJ {_position(i, bases)} VJ={value:.2f}" if joint else f"MOVL {_position(i, bases)} V={value:.1f}"
         text.append([f"{verb} PL={level}"])
-    return text, largest
+    return text, largest, passing
 
 
 def _position(i: int, bases: bool) -> str:
