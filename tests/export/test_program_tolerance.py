@@ -104,7 +104,7 @@ def test_a_seam_of_8_mm_per_s_is_welded_within_0_2_mm_and_2_percent(
         speeds = np.concatenate([move.speed for move in even if len(move.speed)])
         rounding = 5e-4 / min(move.seconds for move in even) if language == "ls" else 0.0  # of a millisecond
         if language == "inform":  # of a hundredth of a per cent of the axes' speeds: the program says how much
-            rounding = float(re.search(r"up to (.*) %", program.notes[0])[1]) / 100  # type: ignore[index]
+            rounding = float(re.search(r"up to (.*?) %", program.notes[0])[1]) / 100  # type: ignore[index]
         assert np.abs(speeds / speed - 1.0).max() <= 0.02 + rounding + 1e-3
         assert program.tool is not None
         assert program.tool.position <= 2e-4 and program.tool.joints <= 0.02

@@ -78,7 +78,7 @@ def to_inform(
         if whole(what, value, least) > most:
             raise ArgumentError(what, value, f"give a whole number from {least} to {most}")
     wiring = _seven_axes(timed, wiring or Wiring())
-    goals, moves, rounded = _rounded(timed, wiring, tolerance, lines, speeds, zone)
+    goals, moves, note = _rounded(timed, wiring, tolerance, lines, speeds, zone)
     short = program_name(name, about, NAME, goals).upper()
     head = header(timed, about, goals, ["positions in pulses", *_order(wiring), f"tool {tool}, PL {zone}"], REMARK)
     remarks = [f"'{line}" for line in head.lines]
@@ -92,7 +92,6 @@ def to_inform(
     text += [f"BC{i:05d}={','.join(map(str, row[goals.own :]))}" for i, row in enumerate(counts) if bases]
     groups = f"RB{group},BS{group}" if bases else f"RB{group}"
     text += ["//INST", f"///DATE {date:%Y/%m/%d %H:%M}", "///ATTR SC,RW", f"///GROUP1 {groups}"]
-    note = f"the roundings of VJ and V change the speed of a move by up to {100 * rounded:.2g} %"
     files = {f"{short}.JBI": "\n".join([*text, *body, ""])}
     return head.program(files, goals, [note])
 
@@ -135,25 +134,25 @@ def _rounded(
     lines: ProcessLines | None,
     speeds: Sequence[float] | None,
     zone: int,
-) -> tuple[Targets, list[list[str]], float]:
-    """(targets, the instruction of each move, the largest share by which rounding changes a speed).
+) -> tuple[Targets, list[list[str]], str]:
+    """(targets, the instruction of each move, by how much rounding changes their speeds in words).
 
     Where a tolerance of the tool's speed is kept but for the roundings, the targets are chosen anew to leave room for
     them, unless they take half of it.
     """
     goals = targets(timed, wiring, DIALECT, tolerance, lines)
     moves, rounded, passing = _moves(goals, speed_shares(goals, speeds), zone)
-    if not isinstance(tolerance, ToolTolerance):
-        return goals, moves, rounded
-    room = tolerance.speed
-    for _ in range(3):
-        excess = (0.0 if goals.tool is None else goals.tool.speed) + passing - tolerance.speed
-        if excess <= 0.0 or room - excess < tolerance.speed / 2:
-            break
-        room -= excess
-        goals = targets(timed, wiring, DIALECT, replace(tolerance, speed=room), lines)
-        moves, rounded, passing = _moves(goals, speed_shares(goals, speeds), zone)
-    return goals, moves, rounded
+    if isinstance(tolerance, ToolTolerance):
+        room = tolerance.speed
+        while goals.tool is not None and (excess := goals.tool.speed + passing - tolerance.speed) > 0.0:
+            room -= max(excess, tolerance.speed / 10)
+            if room < tolerance.speed / 2:
+                break
+            goals = targets(timed, wiring, DIALECT, replace(tolerance, speed=room), lines)
+            moves, rounded, passing = _moves(goals, speed_shares(goals, speeds), zone)
+    note = f"the roundings of VJ and V change the speed of a move by up to {100 * passing:.2g} %"
+    note += f", of one that starts or stops by up to {100 * rounded:.2g} %" if rounded > passing else ""
+    return goals, moves, note
 
 
 def _moves(goals: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], float, float]:
