@@ -337,7 +337,7 @@ def _off(q: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 @sampled(1, "seed", list(range(120)))
 def test_random_motions_of_seven_axes_are_played_as_timed(seed: int, sia: hk.Robot, tmp_path: Path) -> None:
-    """Joints within 0.01 degrees, limits kept, the tool's speed within 2 %: of INFORM, which rounds much, as it says."""
+    """Joints within 0.01 degrees, limits kept, the tool's speed within 2 %: of INFORM, which rounds, as it says."""
     for language, (joints, faster, beyond, rounding) in check_motion(seed, sia, tmp_path).items():
         assert joints <= 0.01, (seed, language, joints)
         assert faster <= 0.02 + 1e-3 + (rounding if rounding > 0.01 else 0.0), (seed, language, faster, rounding)
