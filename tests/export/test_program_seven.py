@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 import subprocess
@@ -94,6 +95,8 @@ def test_a_rail_stays_a_base_axis_of_yaskawa() -> None:
     robot = hk.load("rail-ur10e")
     q0 = np.array([0.2, 0.1, -1.2, 1.5, -0.4, 1.2, 0.3])
     timed = motion(robot, q0, hk.polyline(robot.pose(q0)[:3, 3] + np.array([[0, 0, 0], [0, 0.05, 0]])), 0)
+    with pytest.raises(ExportError, match="behind the arm, as a turntable"):
+        to_inform(timed, PULSES.tolist(), wiring=Wiring(external=robot.joint_names[-1:]))
     text = to_inform(timed, PULSES.tolist(), wiring=Wiring(external=robot.joint_names[:1])).text
     assert "///GROUP1 RB1,BS1\n" in text and "BC00000=600000" in text
 
@@ -187,10 +190,10 @@ def test_a_jerk_that_a_franka_refuses_is_refused_here(sia: hk.Robot) -> None:
         to_franka(hk.retime(walk, acceleration=25.0, dt=0.001))
 
 
-@pytest.mark.parametrize(
-    ("write", "bad"),
-    [(to_sunrise, "lbr"), (to_sunrise, "class"), (to_xarm, "xarm"), (to_franka, "NumPy"), (to_kinova, "csv")],
-)
+BAD_NAMES = [(to_sunrise, "lbr"), (to_sunrise, "class"), (to_xarm, "xarm"), (to_franka, "NumPy"), (to_kinova, "csv")]
+
+
+@pytest.mark.parametrize(("write", "bad"), [*BAD_NAMES, (to_franka, "joints")])
 def test_no_program_has_the_name_of_what_it_imports(write, bad: str, corner: TimedTrajectory) -> None:
     with pytest.raises(ArgumentError, match="has this word already"):
         write(corner, name=bad)
@@ -207,6 +210,25 @@ def test_six_axes_are_refused_by_sunrise_and_seven_by_urscript(corner: TimedTraj
             write(timed)
     with pytest.raises(ExportError, match="holds 6 axes of a robot, but 7"):
         to_urscript(corner)
+
+
+NASTY = ('"""', "\\", "\\u000a", "*/", "\n", "\r", "{0}", "%s", "import os", "//", "'", "\u2028", "\u00fc")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_words_of_a_user_are_words_of_comments(seed: int, corner: TimedTrajectory) -> None:
+    """Whatever they hold, the rest of the program is the same, and Python reads it."""
+    draw = np.random.default_rng(seed)
+    for write in (to_sunrise, to_xarm, to_franka, to_kinova):
+        kept = []
+        for about in ("plain", "".join(draw.choice(NASTY, 12))):
+            text = write(corner, about=about, name="seam").text
+            if write is to_sunrise:
+                kept.append([line for line in text.split("\n") if not line.startswith("// ")])
+                assert "\\" not in text
+            else:
+                kept.append([ast.dump(part) for part in ast.parse(text).body[1:]])
+        assert kept[0] == kept[1]
 
 
 def test_words_of_another_alphabet_are_written_as_ascii_and_that_is_said(corner: TimedTrajectory) -> None:

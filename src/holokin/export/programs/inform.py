@@ -70,8 +70,8 @@ def to_inform(
         written: the date in the header; by default now.
 
     Raises:
-        ExportError: a robot of other than six or seven axes; an external joint within the arm; a move too slow or too
-            fast for VJ or V.
+        ExportError: a robot of other than six or seven axes; an external joint that does not carry the arm; a move too
+            slow or too fast for VJ or V.
         ArgumentError: bad names, numbers, wiring or lines.
     """
     for what, value, least, most in (("zone", zone, 0, LEVELS), ("tool", tool, 0, 63), ("group", group, 1, 8)):
@@ -99,14 +99,18 @@ def to_inform(
 def _seven_axes(timed: TimedTrajectory, wiring: Wiring) -> Wiring:
     """The wiring with the joints of an arm of seven in the controller's order S, L, U, R, B, T, E.
 
-    Raises: ExportError: an external joint between those of the arm, which no base axis is.
+    Raises: ExportError: an external joint that does not carry the arm, which no base axis is.
     """
-    own = [name for name in timed.joint_names if name not in wiring.external]
-    places = [timed.joint_names.index(name) for name in own]
-    for name in set(wiring.external) & set(timed.joint_names):
-        if own and places[0] < timed.joint_names.index(str(name)) < places[-1]:
-            fact = f"{name} lies between joints of the arm, and no base axis of INFORM does"
-            raise ExportError(fact, "leave it out of external=: INFORM has arms of seven axes")
+    names = timed.joint_names
+    own = [name for name in names if name not in wiring.external]
+    for name in set(wiring.external) & set(names):
+        if own and names.index(str(name)) > names.index(own[0]):
+            within = names.index(str(name)) < names.index(own[-1])
+            where = "between joints of the arm" if within else "behind the arm, as a turntable"
+            cure = (
+                "INFORM has arms of seven axes: leave it out of external=" if within else "export to another language"
+            )
+            raise ExportError(f"{name} lies {where}, and no base axis of INFORM does", cure)
     if wiring.axes is not None or len(own) != 7:
         return wiring
     return replace(wiring, axes=(*own[:2], *own[3:], own[2]))

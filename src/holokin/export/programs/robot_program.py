@@ -34,7 +34,7 @@ from .targets import Targets, Wiring
 # Instructions are those that the written programs use: a program of such a name would call itself. Others may stand in
 # process lines: there a name is looked for, too. TP and INFORM call programs by CALL and RUN, and a G-code program is
 # known by its file alone: their names are apart from their words. A Python program of the name of a module that it
-# imports would be that module.
+# imports would be that module, and a table joints.csv that which `holokin export` writes beside each program.
 
 DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))})
 """Names that Windows, on which programs are loaded, and FANUC's controllers keep for devices: no file has them."""
@@ -107,8 +107,8 @@ LANGUAGE_WORDS = {
     "URScript": Words(frozenset(_URSCRIPT.split()), exact=True),
     "Sunrise": Words(frozenset(_JAVA.split())),
     "xArm": Words(frozenset({"sys", "xarm"})),
-    "Kortex": Words(frozenset({"csv", "sys", "threading", "pathlib", "kortex_api"})),
-    "libfranka": Words(frozenset({"sys", "pathlib", "numpy", "pylibfranka"})),
+    "Kortex": Words(frozenset({"csv", "sys", "threading", "pathlib", "kortex_api", "joints"})),
+    "libfranka": Words(frozenset({"sys", "pathlib", "numpy", "pylibfranka", "joints"})),
     "VAL3": Words(frozenset(_VAL3.split()), r"l_(jA|jB|pA|pB|mDesc)", r"flange|world|diOut\d+"),
 }
 """By the name of the language in messages; the others keep the names of devices alone."""
