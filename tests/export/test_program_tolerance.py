@@ -114,6 +114,28 @@ def test_a_seam_of_8_mm_per_s_is_welded_within_0_2_mm_and_2_percent(
         assert found.kinds.count("joint") <= 3 or not linear, found.kinds
 
 
+def test_an_operator_tunes_whole_millimetres_and_no_arc_burns_on_a_joint_move(
+    welder: hk.Task, corner: TimedTrajectory
+) -> None:
+    """The motion takes whole steps of 8 ms, so its tool makes 7.99 mm/s; FANUC and ABB have the 8 mm/s of the path."""
+    tolerance = ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02, True)
+    listing = to_fanuc(corner, tolerance=tolerance)
+    assert set(read(listing, "ls").speeds) == {0.008} and " 8mm/sec " in listing.text
+    welded = read(to_rapid(corner, tolerance=tolerance, arc=["seam1", "weld1"]), "rapid")
+    arcs = [line for _, line in welded.lines]
+    assert arcs[0] == "ArcLStart seam1 weld1" and arcs[-1] == "ArcLEnd seam1 weld1"
+    assert set(arcs[1:-1]) == {"ArcL seam1 weld1"} and set(welded.kinds) == {"linear"}
+    with pytest.raises(ExportError, match="no arc burns on one"):
+        to_rapid(corner, tolerance=2e-3, arc=["seam1", "weld1"])
+    for bad in (["weld1"], ["seam 1", "weld1"], ["seam1", "MoveL"]):
+        with pytest.raises(ArgumentError, match=r"arc|a letter|already"):
+            to_rapid(corner, tolerance=tolerance, arc=bad)
+    with pytest.raises(ArgumentError, match="a zone by its name"):
+        to_rapid(corner, tolerance=tolerance, arc=["seam1", "weld1"], zone=0.001)
+    with pytest.raises(ArgumentError, match="has this name for something else"):
+        to_rapid(corner, name="arcl", arc=["seam1", "weld1"])
+
+
 CASE = ("linear", "every")
 
 

@@ -495,15 +495,6 @@ def test_an_abb_welds_by_moves_of_its_arc_welder_and_at_the_speed_of_the_path(we
     np.testing.assert_allclose(torch_at(axes[end]), [0.56, -0.01, 0.45], atol=1e-4)
     assert read.kinds == ["joint", *["linear"] * 5] and read.speeds[1:] == [0.008] * 5
     assert any("set weld_speed to 8 mm/s" in note for note in program.notes)
-    listing = program_of_job(*open_job(rewritten(weld, of("ls"))), "ls")[0]
-    assert grammars.listing(listing.text).speeds[1:] == [0.008] * 5 and " 8mm/sec FINE" in listing.text
-    few = of("rapid").replace("linear = true\n", "").replace("[program]", '[program]\narc = ["seam1", "weld1"]')
-    with pytest.raises(HolokinError, match="no arc burns on one"):
-        program_of_job(*open_job(rewritten(weld, from_start(few))), "rapid")
-    for bad in ('["weld1"]', '["seam 1", "weld1"]', '["seam1", "MoveL"]'):
-        text = from_start(of("rapid")).replace("[program]", f"[program]\narc = {bad}")
-        with pytest.raises(HolokinError, match=r"arc|a letter|already"):
-            program_of_job(*open_job(rewritten(weld, text)), "rapid")
 
 
 def rewritten(file: Path, text: str) -> str:
@@ -543,7 +534,7 @@ kind = "circle"
 center = [-0.05, 0, 0]
 relative = true
 speed = 0.02
-samples = 300
+samples = 150
 [timing]
 profile = "trapezoidal"
 acceleration = 5
@@ -574,7 +565,9 @@ def test_on_a_turntable_the_speed_is_that_on_the_part(weld: Path) -> None:
     assert program.tool.slowest == pytest.approx(slowest, abs=5e-4)
     assert program.tool.fastest == pytest.approx(fastest, abs=5e-4)
     with pytest.raises(HolokinError, match="a line in the room, and not on plate"):
-        linear = TURNED.replace("[program]", '[program]\nlinear = true\ntool = "t1"')
+        linear = TURNED.replace("samples = 150", "samples = 12").replace(
+            "[program]", '[program]\nlinear = true\ntool = "t1"'
+        )
         program_of_job(*open_job(rewritten(weld, linear)), "rapid")
 
 

@@ -71,15 +71,14 @@ def to_rapid(
     Raises:
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
     """
-    goals = targets(timed, wiring, DIALECT, tolerance, lines)
-    if arc is not None and (len(arc) != 2 or not isinstance(zone, str)):
-        raise ArgumentError("arc", list(arc), "give the names of the seamdata and the welddata, and a zone by its name")
-    short = program_name(
-        name, about, NAME - 2, goals, (zone, tool, base, payload, *(arc or ()), ARCS * (arc is not None))
-    )
-    for what in (zone, tool, base, payload, *(arc or ())):
+    names = (zone, tool, base, payload, *(arc or ()))
+    for what in names:
         if isinstance(what, str):
             checked_name(what, NAME, "RAPID", program=False)
+    if arc is not None and (len(arc) != 2 or not isinstance(zone, str)):
+        raise ArgumentError("arc", list(arc), "give the names of the seamdata and the welddata, and a zone by its name")
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME - 2, goals, (*names, ARCS if arc else None))
     # The targets, then the moves to them.
     places, reduced = _zones(goals, zone)
     used = tool if base is None else f"{tool}\\WObj:={base}"
