@@ -60,15 +60,15 @@ def sunrise(text: str, speeds: np.ndarray) -> Parsed:
 
 @contextmanager
 def _modules(**given: ModuleType):
-    kept = {name: sys.modules.get(name) for name in given}
-    sys.modules.update({name.replace("__", "."): module for name, module in given.items()})
+    modules = {name.replace("__", "."): module for name, module in given.items()}
+    kept = {name: sys.modules[name] for name in modules if name in sys.modules}
+    sys.modules.update(modules)
     try:
         yield
     finally:
-        for name in given:
-            sys.modules.pop(name.replace("__", "."), None)
-            if kept[name] is not None:
-                sys.modules[name] = kept[name]
+        for name in modules:
+            del sys.modules[name]
+        sys.modules.update(kept)
 
 
 def xarm(program: Program, refuses: int | None = None) -> Parsed:
