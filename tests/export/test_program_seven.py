@@ -362,6 +362,6 @@ def test_random_motions_of_seven_axes_are_played_as_timed(seed: int, sia: hk.Rob
     """Joints within 0.01 degrees, limits kept, the tool's speed within 2 %: of INFORM, which rounds, as it says."""
     for language, (joints, faster, beyond, rounding) in check_motion(seed, sia, tmp_path).items():
         assert joints <= 0.01, (seed, language, joints)
-        most = 0.021 if language != "inform" else 0.024 + rounding  # whole pulses turn a short move a little
+        most = 0.021 if language != "inform" else 0.024 + rounding  # whole pulses, near a singular posture
         assert faster <= most, (seed, language, faster, rounding)
         assert beyond <= 0.01, (seed, language, beyond)
