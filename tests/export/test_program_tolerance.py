@@ -22,7 +22,18 @@ import referees
 from conftest import campaign, sampled
 from grammars import facts
 from holokin.base.errors import ArgumentError, ExportError
-from holokin.export import Program, ToolTolerance, to_fanuc, to_inform, to_krl, to_rapid, to_ros, to_urscript, to_val3
+from holokin.export import (
+    ProcessLines,
+    Program,
+    ToolTolerance,
+    to_fanuc,
+    to_inform,
+    to_krl,
+    to_rapid,
+    to_ros,
+    to_urscript,
+    to_val3,
+)
 from holokin.export.programs.moves import ToolMotion
 from holokin.export.programs.targets import measured, tool_moves
 from holokin.motion import TimedTrajectory
@@ -119,8 +130,11 @@ def test_an_operator_tunes_whole_millimetres_and_no_arc_burns_on_a_joint_move(
 ) -> None:
     """The motion takes whole steps of 8 ms, so its tool makes 7.99 mm/s; FANUC and ABB have the 8 mm/s of the path."""
     tolerance = ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02, True)
-    listing = to_fanuc(corner, tolerance=tolerance)
-    assert set(read(listing, "ls").speeds) == {0.008} and " 8mm/sec " in listing.text
+    burning = ProcessLines(on=["Arc Start[1]"], off=["Arc End[1]"])
+    listing = to_fanuc(corner, tolerance=tolerance, lines=burning)
+    tuned = grammars.listing(listing.text, own=r"Arc (Start|End)\[1\]")
+    assert set(tuned.speeds) == {0.008} and " 8mm/sec " in listing.text
+    assert tuned.lines == [(1, "Arc Start[1]"), (len(tuned.axes), "Arc End[1]")]
     welded = read(to_rapid(corner, tolerance=tolerance, arc=["seam1", "weld1"]), "rapid")
     arcs = [line for _, line in welded.lines]
     assert arcs[0] == "ArcLStart seam1 weld1" and arcs[-1] == "ArcLEnd seam1 weld1"
