@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from holokin.base.types import Matrix
+from holokin.export import Program
 
 REAL = r"[+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 
@@ -39,6 +40,11 @@ class Parsed:
     via: dict[int, list[float]] = field(default_factory=dict)
     lines: list[tuple[int, str]] = field(default_factory=list)
     zones: list[float] = field(default_factory=list)
+
+
+def facts(program: Program) -> str:
+    """The text beside a program on one line."""
+    return " ".join(program.facts.split())
 
 
 class GrammarError(Exception):
@@ -69,12 +75,17 @@ def rapid(text: str, own: str = "(?!)") -> Parsed:
     if module[1].lower() == module[3].lower():
         raise GrammarError("a module and its procedure have one name")
     known: dict[str, list[float]] = {}
+    speeds: dict[str, float] = {}
     for statement in filter(None, (part.strip() for part in module[2].split(";"))):
+        if found := re.fullmatch(rf"CONST speeddata (\w+):=\[({REAL}),500,5000,1000\]", statement):
+            speeds[_identifier(found[1], 32, "speed")] = float(found[2]) / 1e3
+            continue
         six = ",".join([f"({REAL})"] * 6)
         found = _match(rf"CONST jointtarget (\w+):=\[\[{six}\], ?\[{six}\]\]", statement, "declaration")
         known[_identifier(found[1], 32, "target")] = [float(x) for x in found.groups()[1:]]
     made = Parsed(module[3], np.zeros(0), [], [], comments)
     axes: list[list[float]] = []
+    burning = False
     used = r"(\w+(?:\\WObj:=\w+)?)"
     speed = rf"v1000\\V:=({REAL})"
     zone = rf"(fine|z\d+(?:\\Z:={REAL})?)"
@@ -95,6 +106,28 @@ def rapid(text: str, own: str = "(?!)") -> Parsed:
             axes.append(known[found[3]])
             _moved(made, "circular", speed=float(found[5]) / 1e3)
             made.stops.append(found[6] == "fine")
+        elif found := re.fullmatch(
+            rf"Arc([LC])(Start|End|) (?:CalcRobT\((\w+),{used}\),)?CalcRobT\((\w+),{used}\), *"
+            rf"(\w+),(\w+),(\w+),{zone},{used}",
+            statement,
+        ):
+            if (
+                (found[2] == "Start") == burning
+                or (found[2] and found[10] != "fine")
+                or (found[1] == "C") != bool(found[3])
+            ):
+                raise GrammarError(statement)
+            burning = found[2] != "End"
+            made.lines.append((len(axes), f"Arc{found[1]}{found[2]} {found[8]} {found[9]}"))
+            if found[7] == "v100":  # the arc starts where the torch stands
+                if known[found[5]] != axes[-1]:
+                    raise GrammarError(statement)
+                continue
+            if found[3]:
+                made.via[len(made.kinds)] = [x for x in known[found[3]] if x != 9e9]
+            axes.append(known[found[5]])
+            _moved(made, "circular" if found[3] else "linear", speed=speeds[found[7]])
+            made.stops.append(found[10] == "fine")
         else:
             _match(
                 rf"(SetDO \w+,[01]|WaitTime {REAL}|GripLoad \w+|CirPathMode\\(?:Object|Path)Frame|{own})",
@@ -102,6 +135,8 @@ def rapid(text: str, own: str = "(?!)") -> Parsed:
                 "instruction",
             )
             made.lines.append((len(axes), statement))
+    if burning:
+        raise GrammarError("an arc that does not end")
     made.axes = np.array([[x for x in row if x != 9e9] for row in axes])
     return made
 
@@ -256,17 +291,30 @@ def listing(text: str, own: str = "(?!)") -> Parsed:
         if int(found[1]) != number:
             raise GrammarError(line)
         motion = re.fullmatch(
-            r"(?:([JL]) |C P\[(\d+)\] :)P\[(\d+)\] (\d+(?:\.\d)?)(%|msec|sec) (FINE|CNT(?:\d+))", found[3]
+            r"(?:([JL]) |C P\[(\d+)\] :)P\[(\d+)\] (\d+(?:\.\d)?)(%|msec|sec|mm/sec|cm/min) (FINE|CNT(?:\d+))", found[3]
         )
         if motion:
-            least, most = {"%": (1, 100), "msec": (1, 32_000), "sec": (0.1, 3200)}[motion[5]]
+            ranges = {
+                "%": (1, 100),
+                "msec": (1, 32_000),
+                "sec": (0.1, 3200),
+                "mm/sec": (1, 2000),
+                "cm/min": (1, 12_000),
+            }
+            least, most = ranges[motion[5]]
+            per_second = {"mm/sec": 1e-3, "cm/min": 1e-2 / 60}.get(motion[5])
             if (motion[5] == "%") != (not axes) or not least <= float(motion[4]) <= most or found[2]:
                 raise GrammarError(line)
             if motion[2]:
                 made.via[len(made.kinds)] = known[int(motion[2])]
             if axes:
                 kind = {"J": "joint", "L": "linear", None: "circular"}[motion[1]]
-                _moved(made, kind, seconds=float(motion[4]) / (1e3 if motion[5] == "msec" else 1.0))
+                if per_second is None:
+                    _moved(made, kind, seconds=float(motion[4]) / (1e3 if motion[5] == "msec" else 1.0))
+                elif kind == "joint" or "." in motion[4]:
+                    raise GrammarError(line)
+                else:
+                    _moved(made, kind, speed=per_second * int(motion[4]))
             axes.append(known[int(motion[3])])
             made.stops.append(motion[6] == "FINE")
         elif found[3].startswith("!"):

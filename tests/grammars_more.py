@@ -38,7 +38,8 @@ def inform(text: str, pulses: np.ndarray, speeds: np.ndarray) -> Parsed:
         found = _checked(re.fullmatch(r"(B?C\d{5})=(-?\d+(?:,-?\d+)*)", line), line)
         known[found[1]] = [int(x) for x in found[2].split(",")]
     _checked(re.fullmatch(r"///DATE \d{4}/\d\d/\d\d \d\d:\d\d", body[0]), body[0])
-    if body[1:4] != ["///ATTR SC,RW", f"///GROUP1 RB1{',BS1' if bases else ''}", "NOP"] or body[-1] != "END":
+    _checked(re.fullmatch(r"///GROUP1 RB(\d),BS\1" if bases else r"///GROUP1 RB\d", body[2]), body[2])
+    if [body[1], body[3], body[-1]] != ["///ATTR SC,RW", "NOP", "END"]:
         raise GrammarError("frame of the instructions")
     made = Parsed(name, np.zeros(0), [], [])
     axes: list[np.ndarray] = []

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import controllers
 import grammars
@@ -17,6 +18,7 @@ import grammars_more
 import holokin as hk
 import referees
 from conftest import IRB_START, PANDA_START, Command, sampled
+from grammars import facts
 from holokin.analysis.audit.logs import read_recording
 from holokin.app.job import open_job, program_of_job, run_job
 from holokin.app.job.job_parts import build_entry, build_paths, entry_report
@@ -98,8 +100,10 @@ def test_urscript_streams_every_sample(six: TimedTrajectory) -> None:
 @pytest.mark.parametrize("language", WRITERS)
 def test_the_header_tells_the_law_limits_tolerance_and_units(language: str, six: TimedTrajectory) -> None:
     soft = replace(six, limits=replace(six.limits, jerk=np.full(6, 300.0)))
-    said = " ".join(read(WRITERS[language](soft, about=ABOUT), language).comments)
-    assert "wrist held: q4, q5, q6 stay ?" in said
+    program = WRITERS[language](soft, about=ABOUT)
+    said, header = facts(program), read(program, language).comments
+    assert len(header) == 5 and "targets" in header[2] and "way to" in header[4]
+    assert "wrist held: q4, q5, q6 stay ue" in said
     plain = "q3: -0.872665 to 4.01426 rad, speed 3 rad/s, acc 10 rad/s^2, jerk 300 rad/s^3"
     turned = "q3: -50 to 230 deg, speed 171.887 deg/s, acc 572.958 deg/s^2, jerk 17188.7 deg/s^3"
     assert (plain if language == "urscript" else turned) in said
@@ -177,10 +181,11 @@ def test_a_remark_of_a_fanuc_program_ends_no_statement(six: TimedTrajectory) -> 
 
 def test_fanuc_counts_joint_three_from_the_floor_when_asked(six: TimedTrajectory) -> None:
     """J3 = joint 3 - joint 2, as ROS-Industrial's driver has it; the header says which of the two it is."""
-    plain, coupled = (read(to_fanuc(six, coupled=c), "ls") for c in (False, True))
+    programs = [to_fanuc(six, coupled=c) for c in (False, True)]
+    plain, coupled = (read(program, "ls") for program in programs)
     np.testing.assert_allclose(coupled.axes[:, 2], plain.axes[:, 2] - plain.axes[:, 1], atol=2e-3)
-    assert "J3 = joint 3 - joint 2" in " ".join(coupled.comments)
-    assert "no coupling" in " ".join(plain.comments)
+    assert "J3 = joint 3 - joint 2" in facts(programs[1])
+    assert "no coupling" in facts(programs[0])
 
 
 @pytest.mark.parametrize("format", ["json", "yaml"])
@@ -288,8 +293,8 @@ def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: P
     done = holokin("run", "weld.toml", "--out", "out")
     assert done.code == 0, done.err
     assert re.search(r"trapezoidal, [01]\.\d+ s", done.out), done.out
-    facts = json.loads(Path("out/weld/result.json").read_text("utf-8"))["strategies"][0]
-    assert facts["timing"]["duration"] == facts["metrics"]["time"]
+    result = json.loads(Path("out/weld/result.json").read_text("utf-8"))["strategies"][0]
+    assert result["timing"]["duration"] == result["metrics"]["time"]
     header = Path("out/weld/wrist-timed.csv").read_text("utf-8").partition("\n")[0]
     assert header.startswith("time [s],q1 [rad]")
     assert "Timing" in Path("out/weld/report.html").read_text("utf-8")
@@ -297,8 +302,8 @@ def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: P
     assert done.code == 0, done.err
     texts = [Path("krl", name).read_text("utf-8") for name in ("irb140_wrist.src", "irb140_wrist.dat")]
     found = grammars.krl(*texts)
-    assert sum(found.seconds) == pytest.approx(facts["timing"]["duration"], abs=1e-3)
-    assert "Job weld: wrist on irb140" in " ".join(found.comments)
+    assert sum(found.seconds) == pytest.approx(result["timing"]["duration"], abs=1e-3)
+    assert "Job weld: wrist on irb140" in Path("krl", "irb140_wrist.txt").read_text("utf-8")
     assert holokin("export", "ros", "weld.toml", "--out", "ros", "--dt", "0.01").code == 0
     assert len(Path("ros/joints.csv").read_text("utf-8").splitlines()) < 200
     done = holokin("export", "ls", "weld.toml", "--out", "x", "--jerk", "-1")
@@ -476,6 +481,94 @@ def test_the_seam_is_straight_and_even_from_its_start_to_its_end(weld: Path) -> 
         assert move.kind == "linear"
         np.testing.assert_allclose(move.p[:, [0, 2]], np.tile([0.56, 0.45], (len(move.p), 1)), atol=2e-4)
         np.testing.assert_allclose(move.speed, 0.008, rtol=0.02)
+
+
+def test_an_abb_welds_by_moves_of_its_arc_welder_and_at_the_speed_of_the_path(weld: Path) -> None:
+    """The arc burns from one end of the seam to the other; approach and retract are one linear move each."""
+    weld.write_text(of("rapid").replace("[program]", '[program]\narc = ["seam1", "weld1"]'), "utf-8")
+    program, _, _ = program_of_job(*open_job(str(weld)), "rapid")
+    read = grammars.rapid(program.text)
+    (start, first), (end, last) = [(place, line) for place, line in read.lines if line.startswith("Arc")]
+    assert (first, last) == ("ArcLStart seam1 weld1", "ArcLEnd seam1 weld1")
+    axes = np.deg2rad(read.axes)
+    np.testing.assert_allclose(torch_at(axes[start]), [0.56, -0.05, 0.45], atol=1e-4)
+    np.testing.assert_allclose(torch_at(axes[end]), [0.56, -0.01, 0.45], atol=1e-4)
+    assert read.kinds == ["joint", *["linear"] * 5] and read.speeds[1:] == [0.008] * 5
+    assert any("set weld_speed to 8 mm/s" in note for note in program.notes)
+
+
+def rewritten(file: Path, text: str) -> str:
+    file.write_text(text, "utf-8")
+    return str(file)
+
+
+TABLE = """
+name = "t"
+source = "a shop"
+convention = "urdf"
+tip = "plate"
+[[joints]]
+joint = "c1"
+xyz = [0, 0, 0.3]
+axis = [0, 0, 1]
+lower = -6
+upper = 6
+max_velocity = 2
+"""
+
+TURNED = """
+title = "a seam on a turntable"
+[robot]
+name = "cell"
+parts = [{name = "irb140"}, {name = "table.toml", on = "base", xyz = [0.55, 0, 0]}]
+[task]
+kind = "relative-pose"
+orientation = "axis"
+tip = "tcp"
+other = "plate"
+[start]
+q = [0, 20, -10, 10, 60, 0, 0]
+degrees = true
+[path]
+kind = "circle"
+center = [-0.05, 0, 0]
+relative = true
+speed = 0.02
+samples = 150
+[timing]
+profile = "trapezoidal"
+acceleration = 5
+dt = 0.012
+[program]
+external = ["c1"]
+[strategies.still]
+kind = "lock"
+joints = ["q1", "q6"]
+"""
+
+
+def test_on_a_turntable_the_speed_is_that_on_the_part(weld: Path) -> None:
+    """In the room the torch makes 6.9 to 21.4 mm/s, on the plate 20: by P. Corke's table and a turn about z."""
+    Path("table.toml").write_text(TABLE, "utf-8")
+    program, _, _ = program_of_job(*open_job(rewritten(weld, TURNED)), "rapid")
+    read = grammars.rapid(program.text)
+    axes, seconds = np.deg2rad(read.axes), np.array([10.0, *read.seconds])
+    share = np.linspace(0, 1, 20)[:, None]
+    speeds = []
+    for i in range(2, len(axes) - 1):
+        q = axes[i - 1] + share * (axes[i] - axes[i - 1])
+        turned = Rotation.from_euler("z", -q[:, 6:])
+        points = turned.apply([referees.irb140(x[:6])[:3, 3] - [0.55, 0, 0.3] for x in q])
+        speeds.append(np.linalg.norm(np.diff(points, axis=0), axis=1) * 19 / seconds[i])
+    slowest, fastest = np.min(speeds), np.max(speeds)
+    assert program.tool is not None and slowest > 0.0185 and fastest < 0.0215
+    assert program.tool.slowest == pytest.approx(slowest, abs=5e-4)
+    assert program.tool.fastest == pytest.approx(fastest, abs=5e-4)
+    with pytest.raises(HolokinError, match="a line in the room, and not on plate"):
+        linear = TURNED.replace("samples = 150", "samples = 12").replace(
+            "[program]", '[program]\nlinear = true\ntool = "t1"'
+        )
+        program_of_job(*open_job(rewritten(weld, linear)), "rapid")
 
 
 def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> None:

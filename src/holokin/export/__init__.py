@@ -9,17 +9,22 @@ from .c.c_folder import c_name as c_name
 from .c.c_folder import check as check
 from .c.sheets_c import export_sheets
 from .programs.fanuc import to_fanuc
+from .programs.franka import to_franka
 from .programs.gcode import to_gcode
 from .programs.inform import to_inform
+from .programs.kinova import to_kinova
 from .programs.krl import to_krl
 from .programs.languages import LANGUAGES as LANGUAGES
 from .programs.moves import ProcessLines, ToolDeviation, ToolTolerance
 from .programs.rapid import to_rapid
 from .programs.robot_program import Program
+from .programs.robot_program import ascii_text as ascii_text
 from .programs.ros import to_ros, write_mcap
+from .programs.sunrise import to_sunrise
 from .programs.targets import Wiring
 from .programs.urscript import to_urscript
 from .programs.val3 import to_val3
+from .programs.xarm import to_xarm
 from .ros.moveit_package import MoveItPackage, export_moveit
 from .ros.ros2_control_package import Ros2ControlPackage, export_ros2_control
 
@@ -37,12 +42,16 @@ __all__ = [
     "export_ros2_control",
     "export_sheets",
     "to_fanuc",
+    "to_franka",
     "to_gcode",
     "to_inform",
+    "to_kinova",
     "to_krl",
     "to_rapid",
     "to_ros",
+    "to_sunrise",
     "to_urscript",
     "to_val3",
+    "to_xarm",
     "write_mcap",
 ]

@@ -225,6 +225,10 @@ _ABOUT = {
     "urscript": "Universal Robots URScript: servoj at 2 or 8 ms, else movej, movel and movec.",
     "inform": "Yaskawa INFORM: a .JBI of MOVJ and MOVL, in pulses.",
     "val3": "Staubli VAL3: a .pgx of movej, movel and movec.",
+    "sunrise": "KUKA Sunrise: a .java of SplineJP motions of an iiwa.",
+    "xarm": "UFACTORY: a .py of joint moves for the maker's SDK.",
+    "franka": "Franka: a .csv of the joints every millisecond, and a .py that sends them.",
+    "kinova": "Kinova Gen3: a .csv of the joints every millisecond, and a .py that sends it.",
     "gcode": "G-code: a .ngc of G1; the joints are the axes.",
     "ls": "FANUC TP: an .LS of J, L and C.",
 }

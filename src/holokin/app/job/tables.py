@@ -533,7 +533,7 @@ Speed = Annotated[float, Field(gt=0)]  # A positive number, or `inf` for no limi
 Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 
 # keys of [program] that some languages take, each in its own kind
-OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters")
+OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters", "group", "arc")
 
 # Key of [program] -> the argument of writers that holds it together with others.
 ARGUMENT_OF: dict[str, str] = {
@@ -600,6 +600,8 @@ class ProgramTable(Table):
     zone: str | int | float | None = None
     pulses: Annotated[list[Length], Few] | None = None
     letters: Annotated[list[str], Few] | None = None
+    group: int | None = None
+    arc: Annotated[list[str], Few] | None = None
     before: Lines = Field(default=[])
     on: Lines = Field(default=[])
     off: Lines = Field(default=[])

@@ -20,7 +20,7 @@ from ...base.errors import (
     posture_text,
 )
 from ...base.types import Vector
-from ...export import LANGUAGES, Program, c_name
+from ...export import LANGUAGES, Program, ascii_text, c_name
 from ...motion import TimedTrajectory, follow
 from ...motion.checks import CheckReport
 from ...path import Path
@@ -318,6 +318,6 @@ def _process_window(job: Job, path: AnyPath) -> tuple[float, float] | None:
 
 def _word(text: str, longest: int) -> str:
     """A name of letters, digits and underscores."""
-    letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
+    letters = "".join(c if c.isalnum() else "_" for c in ascii_text(text))
     letters = letters if letters[:1].isalpha() else f"p_{letters}"
     return letters[:longest].rstrip("_")

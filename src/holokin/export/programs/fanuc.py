@@ -1,8 +1,8 @@
 """FANUC TP programs as .LS text: joint, linear and circular moves to positions J1, J2, ..., each in its time.
 
 Grammar: FANUC, "R-30iB Handling Tool Operator's Manual" (B-83284EN): program header, motion instructions J, L and C in
-sec and msec, to positions of which each is given by its joints, DO, WAIT, PAYLOAD, remarks of at most 32 characters.
-J2/J3: ROS-Industrial's fanuc_driver (J23_factor).
+sec, msec, mm/sec and cm/min, to positions of which each is given by its joints, DO, WAIT, PAYLOAD, remarks of at most
+32 characters. J2/J3: ROS-Industrial's fanuc_driver (J23_factor).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ...base.types import Array, whole
 from ...motion import TimedTrajectory
 from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, header, program_name
-from .targets import Targets, Wiring, targets, with_lines
+from .targets import Move, Targets, Wiring, targets, with_lines
 
 NAME, SHORT = 36, 8
 """Characters of a program's name: the most an R-30iB takes, and what every controller takes, given by default."""
@@ -27,6 +27,9 @@ REMARK = 32
 """Characters of a remark in the program."""
 
 MOTIONS = ("J ", "L ", "C ")
+
+ROUNDED = 2e-3
+"""Share by which a whole number may change the speed of a move."""
 
 IN_MS, LONGEST_MOVE = 32_000, 3_200_000
 """Milliseconds that a motion instruction takes as such, and at all."""
@@ -49,8 +52,8 @@ def to_fanuc(
 ) -> Program:  # fmt: skip
     """A TP program NAME.LS of moves to joint positions in degrees, external axes E1 to E3 in degrees or mm.
 
-    Each move has its time in ms, linear and circular ones too; positions have the three decimals of the pendant, so
-    joints are right to 9e-6 rad.
+    Joint moves have their time in ms, linear and circular ones their speed in mm/s or cm/min where that is a whole
+    number, else their time; positions have the three decimals of the pendant, so joints are right to 9e-6 rad.
 
     Args:
         name: of the program, at most 36 letters, digits and underscores; by default 8.
@@ -77,13 +80,13 @@ def to_fanuc(
     short = program_name(name, about, NAME if name else SHORT, goals).upper()
     counted = "J3 = joint 3 - joint 2" if coupled else "J3 = joint 3 of the model (no coupling)"
     more = ["degrees, external axes degrees or mm", counted, f"UF {base}, UT {tool}"]
-    remarks = header(timed, about, goals, more, REMARK)
-    body = [f"!{line.replace(';', ',')}" for line in remarks]  # a semicolon ends a statement
+    head = header(timed, about, goals, more, REMARK)
+    body = [f"!{line.replace(';', ',')}" for line in head.lines]  # a semicolon ends a statement
     body += [f"UFRAME_NUM={base}", f"UTOOL_NUM={tool}"]
     body += [f"PAYLOAD[{payload}]"] if payload is not None else []
     body += with_lines(goals, [["J P[1] 10% FINE"], *_moves(goals, zone)])
     text = _listing(short, body, goals, f"UF : {base}, UT : {tool}", written or datetime.now())
-    return Program({f"{short}.LS": text}, len(goals.q), goals.deviation, goals.tool)
+    return head.program({f"{short}.LS": text}, goals)
 
 
 def _coupled(q: Array) -> Array:
@@ -94,7 +97,10 @@ def _coupled(q: Array) -> Array:
 
 
 def _moves(goals: Targets, zone: int) -> list[list[str]]:
-    """The instruction of each move; positions on the way of circular ones have the numbers after all targets."""
+    """The instruction of each move; positions on the way of circular ones have the numbers after all targets.
+
+    Linear and circular moves have a speed, which the operator tunes; where no whole number is that, their time.
+    """
     times = np.rint(1e3 * np.concatenate([[0.0], np.cumsum(goals.seconds)])).astype(int)
     number = {i: len(goals.q) + k for k, i in enumerate(goals.via, 1)}
     last = len(times) - 1
@@ -104,12 +110,21 @@ def _moves(goals: Targets, zone: int) -> list[list[str]]:
         if lasts > LONGEST_MOVE:
             raise ArgumentError("the time of a move [ms]", lasts, f"a move takes at most {LONGEST_MOVE}")
         time = f"{lasts}msec" if lasts <= IN_MS else f"{lasts / 1e3:.1f}sec"
-        way = f"{time} {'FINE' if i == last or goals.stops[i] else f'CNT{zone}'}"
+        way = f"{_speed(move) or time} {'FINE' if i == last or goals.stops[i] else f'CNT{zone}'}"
         if move.kind == "circular":
             moves.append([f"C P[{number[i - 1]}]\n    :  P[{i + 1}] {way}"])
         else:
             moves.append([f"{'J' if move.kind == 'joint' else 'L'} P[{i + 1}] {way}"])
     return moves
+
+
+def _speed(move: Move) -> str:
+    """The speed of a linear or circular move as the pendant has it, in whole numbers; empty where none is near."""
+    for unit, factor in (("mm/sec", 1e3), ("cm/min", 6e3)) if move.kind != "joint" else ():
+        exact = factor * move.speed
+        if 1 <= exact <= 2000 and abs(round(exact) / exact - 1.0) <= ROUNDED:
+            return f"{round(exact)}{unit}"
+    return ""
 
 
 def _listing(name: str, body: list[str], goals: Targets, frames: str, written: datetime) -> str:

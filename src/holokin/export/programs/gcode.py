@@ -23,7 +23,7 @@ DIALECT = Dialect(
     "{state} P{number}",
     "G4 P{seconds:g}",
     ("M65", "M64"),
-    own=0,
+    own=(),
     sliding=True,
     kinds=("joint",),
     forbidden=r"%|^[oO]",
@@ -64,7 +64,8 @@ def to_gcode(
     axes = _letters(goals.lengths, letters)
     mode = f"G64 P{1e3 * zone:g}" if not_negative("zone", zone) else "G61"
     # after the dash no comment begins with the word of a file: LinuxCNC takes py, msg and log there for commands
-    facts = [f"; - {line}" for line in header(timed, about, goals, ["mm and degrees; F is 1/minutes (G93)"])]
+    head = header(timed, about, goals, ["mm and degrees; F is 1/minutes (G93)"])
+    facts = [f"; - {line}" for line in head.lines]
     seconds = [10.0, *goals.seconds.tolist()]
     moves = [
         [" ".join(["G1", *(f"{a}{x:.6f}" for a, x in zip(axes, row, strict=True)), f"F{60 / t:.6f}"])]
@@ -72,7 +73,7 @@ def to_gcode(
     ]
     body = with_lines(goals, moves)
     text = "\n".join([*facts, "G21 G90 G93", mode, *body, "G94", "M2", ""])
-    return Program({f"{short}.ngc": text}, len(goals.q), goals.deviation, goals.tool)
+    return head.program({f"{short}.ngc": text}, goals)
 
 
 def _letters(lengths: tuple[bool, ...], given: Sequence[str] | None) -> list[str]:

@@ -78,7 +78,8 @@ def to_krl(
     more = ["degrees, external axes degrees or mm; TIME_BLOCK needs KSS 8.3 or later"]
     used = [f"{what} {value}" for what, value in numbers.items() if value is not None]
     more += [", ".join(used)] if used else []
-    facts = [f"; {line}" for line in header(timed, about, goals, more, 76)]
+    head = header(timed, about, goals, more, 76)
+    facts = [f"; {line}" for line in head.lines]
     # The program, and the data list of its targets.
     declared = ["DECL INT XERR", *(f"DECL E6POS {point}" for point in _poses(goals))]
     frames = [f"BAS(#{what.upper()},{numbers[what]})" for what in ("tool", "base") if numbers[what] is not None]
@@ -95,7 +96,7 @@ def to_krl(
         values = ",".join(f"{word} {x:.6f}" for word, x in zip(words, goals.shown(row), strict=False))
         data.append(f"DECL E6AXIS {point}={{{values}}}")
     files = {f"{short}.src": "\n".join([*text, "END", ""]), f"{short}.dat": "\n".join([*data, "ENDDAT", ""])}
-    return Program(files, len(goals.t), goals.deviation, goals.tool)
+    return head.program(files, goals)
 
 
 def _poses(goals: Targets) -> list[str]:

@@ -17,16 +17,16 @@ from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, 
 from ...base.units import PrintedUnits
 from ...motion import TimedTrajectory
 from ...path.path import rotation_matrix, rotation_vector, straight
-from ...strategies.tasks.task import Task, of_one_tool
-from ...strategies.tasks.task_kinds import pose
+from ...strategies.tasks.task import RelativeFrame, Task, of_one_tool
+from ...strategies.tasks.task_kinds import pose, relative_pose
 
 FINER = 4
 """Instants a step at which a program is held against the motion. Between two of them it is a sixteenth as far off as
 between two samples: the largest distance of a curve from its chord goes with the square of the step."""
 
 
-def finer(timed: TimedTrajectory) -> tuple[Vector, Matrix, Matrix]:
-    """Times (k,), joints and their rates (k, n) at FINER instants a step; sample i of the motion is instant FINER * i.
+def finer(timed: TimedTrajectory, each: int = FINER) -> tuple[Vector, Matrix, Matrix]:
+    """Times (k,), joints and their rates (k, n) at `each` instants a step; sample i of the motion is instant each * i.
 
     Between two samples by the polynomial of degree five that has the motion's joints, rates and accelerations at both.
     Where an acceleration jumps by a within a step of h seconds it is off by 0.018 a h^2 at most.
@@ -37,7 +37,7 @@ def finer(timed: TimedTrajectory) -> tuple[Vector, Matrix, Matrix]:
     c3 = 10 * gone - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
     c4 = -15 * gone + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
     c5 = 6 * gone - 3 * v0 - 3 * v1 - 0.5 * a0 + 0.5 * a1
-    s = (np.arange(FINER) / FINER)[:, None]
+    s = (np.arange(each) / each)[:, None]
     between = q[:-1] + s * (v0 + s * (a0 / 2 + s * (c3 + s * (c4 + s * c5))))
     rates = (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
     n = timed.q.shape[1]
@@ -56,6 +56,9 @@ KINDS: tuple[Kind, ...] = ("joint", "linear", "circular")
 
 STILL = 1e-3
 """Share of the tool's largest speed below which the tool turns in place, and has no speed to keep."""
+
+STEPPED = 0.01
+"""Share by which a motion that takes whole steps of dt is slower than its path."""
 
 NO_WAY, SLOWEST = 1e-6, 1e-5
 """Way [m or rad] of a tool that is none, and speed [m/s] that is none: round-off."""
@@ -87,6 +90,12 @@ class ToolTolerance(Value):
     speed: float = 0.05
     joints: float = 0.02
     linear: bool = False
+
+    @property
+    def part(self) -> RelativeFrame | None:
+        """The frame of a part that moves, as on a turntable, on which the tool has its place and speed; else None."""
+        frame = getattr(self.task, "frame", None)
+        return frame if isinstance(frame, RelativeFrame) else None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -126,7 +135,8 @@ class ToolDeviation(Result):
         sentences = [f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion"]
         sentences.append(f"and the joints within {factor * self.joints:.2g} {unit}")
         if np.isfinite(self.slowest):
-            speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
+            least, most = f"{1e3 * self.slowest:.4g}", f"{1e3 * self.fastest:.4g}"
+            speeds = f"{least} mm/s" if least == most else f"{least} to {most} mm/s"
             compared = f"{100 * self.compared:.3g} % of the time"
             sentences.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed")
             sentences.append(f"the speed was compared for {compared}; at other times the tool")
@@ -155,12 +165,14 @@ class ToolMotion(Value):
     """A timed motion as its tool makes it, at k instants: `FINER` a step of the motion.
 
     Attributes:
-        task: the pose of its tool.
+        task: the pose of its tool; where the task is relative, that on the part.
         own: the joints (a,) that the controller moves to a pose by its inverse; the others it moves evenly.
         t, q, dq: times (k,), joints and their rates (k, n). limits: of these (n,).
         p, R: of the tool, (k, 3) and (k, 3, 3).
         way: how far the tool is along the path (k,) [m]; how far it has turned [rad] where the path has no length.
         speed: of the tool (k,) [m/s].
+        asked: the speed that the path asks for (k,) [m/s], where the timed motion is as fast but for its steps of dt;
+            else the speed of the tool.
         ramp: where the tool gathers speed from rest, or loses it, and before the path begins: it has no speed to keep.
     """
 
@@ -174,6 +186,7 @@ class ToolMotion(Value):
     R: Array
     way: Vector
     speed: Vector
+    asked: Vector
     ramp: Flags
 
     @staticmethod
@@ -182,7 +195,8 @@ class ToolMotion(Value):
         robot = tolerance.task.robot
         if robot.joint_names != timed.joint_names:
             raise ArgumentError("the task of the tolerance", robot.name, "give a task of the robot that moves")
-        task = pose(robot, tip=tolerance.task.tip)
+        frame = tolerance.part
+        task = pose(robot, tip=tolerance.task.tip) if frame is None else relative_pose(robot, frame.name, frame.other)
         t, q, dq = finer(timed)
         p, R = task._poses(q)
         J, _ = task.jacobian_batch(q)
@@ -195,7 +209,10 @@ class ToolMotion(Value):
         steps[: timed.begin] = True
         ramp = np.append(np.repeat(steps[:-1] & steps[1:], FINER), steps[-1])
         ramp[::FINER] = steps
-        return ToolMotion(task, own, t, q, dq, timed.limits.velocity, p, R, way, speed, ramp)
+        share = np.interp(t, timed.t, timed.path_speed)
+        near = np.abs(share - 1.0) < min(STEPPED, tolerance.speed / 2)
+        asked = np.where(near, speed / np.where(near, share, 1.0), speed)
+        return ToolMotion(task, own, t, q, dq, timed.limits.velocity, p, R, way, speed, asked, ramp)
 
     def share(self, a: int, b: int, rows: Indices) -> Vector:
         """How far along the move from instant a to instant b some are, by the tool's way, else by time."""
@@ -229,7 +246,7 @@ class ToolMotion(Value):
 
     def steady(self, a: int, b: int) -> float:
         """The speed of a linear or circular move [m/s]: the mean where there is one to keep, else the largest."""
-        part = self.speed[a : b + 1]
+        part = self.asked[a : b + 1]
         with_speed = part[self.has_speed[a : b + 1]]
         return float(with_speed.mean() if len(with_speed) else part.max())
 
@@ -388,8 +405,9 @@ class Dialect:
 
     Attributes:
         language: its name in messages.
-        output, wait, states: how an output is set, with its words for off and on, and how the program waits.
-        own: the axes of a robot that it holds; 0 for any number. external: how many external ones besides.
+        output, wait, states: how an output is set, with its words for off and on, and how the program waits; no output
+            where every project has its own way.
+        own: how many axes its robots have; none for any number. external: how many external ones besides.
         sliding: whether axes of the robot may slide.
         kinds: the moves that it has.
         halt: what waits for the end of a move, where the program runs on before that.
@@ -401,7 +419,7 @@ class Dialect:
     output: str
     wait: str
     states: tuple[str, str]
-    own: int = 6
+    own: tuple[int, ...] = (6,)
     external: int = 0
     sliding: bool = False
     kinds: tuple[Kind, ...] = KINDS
@@ -417,9 +435,12 @@ class Dialect:
 
     def _line(self, line: str) -> str:
         if match := OUTPUT.fullmatch(line):
+            if not self.output:
+                cure = "the outputs are those of an I/O group of your project: write its own line"
+                raise ArgumentError(f"a process line of {self.language}", line, cure)
             return self.output.format(number=int(match[1]), state=self.states[match[2] == "on"]) + self.end
         if match := WAIT.fullmatch(line):
-            return self.wait.format(seconds=float(match[1])) + self.end
+            return self.wait.format(seconds=float(match[1]), milliseconds=1e3 * float(match[1])) + self.end
         if re.match(r"(?:output|wait)\b(?=[ .\d]|$)", line):
             raise ArgumentError("a process line", line, "write 'output 3 on', 'output 3 off' or 'wait 0.5'")
         if re.search(self.forbidden, line) or len(line) > self.longest:

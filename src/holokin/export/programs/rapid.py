@@ -1,13 +1,17 @@
 """ABB RAPID: `MoveAbsJ`, `MoveL` and `MoveC` to joint targets, in the times and at the speeds of the timed trajectory.
 
 Grammar: ABB, "Technical reference manual: RAPID Instructions, Functions and Data types" (3HAC050917), MoveAbsJ, MoveL,
-MoveC, CirPathMode, CalcRobT, GripLoad, SetDO, jointtarget, robjoint, extjoint; "RAPID kernel" (3HAC050946), identifiers
-of at most 32 characters.
+MoveC, CirPathMode, CalcRobT, GripLoad, SetDO, jointtarget, robjoint, extjoint, speeddata; "RAPID kernel" (3HAC050946),
+identifiers of at most 32 characters; "Application manual: Arc and Arc Sensor" (3HAC050988), ArcLStart, ArcL, ArcLEnd,
+ArcCStart, ArcC, ArcCEnd with their speed, seam, weld, zone, tool and WObj.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ...base.arguments import typed
+from ...base.errors import ArgumentError, ExportError
 from ...base.types import not_negative
 from ...motion import TimedTrajectory
 from .moves import Dialect, ProcessLines, ToolTolerance
@@ -16,6 +20,9 @@ from .targets import Targets, Wiring, targets, with_lines, zones
 
 NAME = 32
 """Characters of a RAPID identifier."""
+
+ARCS = "ArcLStart ArcL ArcLEnd ArcCStart ArcC ArcCEnd"
+"""Moves of an arc welder."""
 
 DIALECT = Dialect(
     "RAPID",
@@ -41,6 +48,7 @@ def to_rapid(
     tool: str = "tool0",
     base: str | None = None,
     payload: str | None = None,
+    arc: Sequence[str] | None = None,
 ) -> Program:
     """A RAPID module NAME.mod with one procedure of moves to joint targets in degrees, external axes in degrees or mm.
 
@@ -56,21 +64,27 @@ def to_rapid(
             targets in its own way.
         lines: of the process. "output 3 on" sets the signal do3.
         zone: of targets passed without a stop: the name of zonedata, or a radius [m].
+        arc: names of the seamdata and the welddata: from the start of the process to its end the moves are ArcLStart,
+            ArcL, ArcC and ArcLEnd. While the arc burns the controller takes the speed of the welddata.
         tool, base, payload: names of the tooldata, the wobjdata and the loaddata; base and payload may be left out.
 
     Raises:
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
     """
-    goals = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about, NAME - 2, goals, (zone, tool, base, payload))
-    for what in (zone, tool, base, payload):
+    names = (zone, tool, base, payload, *(arc or ()))
+    for what in names:
         if isinstance(what, str):
             checked_name(what, NAME, "RAPID", program=False)
+    if arc is not None and (len(arc) != 2 or not isinstance(zone, str)):
+        raise ArgumentError("arc", list(arc), "give the names of the seamdata and the welddata, and a zone by its name")
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME - 2, goals, (*names, ARCS if arc else None))
     # The targets, then the moves to them.
     places, reduced = _zones(goals, zone)
     used = tool if base is None else f"{tool}\\WObj:={base}"
     more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]
-    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, goals, more, 76))]
+    head = header(timed, about, goals, more, 76)
+    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in head.lines)]
     text += [line for i in range(len(goals.q)) for line in _declared(f"p{i + 1}", goals, i)]
     text += [line for i in goals.via for line in _declared(f"c{i + 2}", goals, i, via=True)]
     moves = [[f"    MoveAbsJ p1\\NoEOffs,v100,fine,{used};"]]
@@ -82,13 +96,49 @@ def to_rapid(
             moves.append([f"    MoveL {end},v1000\\V:={1e3 * move.speed:.3f},{way}"])
         else:
             moves.append([f"    MoveC CalcRobT(c{i},{used}),{end},", f"      v1000\\V:={1e3 * move.speed:.3f},{way}"])
+    notes = []
+    if arc is not None:
+        declared, notes = _welded(goals, moves, f"{arc[0]},{arc[1]}", zone, used)
+        text += declared
     load = [] if payload is None else [f"GripLoad {payload};"]
     body = with_lines(goals, moves)
     if goals.via:  # the tool turns evenly from the start to the end of an arc, not along with the arc
         body = ["CirPathMode\\ObjectFrame;", *body, "CirPathMode\\PathFrame;"]
     text += ["", f"  PROC {short}()", *(f"    {line.strip()}" for line in [*load, *body])]
     text += ["  ENDPROC", "ENDMODULE", ""]
-    return Program({f"{short}_M.mod": "\n".join(text)}, len(goals.q), goals.deviation, goals.tool)
+    return head.program({f"{short}_M.mod": "\n".join(text)}, goals, notes)
+
+
+def _welded(
+    goals: Targets, moves: list[list[str]], data: str, zone: str | float, used: str
+) -> tuple[list[str], list[str]]:
+    """Puts the moves of the arc into the place of those along the seam; returns speeddata, and notes.
+
+    Raises: ExportError: joint moves along the seam.
+    """
+    speeds: dict[str, str] = {}
+    welded: set[str] = set()
+    for i in range(goals.on, goals.off + 1):
+        move = goals.moves[i - 1] if i else None
+        place = "Start" if i == goals.on else "End" if i == goals.off else ""
+        way = f"{'fine' if place or goals.stops[i] else zone},{used};"
+        if move is None or move.kind == "joint":
+            if place != "Start":
+                fact = f"the move to target {i + 1} is a joint move, and no arc burns on one"
+                raise ExportError(fact, "give linear = true, and a larger tool_tolerance")
+            # A joint move led here: the arc starts where the torch stands.
+            moves[i].append(f"    ArcLStart CalcRobT(p{i + 1},{used}),v100,{data},{way}")
+            continue
+        speed = speeds.setdefault(f"{1e3 * move.speed:.3f}", f"s{len(speeds) + 1}")
+        welded |= {f"{1e3 * move.speed:.4g}"} if place != "Start" else set()
+        if move.kind == "linear":
+            moves[i] = [f"    ArcL{place} CalcRobT(p{i + 1},{used}),{speed},{data},{way}"]
+        else:
+            via = f"CalcRobT(c{i + 1},{used}),CalcRobT(p{i + 1},{used})"
+            moves[i] = [f"    ArcC{place} {via},", f"      {speed},{data},{way}"]
+    declared = [f"  CONST speeddata {name}:=[{speed},500,5000,1000];" for speed, name in speeds.items()]
+    said = f"while the arc burns its speed is that of the welddata: set weld_speed to {', '.join(sorted(welded))} mm/s"
+    return declared, [said]
 
 
 def _declared(name: str, goals: Targets, i: int, via: bool = False) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,8 @@ from .targets import Targets, Wiring
 #
 # Instructions are those that the written programs use: a program of such a name would call itself. Others may stand in
 # process lines: there a name is looked for, too. TP and INFORM call programs by CALL and RUN, and a G-code program is
-# known by its file alone: their names are apart from their words.
+# known by its file alone: their names are apart from their words. A Python program of the name of a module that it
+# imports would be that module, and a table joints.csv that which `holokin export` writes beside each program.
 
 DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))})
 """Names that Windows, on which programs are loaded, and FANUC's controllers keep for devices: no file has them."""
@@ -91,10 +93,22 @@ _VAL3 = """
     waitendmove delay jointtopoint
 """
 
+_JAVA = """
+    abstract assert boolean break byte case catch char class const continue default do double else enum extends final
+    finally float for goto if implements import inject int interface joint jointposition lbr long math native new null
+    override package private protected ptp public return roboticsapiapplication short spline splinejp splinemotionjp
+    static strictfp string super switch synchronized target targets this threadutil throw throws transient true false
+    try void volatile while
+"""
+
 LANGUAGE_WORDS = {
-    "RAPID": Words(frozenset(_RAPID.split()), r"[pc]\d+", r"v\d+|z\d+|fine|do\d+|tool0|wobj0|load0"),
+    "RAPID": Words(frozenset(_RAPID.split()), r"[pcs]\d+", r"v\d+|z\d+|fine|do\d+|tool0|wobj0|load0"),
     "KRL": Words(frozenset(_KRL.split()), r"X[PCFG]\d+|XERR"),
     "URScript": Words(frozenset(_URSCRIPT.split()), exact=True),
+    "Sunrise": Words(frozenset(_JAVA.split())),
+    "xArm": Words(frozenset({"sys", "xarm"})),
+    "Kortex": Words(frozenset({"csv", "sys", "threading", "pathlib", "kortex_api", "joints"})),
+    "libfranka": Words(frozenset({"sys", "pathlib", "numpy", "pylibfranka", "joints"})),
     "VAL3": Words(frozenset(_VAL3.split()), r"l_(jA|jB|pA|pB|mDesc)", r"flange|world|diOut\d+"),
 }
 """By the name of the language in messages; the others keep the names of devices alone."""
@@ -123,6 +137,10 @@ def taken(name: str, language: str, program: bool = True, used: Sequence[str] = 
     return ""
 
 
+SPELT = str.maketrans(dict(zip("äöüÄÖÜßøæ", ("ae", "oe", "ue", "Ae", "Oe", "Ue", "ss", "oe", "ae"), strict=True)))
+"""Letters that are more than a letter with a mark; of others the mark is left out."""
+
+
 @dataclass(frozen=True)
 class Program(Result):
     """A robot program: its files by name, and how it was cut down from the samples.
@@ -130,7 +148,8 @@ class Program(Result):
     `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory
     if they moved evenly from target to target. `tool` is how far the tool and the joints are from it as the
     controller moves, where the program was written to a tolerance of the tool, else None. `notes` say what a user
-    should know of this program.
+    should know of this program. `facts` is a text of all that is known of it, of which the program's own header has
+    five lines; it is saved beside the first file, with the ending .txt.
     """
 
     files: Mapping[str, str]
@@ -138,6 +157,7 @@ class Program(Result):
     deviation: float
     tool: ToolDeviation | None = None
     notes: tuple[str, ...] = ()
+    facts: str = ""
 
     def __str__(self) -> str:
         within = self.tool or f"joints within {self.deviation:.2g} rad or m of the timed motion"
@@ -150,21 +170,74 @@ class Program(Result):
 
     @typed
     def save(self, folder: str | Path) -> tuple[Path, ...]:
-        """Write the files into a folder, made if need be, all or none; returns their paths. Raises: WriteError."""
-        write_texts(Path(folder), self.files)
-        return tuple(Path(folder, name) for name in self.files)
+        """Write the files and the facts into a folder, made if need be, all or none; returns their paths.
+
+        Raises: WriteError.
+        """
+        every = {**self.files, Path(next(iter(self.files))).with_suffix(".txt").name: self.facts}
+        write_texts(Path(folder), every)
+        return tuple(Path(folder, name) for name in every)
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a program says of itself: `lines` of ASCII, five for its own text, all `facts` for the file beside it, and
+    `notes` of words that were written in other letters."""
+
+    lines: tuple[str, ...]
+    facts: str
+    notes: tuple[str, ...]
+
+    def program(self, files: Mapping[str, str], goals: Targets, notes: Sequence[str] = ()) -> Program:
+        """The program of these targets with this header in its files."""
+        return Program(files, len(goals.t), goals.deviation, goals.tool, (*self.notes, *notes), self.facts)
 
 
 def header(
     timed: TimedTrajectory, about: str, goals: Targets | None, more: Sequence[str] = (), width: int = 100
-) -> list[str]:
-    """The facts of a program as lines of ASCII: where it is from, the strategy, limits, tolerances, units.
+) -> Header:
+    """What a program says of itself.
 
-    Names of files are plain words there.
+    Args:
+        about: where it is from, and the strategy.
+        more: facts of the language.
+        width: characters of a line of the program.
     """
-    # Where it is from, and how it was timed.
-    lines = [f"Written by holokin {__version__}", _plain(about) or "strategy: not told"]
-    lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
+    start = "The controller chooses the way to the first target: make sure that this way is free"
+    facts = [f"Written by holokin {__version__}", ascii_text(about) or "strategy: not told"]
+    facts += [*_timing_facts(timed, goals), *_deviation_facts(timed, goals), start, *more]
+    text = [part for line in facts for part in textwrap.wrap(line, 100, break_on_hyphens=False)]
+    # Five lines for the operator.
+    free = "make sure that the way to the first target is free; all facts: its .txt"
+    beside = free if len(free) <= width else "check way to start; see its .txt"
+    count = f", {len(goals.t)} targets" if goals is not None else ""
+    few = [f"holokin {__version__}", facts[1], f"{timed.duration:.3f} s{count}", _within(timed, goals), beside]
+    lines = [line if len(line) <= width else f"{line[: width - 3].rstrip()}..." for line in few]
+    foreign = [words for words in (about, *timed.joint_names) if not words.isascii()]
+    notes = [f"the program holds ASCII alone: {words!r} is {ascii_text(words)!r} there" for words in foreign]
+    return Header(tuple(lines), "\n".join([*text, ""]), tuple(notes))
+
+
+def docstring(head: Header) -> str:
+    """Lines of a header that stand between three quotation marks in Python."""
+    return "\n".join(line.replace('"', "'").replace("\\", "/") for line in head.lines)
+
+
+def _within(timed: TimedTrajectory, goals: Targets | None) -> str:
+    """How near a program is to the motion, in at most 32 characters."""
+    if goals is None:
+        return f"samples at {1e3 * timed.dt:g} ms"
+    tool = goals.tool
+    if tool is None:
+        unit, factor = goals.dialect.units.together(timed.joint_units)
+        return f"joints within {factor * goals.deviation:.2g} {unit}"
+    near = f"{1e3 * tool.position:.2g} mm, {np.rad2deg(tool.rotation):.2g} deg"
+    return f"tool within {near}" if tool.kept else f"NOT KEPT: {near}"
+
+
+def _timing_facts(timed: TimedTrajectory, goals: Targets | None) -> list[str]:
+    """How the motion was timed, and the limits, signs and offsets of each joint."""
+    lines = [f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms"]
     limits, linear = timed.limits, goals is not None and goals.linear
     wiring = Wiring() if goals is None else goals.wiring
     units = SI if goals is None else goals.dialect.units
@@ -180,31 +253,38 @@ def header(
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
-        lines.append(f"{_plain(name)}: " + ", ".join([span, *rates, *turned]))
-    # How near its targets keep to the timed motion.
-    unit, factor = units.together(timed.joint_units)
-    if goals is not None and goals.tool is not None:
-        lines.append(f"{len(goals.t)} joint targets, {_counted(goals)}")
-        lines += [*goals.tool.sentences(unit, factor), *_resolution(timed, goals)]
-    elif goals is not None and len(goals.t) == len(timed):
-        lines.append(f"{len(goals.t)} joint targets, one for each step")
-    elif goals is not None:
+        lines.append(f"{ascii_text(name)}: " + ", ".join([span, *rates, *turned]))
+    return lines
+
+
+def _deviation_facts(timed: TimedTrajectory, goals: Targets | None) -> list[str]:
+    """How near the targets keep to the timed motion, and by which moves."""
+    lines = []
+    if goals is not None:
+        unit, factor = goals.dialect.units.together(timed.joint_units)
         within = f"within {factor * goals.deviation:.2g} {unit}"
-        lines.append(f"{len(goals.t)} joint targets; even motion between them is {within} of the timed motion")
-    if linear:
-        lines.append("on linear and circular moves the controller chooses acc and jerk of the joints: none are stated")
-    if goals is not None and goals.asked:
-        lines += _reason(goals, timed)
+        if goals.tool is not None:
+            lines.append(f"{len(goals.t)} joint targets, {_counted(goals)}")
+            lines += [*goals.tool.sentences(unit, factor), *_resolution(timed, goals)]
+        elif len(goals.t) == len(timed):
+            lines.append(f"{len(goals.t)} joint targets, one for each step")
+        else:
+            lines.append(f"{len(goals.t)} joint targets; even motion between them is {within} of the timed motion")
+        if goals.linear:
+            chosen = "the controller chooses acc and jerk of the joints: none are stated"
+            lines.append(f"on linear and circular moves {chosen}")
+        lines += _reason(goals, timed) if goals.asked else []
     if timed.loop is not None:
         a, b = (timed.t[i] for i in timed.loop)
         lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
-    lines += ["The controller chooses the way to the first target: make sure that this way is free", *more]
-    return [part for line in lines for part in textwrap.wrap(line, width, break_on_hyphens=False)]
+    return lines
 
 
-def _plain(words: str) -> str:
-    """Words of a file on one line, without what ends a comment, a statement or a section in any language."""
-    return re.sub(r"[^ -~]|[;<>%]", "?", line(words)).translate(str.maketrans("()", "[]"))
+def ascii_text(words: str) -> str:
+    """Words of a file on one line of ASCII, without what ends a comment, a statement or a section in any language."""
+    latin = unicodedata.normalize("NFKD", line(words).translate(SPELT))
+    kept = "".join(c for c in latin if not unicodedata.combining(c))
+    return re.sub(r"[^ -~]|[;<>%]", "?", kept).translate(str.maketrans("()", "[]"))
 
 
 def _resolution(timed: TimedTrajectory, goals: Targets) -> list[str]:
@@ -256,6 +336,6 @@ def program_name(given: str | None, about: str, longest: int, goals: Targets, na
     used = [*own, *(word for word in names if isinstance(word, str))]
     if given is not None:
         return checked_name(given, longest, language, used=used)
-    words = re.sub(r"[^A-Za-z0-9]+", "_", about or "holokin").strip("_")
+    words = re.sub(r"[^A-Za-z0-9]+", "_", ascii_text(about) or "holokin").strip("_")
     name = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
     return f"hk_{name}"[:longest] if taken(name, language, used=used) else name

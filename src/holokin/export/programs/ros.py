@@ -46,7 +46,8 @@ def to_ros(
     if format not in ("yaml", "json"):
         raise ArgumentError("format", format, "use 'yaml' or 'json'")
     picked = np.arange(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance))
-    comments = header(timed, about, None, ["units: rad, m, s"])
+    head = header(timed, about, None, ["units: rad, m, s"])
+    comments = list(head.lines)
     points = []
     for i in picked:
         rates = {"velocities": timed.dq[i].tolist(), "accelerations": timed.ddq[i].tolist(), "effort": []}
@@ -57,7 +58,8 @@ def to_ros(
         text = json.dumps({"comments": comments, **message}, indent=1, allow_nan=False) + "\n"
     else:
         text = "\n".join([*(f"# {line}" for line in comments), *_yaml(message), ""])
-    return Program({f"joint_trajectory.{format}": text}, len(picked), deviation(timed, picked))
+    files = {f"joint_trajectory.{format}": text}
+    return Program(files, len(picked), deviation(timed, picked), notes=head.notes, facts=head.facts)
 
 
 @typed

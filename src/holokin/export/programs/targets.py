@@ -226,7 +226,7 @@ def targets(
         ArgumentError: bad wiring; a tolerance of another robot's tool.
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
-    q, lengths = _wired(timed, wiring, dialect)
+    q, lengths = wired(timed, wiring, dialect, timed.q)
     window = _window(timed, lines)
     more = window if lines.on or lines.off else ()
     # The moves, and the samples to which they lead.
@@ -241,10 +241,33 @@ def targets(
     # Where lines stand the robot stops, so that they come in time.
     stops = np.isin(picked, [*timed.stops, *more])
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
-    of, own = (timed, wiring, dialect, lines), dialect.own or timed.q.shape[1]
+    of, own = (timed, wiring, dialect, lines), q.shape[1] - len(wiring.external)
     axes = timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()), own
     on, off = np.searchsorted(picked, window).tolist()
     return Targets(*of, *axes, deviation(timed, picked), tuple(moves), via, tool, linear, on, off)
+
+
+MILLISECOND = 1e-3
+"""Seconds of a cycle of controllers that take a row a cycle."""
+
+
+def every_millisecond(timed: TimedTrajectory, wiring: Wiring | None, dialect: Dialect) -> tuple[Targets, Matrix]:
+    """(all samples as targets, axes (k, own) at every millisecond), between samples as of `finer`.
+
+    Raises: ArgumentError: the step of the motion is no whole number of milliseconds. As `targets`.
+    """
+    each = round(timed.dt / MILLISECOND)
+    if each < 1 or abs(each * MILLISECOND - timed.dt) > 1e-9:
+        raise ArgumentError("dt of the trajectory", timed.dt, "retime it with whole milliseconds, as dt=0.004")
+    goals = targets(timed, wiring, dialect, None, None)
+    q, _ = wired(timed, goals.wiring, dialect, finer(timed, each)[1])
+    bend = float(np.abs(np.diff(q, 2, axis=0)).max()) / 8  # a parabola over its chord
+    return replace(goals, deviation=bend), q
+
+
+def table(columns: Sequence[str], rows: Matrix, digits: int) -> str:
+    """A text of comma-separated columns with their names."""
+    return "\n".join([",".join(columns), *(",".join(f"{x:.{digits}f}" for x in row) for row in rows + 0.0), ""])
 
 
 def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
@@ -313,6 +336,9 @@ def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) ->
     names = list(timed.joint_names)
     axes = [name for name in names if name not in wiring.external] if wiring.axes is None else wiring.axes
     own = np.array(sorted(names.index(axis) for axis in axes if isinstance(axis, str)))
+    if tolerance.linear and tolerance.part is not None:
+        fact = f"a linear move of the arm is a line in the room, and not on {tolerance.part.other}, which moves"
+        raise ExportError(fact, "write joint moves: leave out linear")
     if tolerance.linear and (len(own) != 6 or np.ptp(own) != 5):
         fact = f"a linear move to a pose does not say where {len(own)} joints are"
         raise ExportError(f"{fact}, but those of six axes one after another", "write joint moves: leave out linear")
@@ -341,17 +367,18 @@ def deviation(timed: TimedTrajectory, picked: Indices) -> float:
     return max(_off(q, int(a), int(b)) for a, b in pairwise(picked))
 
 
-def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Matrix, tuple[bool, ...]]:
-    """(axes (k, own + external), which are lengths). Raises: ExportError, ArgumentError."""
+def wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect, q: Matrix) -> tuple[Matrix, tuple[bool, ...]]:
+    """(axes (k, own + external) of joints q (k, n), which are lengths). Raises: ExportError, ArgumentError."""
     # As many axes as the language holds.
     names = list(timed.joint_names)
     axes, external = wiring.axes, wiring.external
-    language, own, most = dialect.language, dialect.own or len(names), dialect.external
+    language, own, most = dialect.language, dialect.own or (len(names),), dialect.external
     if axes is None:
         axes = tuple(name for name in names if name not in external)
-    held = f"{language} holds {own} axes of a robot" + (f" and {most} external ones" if most else "")
-    if len(axes) != own:
-        cure = f"name the {own} in axes=, joints or fixed values" + (", and the others in external=" if most else "")
+    counts = " or ".join(map(str, own))
+    held = f"{language} holds {counts} axes of a robot" + (f" and {most} external ones" if most else "")
+    if len(axes) not in own:
+        cure = f"name the {counts} in axes=, joints or fixed values" + (", and the others in external=" if most else "")
         raise ExportError(f"{held}, but {len(axes)} are given: {', '.join(map(str, axes))}", cure)
     if len(external) > most:
         cure = f"name at most {most}" if most else "export to another language, or lock joints in the robot"
@@ -369,9 +396,9 @@ def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Ma
     for k, entry in enumerate((*axes, *external)):
         joint = names.index(entry) if isinstance(entry, str) else None
         is_length = joint is not None and timed.joint_units[joint] == "m"
-        if is_length and k < own and not dialect.sliding:
+        if is_length and k < len(axes) and not dialect.sliding:
             raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
-        column = timed.q[:, joint] if joint is not None else np.full(len(timed), _still(entry))
+        column = q[:, joint] if joint is not None else np.full(len(q), _still(entry))
         columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
         lengths.append(is_length)
     return np.column_stack(columns), tuple(lengths)

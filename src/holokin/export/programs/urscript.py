@@ -68,7 +68,8 @@ def to_urscript(
     sentences = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
     sentences += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
     # The program: its header, its settings and its moves.
-    text = [f"  # {line}" for line in header(timed, about, goals, ["radians", *sentences])]
+    head = header(timed, about, goals, ["radians", *sentences])
+    text = [f"  # {line}" for line in head.lines]
     if tool is not None:
         text.append(f"  set_tcp(p{_list(finite('tool', tool, (6,)))})")
     text += [f"  set_payload({not_negative('payload', payload):g})"] if payload is not None else []
@@ -82,7 +83,7 @@ def to_urscript(
     body = with_lines(goals, [[first], *([move] for move in moves)])
     text += [f"  {line}" for line in body]
     files = {f"{short}.script": "\n".join([f"def {short}():", *text, "end", f"{short}()", ""])}
-    return Program(files, len(goals.q), goals.deviation, goals.tool, tuple(sentences))
+    return head.program(files, goals, sentences)
 
 
 def _why_moves(timed: TimedTrajectory) -> str:

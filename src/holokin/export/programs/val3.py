@@ -66,7 +66,8 @@ def to_val3(
     radii, less = zones(goals, not_negative("zone", zone))
     more = ["degrees, mm", f"tool {tool}, frame {base}"]
     more += [f"leave and reach are half a move at {less} targets, where that is less"] if less else []
-    facts = [f"// {line}" for line in header(timed, about, goals, more)]
+    head = header(timed, about, goals, more)
+    facts = [f"// {line}" for line in head.lines]
     shares = speed_shares(goals, speeds)
     first = ["l_mDesc.accel=100", "l_mDesc.decel=100", "l_mDesc.vel=10", "l_mDesc.blend=off"]
     first += [*_joints("A", goals, goals.q[0]), f"movej(l_jA,{tool},l_mDesc)", "waitEndMove()"]
@@ -81,7 +82,7 @@ def to_val3(
     text += [f'  <Program name="{escape(short)}" access="public">', "    <Locals>", *declared, "    </Locals>"]
     text += ["    <Code><![CDATA[begin", *(f"  {line}" for line in [*facts, *body, "waitEndMove()"])]
     text += ["end]]></Code>", "  </Program>", "</Programs>", ""]
-    return Program({f"{short}.pgx": "\n".join(text)}, len(goals.q), goals.deviation, goals.tool)
+    return head.program({f"{short}.pgx": "\n".join(text)}, goals)
 
 
 def _move(goals: Targets, i: int, share: float, radius: float, cell: tuple[str, str]) -> list[str]:
