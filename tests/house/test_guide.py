@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 SITE = yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))
 FRONT, PAGE, ALL = 600, 2_000, 45_000
-"""Words at most: of the README, of a page of guide or handbook, of README and all pages. The bars of a table are none."""
+"""Words at most of the README, of a page of guide or handbook, of README and all pages; bars of tables are none."""
 LONGER = {"job-keys.md", "measured.md", "references.md", "theory.md"}
 """Pages in which one looks something up."""
 NUMBER = re.compile(r"\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -83,7 +83,7 @@ def test_the_numbers_of_the_readme_beside_other_libraries_are_rounded_from_the_p
     measured = (DOCS / "measured.md").read_text("utf-8").splitlines()
     compared = 0
     for cells in (row.split("|")[1:-1] for row in rows if "measured.md" in row):
-        for library, cell in zip(head.split("|")[2:-1], cells[1:], strict=True):
+        for library, cell in zip(map(str.strip, head.split("|")[2:-1]), cells[1:], strict=True):
             lines = [line for line in measured if line.startswith(f"| {library}")]
             there = [float(number.replace(",", "")) for line in lines for number in NUMBER.findall(line)]
             for shown in NUMBER.findall(cell):
