@@ -22,13 +22,13 @@ from holokin.analysis.curvature.obstructions import ElbowField, field_on_leaf, s
 from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
 from holokin.app.report.animation import CONTROLS, cycles_frames, shown_strategies, write_film
-from holokin.app.report.job_figures import cycles_figure, robot_figure, two_paths_figure
+from holokin.app.report.job_figures import cycles_figure, robot_figure
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.plots import BLUE, SKY, law_colors, legible, region_figure, style
+from holokin.app.report.plots import BLUE, SKY, legible, region_figure, style
 from holokin.app.report.plots import VERMILLION as RED
 from holokin.app.report.proof_picture import box_figure
 from holokin.app.report.self_motion_plots import self_motion_figure
-from holokin.app.report.sheets_plots import coverage_figure, sheets_figure
+from holokin.app.report.sheets_plots import sheets_figure
 
 HERE = Path(__file__).parent
 
@@ -210,25 +210,6 @@ def edge_of_reach() -> None:
     figure.tight_layout(rect=(0, 0.08, 1, 1))
     figure.legend(loc="lower center", ncols=4)
     save(figure, "edge")
-
-
-def joints_over_cycles() -> None:
-    """A Panda draws eight circles; its largest joint error after each, by three strategies."""
-    robot = hk.load("panda")
-    task, start = hk.pose(robot), robot.pose(PANDA)[:3, 3]
-    path = hk.circle(start, center=start - [0.1, 0, 0])
-    laws = {
-        "pseudo-inverse": hk.moore_penrose(task),
-        "joint 3 locked": hk.holonomic(task, hk.lock("panda_joint3")),
-        "arm angle held": hk.holonomic(task, hk.arm_angle()),
-    }
-    figure, axes = plt.subplots(figsize=(6.4, 3.4))
-    for (name, law), colour in zip(laws.items(), law_colors([False, True, True]), strict=True):
-        drift = hk.drift(law, path, PANDA, cycles=8, samples=200, limits=False).largest
-        axes.semilogy(np.arange(1, 9), np.maximum(drift, 1e-17), "-o", color=colour, label=name)
-    axes.set(xlabel="circles of 0.1 m radius", ylabel="largest joint error [rad]", title="Panda, after each circle")
-    axes.legend(loc="center right")
-    save(figure, "panda-drift")
 
 
 def swivel() -> None:
@@ -505,15 +486,6 @@ def clear_of_a_ball() -> None:
     save(box_figure(found.certificate), "clear")
 
 
-def coverage_of_a_box() -> None:
-    """What a Panda with its arm angle kept reaches of a box of tool poses."""
-    law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
-    ready = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
-    box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
-    slices = hk.analysis.coverage.coverage_slices(law, box, ready, steps=60)
-    save(coverage_figure(hk.coverage(law, box, ready, samples=512), slices), "coverage-arm-angle")
-
-
 def sheets_of_a_panda() -> None:
     """The fewest leaves that serve a large box before a Panda: some seconds."""
     box = hk.workspace(box=([0.6, 0, 0.5], [0.6, 0.6, 0.5]), tilt=np.radians(30))
@@ -587,17 +559,9 @@ def paths() -> None:
 
 
 def jobs() -> None:
-    """One picture of each packaged job and each job of examples/."""
-    for name in ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation", "panda-circle"):
-        result = run_job(*open_job(name))
-        if name == "ppr-cycle":
-            save(cycles_figure(result), f"job-{name}")
-        elif name == "panda-circle":
-            save(robot_figure(result), f"job-{name}", dpi=88)
-        else:
-            save(two_paths_figure(result.drawn[0], result), f"job-{name}")
-    result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
-    save(robot_figure(result), "job-panda-strategies", dpi=88)
+    """Pictures of two packaged jobs, and of the jobs of pages."""
+    save(cycles_figure(run_job(*open_job("ppr-cycle"))), "job-ppr-cycle")
+    save(robot_figure(run_job(*open_job("panda-circle"))), "job-panda-circle", dpi=88)
     for page, job, model, robot, name, dpi in (
         ("start", "glue", "arm7", "my-arm", "start-glue", 88),
         ("cells", "weld", "kr6", "kr6", "cells-weld", 70),
@@ -627,8 +591,8 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, leaf_on_self_motions, planar_loops, leaves, joints_over_cycles, swivel, cusp,
-        cusps_of_orthogonal_arms, region, clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach,
+        self_motion, leaf_on_self_motions, planar_loops, leaves, swivel, cusp,
+        cusps_of_orthogonal_arms, region, clear_of_a_ball, sheets_of_a_panda, edge_of_reach,
         paths, jobs, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
