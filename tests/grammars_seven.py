@@ -85,6 +85,9 @@ def xarm(program: Program, refuses: int | None = None) -> Parsed:
             asked.append(what)
             return 9 if refuses is not None and len(asked) > refuses else 0
 
+        def disconnect(self) -> None:
+            asked.append("end")
+
         def motion_enable(self, enable: bool) -> int:
             return self._answer("enable")
 

@@ -176,6 +176,7 @@ def test_names_of_a_file_are_words_of_comments_in_every_language(seed: int, irb1
             lines = [line for text in files.values() for line in text.split("\n")]
             assert all(line.isascii() and line.replace("\t", " ").isprintable() for line in lines), (language, lines)
             comments = [line for line in lines if re.match(START[language], line)]
+            assert len(comments) == 5, language
             others = [
                 re.sub(r"^ *\d+:|LINE_COUNT.*|(DATE|CREATE|MODIFIED).*", "", line)
                 for line in lines

@@ -59,6 +59,7 @@ done(arm.motion_enable(True))
 done(arm.set_mode(0))
 done(arm.set_state(0))
 {body}
+arm.disconnect()
 '''
 
 
