@@ -524,6 +524,7 @@ SPOILT: dict[str, tuple[str, dict[str, Any], str]] = {
         "line 3 turns A, and nothing says how the machine is built",
     ),
     "G-code with an unknown word": (f"{HEAD}\nG1 X1. W5.\n", {}, "line 3 has the word W5., which is not understood"),
+    "G-code with the turns of an arc": (f"{HEAD}\nG2 Z-5. I5. J0. P3\n", {}, "line 3 has P beside an arc"),
     "G-code that skips": (f"{HEAD}\n/G1 X1.\n", {}, "line 3 begins with /"),
     "G-code without a center": (f"{HEAD}\nG2 X1. Y1.\n", {}, "line 3 has an arc without center or radius"),
 }
