@@ -41,8 +41,10 @@ REFUSED = {
     **dict.fromkeys((65, 66, 67), "calls a macro: let the postprocessor write moves"),
 }
 OFFSETS = {54, 55, 56, 57, 58, 59}
+"""Words G of the frames of workpieces."""
 
-CALLS = {97: "a subprogram", 98: "a subprogram", 99: "a subprogram"}
+CALLS = (97, 98, 99)
+"""Words M that call a subprogram or end one."""
 
 _ROTARY = re.compile(r"(?:-?[ABC]){1,3}")
 
@@ -54,7 +56,7 @@ def is_gcode(text: str) -> bool:
 
 @dataclass
 class _Word:
-    """A word of a line: address, number, as it is written, and whether it counts from the origin (AC) or not (IC)."""
+    """A word of a line: address, number, how it is written, and "AC" or "IC" where it says from where it counts."""
 
     address: str
     value: float
@@ -88,7 +90,7 @@ def read_gcode(file: Path, text: str, moves: Moves, units: str | None, rotary: s
     for letter in "XYZABC":
         if letter not in used:
             state.at[letter] = 0.0
-    if missing := [letter for letter in "XYZ" if letter not in used]:
+    if missing := [letter for letter in ("X", "Y", "Z", *dict(kinematics)) if letter not in used]:
         moves.notes.append(f"no line has {' or '.join(missing)}: read as 0 everywhere")
     reader = _Reader(file, moves, state, kinematics, into, units)
     for line, words in lines:
@@ -193,7 +195,7 @@ class _Reader:
             self._code(line, round(value, 1))
         elif address == "M":
             if value in CALLS:
-                raise self._error(line, f"calls {CALLS[int(value)]}, M{value:g}", "write its moves in its place")
+                raise self._error(line, f"calls a subprogram, M{value:g}", "write its moves in its place")
             state.tip |= value == 128
             self.left_out |= {f"M{value:g}"} - {"M2", "M30", "M128"}
         elif address in ("TRAORI", "TRAFOO"):
