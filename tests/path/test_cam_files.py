@@ -170,7 +170,7 @@ H = np.sqrt(0.75)
 FILES: dict[str, tuple[str, str, dict[str, Any], list[dict[str, Any]]]] = {
     "table, axes i, j, k": (
         "table",
-        f"{XYZ},i,j,k,feed_mm_min\n0,0,0,0,0,-1,480\n10,0,0,0,0.6,-0.8,480\n",
+        f"{XYZ},i,j,k,feed_mm_min\n0,0,0,0,0,-1,240\n10,0,0,0,0.6,-0.8,480\n",
         {},
         [path([[0, 0, 0], [10, 0, 0]], [DOWN, [0, 0.6, -0.8]], [8])],
     ),
@@ -380,10 +380,10 @@ def drawing(file: Path, version: str, units: int) -> None:
     model.add_circle((0, 100, 5), 30, dxfattribs={"layer": "CUT"})
     model.add_text("WELD HERE")
     if version == "R12":
-        model.add_polyline2d([(0, 0, 1), (10, 0, 0), (10, 10, 0)], format="xyb", dxfattribs={"layer": "BULGE"})
+        model.add_polyline2d([(0, 0, 0.5), (10, 0, 0), (10, 10, 0)], format="xyb", dxfattribs={"layer": "BULGE"})
         model.add_polyline3d([(0, 0, 0), (1, 2, 3), (4, 4, 4)], dxfattribs={"layer": "SPACE"})
     else:
-        model.add_lwpolyline([(0, 0, 0, 0, 1), (10, 0, 0, 0, 0), (10, 10)], dxfattribs={"layer": "BULGE"})
+        model.add_lwpolyline([(0, 0, 0, 0, 0.5), (10, 0, 0, 0, 0), (10, 10)], dxfattribs={"layer": "BULGE"})
         model.add_ellipse((0, 0), (40, 0), 0.5, 0, np.pi / 2, dxfattribs={"layer": "ELLIPSE"})
         weights = [1, np.sqrt(0.5), 1]
         model.add_rational_spline([(10, 0), (10, 10), (0, 10)], weights, degree=2, dxfattribs={"layer": "NURBS"})
@@ -412,8 +412,8 @@ def test_a_drawing_of_ezdxf_has_its_lines_arcs_and_curves(
     assert circle.closed and 1e3 * circle.length == pytest.approx(scale * 60 * np.pi)
     assert 1e3 * circle.start == pytest.approx(scale * np.array([30, 100, 5]))
     bulge = read.named("BULGE").path()
-    assert 1e3 * bulge.length == pytest.approx(scale * (5 * np.pi + 10))
-    assert 1e3 * bulge.segments[0].position(np.array([0.5]))[0] == pytest.approx(scale * np.array([5, -5, 0]))
+    assert 1e3 * bulge.length == pytest.approx(scale * (25 * np.arctan(0.5) + 10))
+    assert 1e3 * bulge.segments[0].position(np.array([0.5]))[0] == pytest.approx(scale * np.array([5, -2.5, 0]))
     assert "left out: 1 TEXT" in read.notes
     assert any("joined" in note and "1 of them turned round" in note for note in read.notes)
     if version == "R12":
@@ -524,6 +524,7 @@ SPOILT: dict[str, tuple[str, dict[str, Any], str]] = {
         "line 3 turns A, and nothing says how the machine is built",
     ),
     "G-code with an unknown word": (f"{HEAD}\nG1 X1. W5.\n", {}, "line 3 has the word W5., which is not understood"),
+    "G-code with the turns of an arc": (f"{HEAD}\nG2 Z-5. I5. J0. P3\n", {}, "line 3 has P beside an arc"),
     "G-code that skips": (f"{HEAD}\n/G1 X1.\n", {}, "line 3 begins with /"),
     "G-code without a center": (f"{HEAD}\nG2 X1. Y1.\n", {}, "line 3 has an arc without center or radius"),
 }

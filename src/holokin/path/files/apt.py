@@ -25,7 +25,7 @@ _FIRST = re.compile(
 _IDLE = re.compile(
     "PARTNO.*|MACHIN|SPINDL|COOLNT|LOADTL|LOAD|SELECT|TOOLNO|CUTTER|TLDATA|PAINT|END-OF-PATH|FINI|STOP|OPSTOP|END|TOLER"
     "|INTOL|OUTTOL|CLRSRF|REWIND|SEQNO|PREFUN|AUXFUN|MODE|HEAD|ARCSLP|DISPLY|SET|CLAMP|LINTOL|NOPOST|CLPRNT|MULTAX"
-    "|AUTOPS|PSIS|DELAY|OFSTNO|LEADER"
+    "|AUTOPS|PSIS|OFSTNO|LEADER"
 )
 """Words that move no tool. What they do is the process's to say."""
 
@@ -48,7 +48,8 @@ REFUSED = {
     "INSERT": "has text for a controller, which may move: write it as GOTO",
 }
 
-_NAMES = ("POINT", "LINE", "PLANE", "CIRCLE", "CYLNDR", "VECTOR")
+_CURVES = ("POINT", "LINE", "CIRCLE", "CYLNDR")
+"""What the arcs of CATIA are made of."""
 
 
 def is_apt(text: str) -> bool:
@@ -146,6 +147,11 @@ class _Reader:
             self._goto(statement)
         elif word == "RAPID":
             state.rapid = True
+        elif word == "GOHOME":  # where that is the file need not say
+            self.moves.end()
+            self.moves.point = None
+        elif word == "DELAY":
+            self.moves.notes.append(f"line {statement.line} waits, which is left out")
         elif word == "FEDRAT":
             self._feed(statement)
         elif word == "UNITS":
@@ -284,7 +290,7 @@ class _Reader:
     def _on_circle(self, statement: _Statement) -> None:
         """CATIA's arcs: TLON,GOFWD/(CIRCLE/center, radius),ON,(LINE/center, end), or about a CYLNDR to a POINT."""
         text = re.sub(r"\s+", "", statement.text.upper())
-        found = {name: re.findall(rf"\({name}/([-+.,\dE]+)\)", text) for name in _NAMES}
+        found = {name: re.findall(rf"\({name}/([-+.,\dE]+)\)", text) for name in _CURVES}
         ahead, behind = found["CIRCLE"] or found["CYLNDR"] or [""], found["LINE"] or found["POINT"] or [""]
         circle, end = ([number_in(text) for text in part.split(",")] for part in (ahead[0], behind[-1]))
         far = [value for value in circle + end if value is None or not abs(value) <= LARGEST]
