@@ -345,13 +345,13 @@ def build_entry(job: Job, strategy: Strategy, path: AnyPath, q0: Vector) -> Entr
     Raises:
         BranchError where it leads nowhere; ArgumentError: paths of several frames.
     """
-    if job.path.entry is None:
+    if job.only_path.entry is None:
         return Entry(q0)
     if not isinstance(path, Path):
         cure = "leave it out, and begin where all paths do"
-        raise ArgumentError("the entry to the paths of several frames", job.path.entry, cure)
+        raise ArgumentError("the entry to the paths of several frames", job.only_path.entry, cure)
     try:
-        walk = approach(strategy, path, q0, by=job.path.entry)
+        walk = approach(strategy, path, q0, by=job.only_path.entry)
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
         raise BranchError(f"the entry to the path failed: {fact}", cure) from problem
@@ -368,7 +368,7 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
     moved = np.ptp(walk.q, axis=0)
     most, units = int(np.argmax(moved)), [c.unit for c in robot.coordinates]
     posture = posture_text(entry.q0 * printed.factors(units), robot.joint_names)
-    note = f"{strategy.name} enters the path by {job.path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
+    note = f"{strategy.name} enters the path by {job.only_path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
     note += f"{robot.joint_names[most]} moves most, by {printed.said(moved[most], units[most], 3)}"
     # What [checks] find.
     if job.checks is None:

@@ -203,6 +203,11 @@ class FrameTable(Table):
         return frame_pose("a frame", [*xyz, *rpy])
 
 
+def frame_of(frame: FrameTable | str | None) -> Matrix:
+    """The pose (4, 4) of a frame, which a job has put in the place of its name; without one that of the base."""
+    return frame.matrix if isinstance(frame, FrameTable) else np.eye(4)
+
+
 class ModelTable(Table):
     """What a robot and a part of one have in common: which chain is taken of a model, and its tool."""
 
@@ -290,6 +295,7 @@ class ObstacleTable(KindTable, FrameTable):
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
     on: str | None = None
+    frame: FrameTable | str | None = None
     kind: Literal["box", "sphere", "capsule", "cylinder"]
     sides: Annotated[Annotated[list[Positive], Field(min_length=3, max_length=3)] | None, needed_by("box")] = None
     radius: Annotated[Positive | None, needed_by("sphere", "capsule", "cylinder")] = None
@@ -297,7 +303,8 @@ class ObstacleTable(KindTable, FrameTable):
 
     def standing(self) -> LinkShape:
         """The same as a value, where it stands."""
-        return obstacle(self.name, self._solid(), *self.pose())
+        stands = obstacle(self.name, self._solid(), *self.pose())
+        return replace(stands, placement=frame_of(self.frame) @ stands.placement)
 
     def carried(self, robot: Robot) -> Robot:
         """The robot that carries it. Raises: UnknownNameError: no such tip."""
@@ -427,6 +434,7 @@ class TaskTable(KindTable):
 MOST_POINTS = 10_000
 MOST_SAMPLES = 100_000  # steps a cycle: 10 um apart on a metre
 MOST_CYCLES = 10_000  # cycles: a day's work of an arm that takes ten seconds for one
+MOST_PATHS = 100  # paths of a job: a program of more procedures is made of several jobs
 # samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them;
 # these fit into a gigabyte
 MOST_STEPS = 400_000
@@ -439,6 +447,8 @@ Times = Annotated[list[Length], Field(max_length=MOST_POINTS)]
 Poses = Annotated[list[FrameTable], Field(max_length=MOST_POINTS)]
 Count = Annotated[int, Field(ge=1, le=MOST_POINTS)]
 Kind = Literal["circle", "arc", "polyline", "spline", "poses", "waypoints", "svg", "figure-eight", "raster", "spiral"]
+
+Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 
 _OF_ALL = {"samples", "cycles", "entry", "others"}  # keys of [path] that `others` do not have
 _OPEN = ("arc", "raster", "spiral")
@@ -480,7 +490,7 @@ class PathTable(KindTable):
     surface: Annotated[Formula | None, of("raster", "spiral")] = None
     tool: Annotated[Literal["start", "normal"] | None, of("raster", "spiral")] = None
     relative: bool = False
-    frame: FrameTable | None = None
+    frame: FrameTable | str | None = None
     blend: Positive | None = None
     passes: Annotated[int, Field(ge=1, le=MOST_PASSES)] = 1
     offset: Three = Field(default=[0.0, 0.0, 0.0])
@@ -517,15 +527,41 @@ class PathTable(KindTable):
 
     @property
     def frame_pose(self) -> Matrix:
-        """The frame (4, 4) from which the path counts."""
-        return np.eye(4) if self.frame is None else self.frame.matrix
+        """The frame (4, 4) from which the path counts; one that is named stands in the job, see `Job`."""
+        return frame_of(self.frame)
+
+
+class NamedPathTable(PathTable):
+    """[[path]]: one of several paths, with its name, its tool, and the lines of its process."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    tool_frame: FrameTable | None = None
+    on: Lines | None = None
+    off: Lines | None = None
+
+    @model_validator(mode="after")
+    def _of_several(self) -> NamedPathTable:
+        if not self.name.isprintable():
+            raise ValueError("name holds a control character; give letters, digits, spaces")
+        for key in ("entry", "others", "cycles"):
+            if key in self.model_fields_set:
+                raise ValueError(f"{key} is of a job of one path; leave it out, see [air]")
+        return self
+
+
+class AirTable(Table):
+    """[air]: how the tool goes from one of several paths to the next."""
+
+    order: Literal["given", "shortest"] = "given"
+    height: Annotated[float, Field(gt=0, le=FARTHEST)] = 0.1
+    height_speed: Positive = 0.1
+    via: Annotated[list[Numbers], Field(max_length=20)] = Field(default=[])
+    home: bool = True
 
 
 JointLimit = Positive | Annotated[list[Positive], Few]  # one for all joints, or one a joint
 
 Speed = Annotated[float, Field(gt=0)]  # A positive number, or `inf` for no limit
-
-Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 
 # keys of [program] that some languages take, each in its own kind
 OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters")
@@ -615,9 +651,16 @@ class ProgramTable(Table):
         turned = {joint: float(np.deg2rad(value)) for joint, value in self.offsets_deg.items()}
         return Wiring(axes, tuple(self.external), dict(self.signs), dict(self.offsets) | turned)
 
-    def lines(self, window: tuple[float, float] | None) -> ProcessLines:
-        """The process lines as a value. Raises: ArgumentError: a line that no program can hold."""
-        return ProcessLines(tuple(self.before), tuple(self.on), tuple(self.off), tuple(self.after), window)
+    def lines(self, window: tuple[float, float] | None, path: PathTable | None = None) -> ProcessLines:
+        """The process lines as a value, those of a path first. Raises: ArgumentError: a line that no program can hold.
+
+        Args:
+            window: times at which the process begins and ends. path: one of several.
+        """
+        on, off = self.on, self.off
+        if isinstance(path, NamedPathTable):
+            on, off = (own if given is None else given for own, given in ((on, path.on), (off, path.off)))
+        return ProcessLines(tuple(self.before), tuple(on), tuple(off), tuple(self.after), window)
 
     def given(self, task: Task, streams: bool) -> dict[str, Any]:
         """Arguments of a writer for a task; `streams`: by default it sends every sample."""

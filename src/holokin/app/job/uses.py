@@ -79,7 +79,7 @@ def certify_job(
         pass
     elif not workspace:
         with naming(file, "path"):
-            domain = build_path(job.path, tasks[0], start, file)
+            domain = build_path(job.only_path, tasks[0], start, file)
     elif job.workspace is None:
         raise JobError(file, "workspace", "is missing", 'add a table [workspace] of kind "box"')
     elif job.workspace.kind != "box":
@@ -202,9 +202,9 @@ def program_of_job(
     label, strategy, start = job_strategy(job, file, label)
     timing = _timing_of(job, changes)
     with naming(file, "path"):
-        path = build_paths(job.path, strategy.task, start, file)
+        path = build_paths(job.only_path, strategy.task, start, file)
         entry = build_entry(job, strategy, path, start)
-    trajectory = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)
+    trajectory = follow(strategy, path, entry.q0, samples=job.only_path.samples, cycles=job.only_path.cycles)
     timed = entry.before(timing.timed(trajectory), timing)
     report = _report(job, file, timed, strategy.task)
     short = short or _word(f"{strategy.task.robot.name}_{label}", LANGUAGES[language].longest)
@@ -237,7 +237,7 @@ def program_of_sheets(
     timing = _timing_of(job, changes)
     _, start, (task, *_) = build_tasks(job, file)
     with naming(file, "path"):
-        path = build_paths(job.path, task, start, file)
+        path = build_paths(job.only_path, task, start, file)
     sheet_map = sheets_of_job(job, task, start, file, progress)
     progress("sheets: the path")
     motion = path_motion(sheet_map, path, start)
@@ -247,7 +247,7 @@ def program_of_sheets(
     late = abs(float(trajectory.t[-1]) - path.duration) > SAME_TIME * path.duration
     if late and _process_window(job, path) is not None:
         cure = "the motion over sheets has times of its own: leave lead_in, lead_out and retract out"
-        raise ArgumentError("the leads of [path]", job.path.lead_in or job.path.lead_out, cure)
+        raise ArgumentError("the leads of [path]", job.only_path.lead_in or job.only_path.lead_out, cure)
     # Timed, checked and written.
     timed = timing.timed(trajectory)
     report = _report(job, file, timed, task)
@@ -258,8 +258,8 @@ def program_of_sheets(
     notes = [f"over sheets: {motion.sentence}"]
     if not np.allclose(trajectory.q[0], start, atol=1e-6):
         notes.append(f"the motion begins at {posture_text(trajectory.q[0], task.robot.joint_names)}, not at [start]")
-    if job.path.cycles > 1:
-        notes.append(f"the path is gone along once, not {job.path.cycles} times: sheets tell no cycles")
+    if job.only_path.cycles > 1:
+        notes.append(f"the path is gone along once, not {job.only_path.cycles} times: sheets tell no cycles")
     return replace(program, notes=(*program.notes, *notes)), timed, report
 
 
@@ -309,7 +309,7 @@ def _written(
 
 def _process_window(job: Job, path: AnyPath) -> tuple[float, float] | None:
     """The path's times at which its lead in ends and its lead out begins [s]; None where it has none."""
-    table = job.path
+    table = job.only_path
     leads = [bool(length) + bool(table.retract) for length in (table.lead_in, table.lead_out)]
     if not isinstance(path, Path) or not any(leads):
         return None
