@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from ...base.errors import ArgumentError, HolokinError, JobError, PathError, SingularityError
+from ...base.errors import ArgumentError, BranchError, HolokinError, PathError, SingularityError
 from ...base.poses import pose_from
 from ...base.types import Array, Matrix, Value, Vector
 from ...motion import TimedTrajectory, follow, retime
@@ -27,6 +27,8 @@ from ...robot import Robot, with_tool
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task
+from ..report.job_result import NotRun
+from ..report.paths_report import PathRow, PathsResult, RuleResult
 from .job_parts import build_begin, build_path, build_strategy, build_tasks, naming, reason
 from .path_order import Choices, best_sequence
 from .schema import Job
@@ -132,7 +134,7 @@ class PathsPlan(Value):
     def sentence(self) -> str:
         """The changes of sheet, and in which sense they are the fewest."""
         sheets = len({each.sheet for each in self.paths})
-        on = "all paths are on one sheet" if sheets == 1 else f"the paths are on {sheets} sheets"
+        on = "All paths are on one sheet" if sheets == 1 else f"The paths are on {sheets} sheets"
         times = "1 time" if self.changes == 1 else f"{self.changes} times"
         changes = on if self.changes == 0 else f"{on}; the sheet changes {times}"
         seen = f"of {self.candidates} postures at {self.levels} level{'s' * (self.levels != 1)}"
@@ -382,7 +384,7 @@ def plan_paths(
         label: the strategy's name in the job. progress: hears what is going on. timing: in place of the job's.
 
     Raises:
-        JobError, ArgumentError: bad input; PathError: no path can be gone along.
+        JobError, ArgumentError: bad input. BranchError: no path can be gone along.
     """
     search, robots = _begun(job, file, label, timing or job.timing or TimingTable(profile="quintic"))
     table, strategies = job.strategies[label], search.strategies
@@ -415,7 +417,7 @@ def plan_paths(
             )
         plan = _chosen(search, given)
     reasons = "; ".join(f"{search.tables[i].name}: {why}" for i, why in search.reasons.items())
-    raise JobError(file, "path", f"none can be gone along ({reasons})", "move the paths, or choose another rule")
+    raise BranchError(f"no path can be gone along ({reasons})", "move the paths, or choose another rule")
 
 
 def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> tuple[_Search, list[Robot]]:
@@ -551,3 +553,47 @@ def _air(search: _Search, way: tuple[str, list[Matrix | Trajectory]], task: Task
     if checks is not None:
         report = check(whole, checks.scene, robot=task.robot, limits=checks.limits, margin=checks.margin)
     return AirMove(by, tuple(timed), whole, report)
+
+
+def run_paths(
+    name: str, job: Job, file: FilePath, progress: Callable[[str], None] = lambda _text: None
+) -> PathsResult:
+    """Do a job of several paths by each of its strategies. `progress` hears what is going on.
+
+    A path that cannot be gone along is left out, with the reason, and the others are done; a strategy that goes along
+    none is in `not_run`.
+
+    Raises:
+        HolokinError: bad input; or no strategy goes along any path, for the first one's reason.
+    """
+    began = time.perf_counter()
+    robot, start, tasks = build_tasks(job, file)
+    rules, not_run, notes = [], [], []
+    first: HolokinError | None = None
+    for label in job.strategies:
+        progress(label)
+        try:
+            plan = plan_paths(job, file, label, progress)
+        except (BranchError, ArgumentError) as problem:
+            first = first or problem
+            not_run.append(NotRun(label, reason(problem)))
+            continue
+        rows = [_row(each) for each in plan.paths]
+        if plan.home is not None:
+            reports = () if plan.home.report is None else (plan.home.report,)
+            rows.append(PathRow("home", 0, plan.paths[-1].level, 0.0, plan.home.by, plan.home.timed, None, reports))
+        found = tuple(rows), plan.left_out, plan.sentence, plan.changes, plan.exact, plan.timed
+        rules.append(RuleResult(label, *found))
+        notes += [f"{each.name}: {note}." for each in plan.paths for note in each.path.notes]
+    if first is not None and not rules:
+        raise first
+    return PathsResult(
+        name, job.title, job.about, robot, tasks[0].name, start, tuple(rules), time.perf_counter() - began,
+        job.checks is not None, tuple(not_run), tuple(dict.fromkeys(notes)), job.printed_units,
+    )  # fmt: skip
+
+
+def _row(each: PlannedPath) -> PathRow:
+    reports = tuple(report for report in (each.air.report, each.report) if report is not None)
+    length = each.path.length
+    return PathRow(each.name, each.sheet, each.level, length, each.air.by, each.air.timed, each.timed, reports)

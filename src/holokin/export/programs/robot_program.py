@@ -163,7 +163,7 @@ def header(
     Names of files are plain words there.
     """
     # Where it is from, and how it was timed.
-    lines = [f"Written by holokin {__version__}", _plain(about) or "strategy: not told"]
+    lines = [f"Written by holokin {__version__}", plain_text(about) or "strategy: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
     limits, linear = timed.limits, goals is not None and goals.linear
     wiring = Wiring() if goals is None else goals.wiring
@@ -180,7 +180,7 @@ def header(
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
-        lines.append(f"{_plain(name)}: " + ", ".join([span, *rates, *turned]))
+        lines.append(f"{plain_text(name)}: " + ", ".join([span, *rates, *turned]))
     # How near its targets keep to the timed motion.
     unit, factor = units.together(timed.joint_units)
     if goals is not None and goals.tool is not None:
@@ -202,7 +202,7 @@ def header(
     return [part for line in lines for part in textwrap.wrap(line, width, break_on_hyphens=False)]
 
 
-def _plain(words: str) -> str:
+def plain_text(words: str) -> str:
     """Words of a file on one line, without what ends a comment, a statement or a section in any language."""
     return re.sub(r"[^ -~]|[;<>%]", "?", line(words)).translate(str.maketrans("()", "[]"))
 
