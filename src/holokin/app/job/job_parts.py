@@ -368,7 +368,9 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
     moved = np.ptp(walk.q, axis=0)
     most, units = int(np.argmax(moved)), [c.unit for c in robot.coordinates]
     posture = posture_text(entry.q0 * printed.factors(units), robot.joint_names)
-    note = f"{strategy.name} enters the path by {job.only_path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
+    note = (
+        f"{strategy.name} enters the path by {job.only_path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
+    )
     note += f"{robot.joint_names[most]} moves most, by {printed.said(moved[most], units[most], 3)}"
     # What [checks] find.
     if job.checks is None:

@@ -16,6 +16,12 @@ CHANGE = 1e6
 MOST_TRANSITIONS = 3e8
 """Steps of the exact search over all orders: subsets of paths, times pairs of postures. Some seconds."""
 
+MOST_POSTURES = 60
+"""Postures among which an order is looked for: 12 paths on 5 sheets take a tenth of a second, some hundred times."""
+
+MOST_SETS = 4096
+"""Sets of paths that a number of sheets serves, of which the largest are kept: all of 12 paths."""
+
 ROUNDS = 20
 """Rounds of exchanges by which an order is improved at most; each is taken only where it saves time."""
 
@@ -89,6 +95,33 @@ def best_sequence(choices: Choices, given: bool) -> PathSequence:
     if 2.0 ** len(paths) * len(choices.path) ** 2 <= MOST_TRANSITIONS:
         return _over_subsets(choices, paths)
     return _improved(choices, paths)
+
+
+def least_pool(path: Indices, sheet: Indices) -> list[int]:
+    """Those of some postures (k,) that are on the fewest sheets which serve all paths together.
+
+    In any order the sheet changes at least as often as there are sheets, less one, and no more where the paths of a
+    sheet follow each other. Of many such sets of sheets those with the lowest numbers are kept, `MOST_POSTURES` in all.
+    """
+    numbers = np.unique(sheet).tolist()
+    every = frozenset(path.tolist())
+    serves = {number: frozenset(path[sheet == number].tolist()) for number in numbers}
+    # What can be served by 1, 2, ... sheets, with a set of sheets that does it; larger sets take the place of smaller.
+    reached: dict[frozenset[int], frozenset[int]] = {frozenset(): frozenset()}
+    while every not in reached:
+        before, reached = reached, {}
+        for done, used in before.items():
+            for number in numbers:
+                if not serves[number] <= done:
+                    reached.setdefault(done | serves[number], used | {number})
+        largest = sorted(reached, key=len, reverse=True)[:MOST_SETS]
+        reached = {done: reached[done] for done in largest}
+    kept = set(reached[every])
+    others = [n for n in numbers if n not in kept and any(done | serves[n] == every for done in before)]
+    for number in others:
+        if np.isin(sheet, [*kept, number]).sum() <= MOST_POSTURES:
+            kept.add(number)
+    return np.flatnonzero(np.isin(sheet, sorted(kept))).tolist()
 
 
 def _over_subsets(choices: Choices, paths: list[int]) -> PathSequence:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, pairwise
 from pathlib import Path as FilePath
@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.errors import ArgumentError, BranchError, HolokinError, PathError, SingularityError
 from ...base.poses import pose_from
-from ...base.types import Array, Matrix, Value, Vector
+from ...base.types import Array, Indices, Matrix, Value, Vector
 from ...motion import TimedTrajectory, follow, retime
 from ...motion.checks import CheckReport, Clearances, check
 from ...motion.follow_path import recorded
@@ -23,14 +23,14 @@ from ...motion.timed_trajectory import with_entry
 from ...motion.trajectory import Status, Trajectory
 from ...path import Path, line_segment, polyline
 from ...path.path import straight
-from ...robot import Robot, with_tool
+from ...robot import with_tool
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task
 from ..report.job_result import NotRun
 from ..report.paths_report import PathRow, PathsResult, RuleResult
 from .job_parts import build_begin, build_path, build_strategy, build_tasks, naming, reason
-from .path_order import Choices, best_sequence
+from .path_order import Choices, best_sequence, least_pool
 from .schema import Job
 from .strategy_tables import ConstraintTable
 from .tables import AirTable, NamedPathTable, TimingTable
@@ -40,6 +40,9 @@ LEVELS = 12
 
 LOOKED_AT = 100
 """Samples of a path at which a posture to begin with is tried out; the chosen one is followed and checked in full."""
+
+CLEAR_AT = 34
+"""Samples of these at which shapes are held apart."""
 
 BRIDGE = 60
 """Steps of the straight way of the tool by which two postures are found to be on one sheet."""
@@ -52,6 +55,9 @@ AIR_STEP = 0.03
 
 REPLANS = 60
 """How often a plan is made anew, after a part of it was found to be blocked."""
+
+OF_ONE_PATH = (PathError, SingularityError)
+"""What one path may meet where the others do not; anything else is a mistake in the job."""
 
 ONE_TOOL = "several paths are for a task of one tool; give a job with one [path]"
 
@@ -155,6 +161,10 @@ class _Candidate(Value):
     walk: Trajectory
 
 
+Way = tuple[str, list[Matrix | Trajectory]]
+"""How a way through the air goes, in words, and its legs: straight lines of the joints (2, n), and motions up and down."""
+
+
 @dataclass(eq=False)
 class _Search:
     """The search for a plan of one rule: what is given, and what has been found so far."""
@@ -168,9 +178,15 @@ class _Search:
     air: AirTable
     via: Sequence[Vector]
     clear: Clearances | None
+    beyond: set[int] = field(default_factory=set)
     candidates: list[_Candidate] = field(default_factory=list)
+    labels: Indices = field(default_factory=lambda: np.zeros(0, dtype=int))
     reasons: dict[int, str] = field(default_factory=dict)
-    ways: dict[tuple[int, int], list[tuple[str, list[Matrix | Trajectory]]]] = field(default_factory=dict)
+    bridges: dict[tuple[int, int], list[Vector]] = field(default_factory=dict)
+    lifts: dict[tuple[int, int], Trajectory | None] = field(default_factory=dict)
+    air_moves: dict[tuple[int, int, str], AirMove] = field(default_factory=dict)
+    motions: dict[int, tuple[TimedTrajectory, CheckReport | None] | None] = field(default_factory=dict)
+    clear_ways: dict[tuple[int, int], Way] = field(default_factory=dict)
     banned: set[tuple[int, int, str]] = field(default_factory=set)
 
     # --- Postures at which the paths may begin.
@@ -189,7 +205,9 @@ class _Search:
                 walk = self._followed(i, q)
                 if walk is not None and walk.status is Status.LIMIT:
                     middle = all_postures(strategy, pose, levels[i]).q if middle is None else middle
-                    turned = [other for other in middle if SAME < np.abs(q - other).max() and self._gap(q, other) < SAME]
+                    turned = [
+                        other for other in middle if SAME < np.abs(q - other).max() and self._gap(q, other) < SAME
+                    ]
                     walk = next((w for other in turned if (w := self._followed(i, other)) is not None), None)
                 if walk is not None and walk.status is Status.COMPLETE:
                     self.candidates.append(_Candidate(i, levels[i], number, walk))
@@ -216,8 +234,9 @@ class _Search:
             if (values[:, -1] < checks.rcond * values[:, 0]).any():
                 self.reasons[i] = "it leads through a singular posture"
                 return None
-        if self.clear is not None and not (free := self.clear.clear(walk.q)).all():
-            k = int(np.argmin(free))
+        some = np.unique(np.linspace(0, len(walk) - 1, CLEAR_AT).astype(int))
+        if self.clear is not None and not (free := self.clear.clear(walk.q[some])).all():
+            k = int(some[np.argmin(free)])
             self.reasons[i] = f"{self.clear.touching(walk.q[k : k + 1])[0]} are too near, {walk.t[k]:.3g} s along it"
             return None
         return walk
@@ -228,22 +247,29 @@ class _Search:
         if strategy.constraint.rows != 1:
             return []
         values = []
-        for own, path in zip(self.strategies, self.paths, strict=True):
+        for i, (own, path) in enumerate(zip(self.strategies, self.paths, strict=True)):
             R = path.rotation if path.rotation is not None else np.eye(3)
             q = self_motions_at(own.task, path.start[None], R[None]).q
+            if not len(q):
+                self.beyond.add(i)
+                self.reasons[i] = f"its start, {_typed(path.start)}, is out of reach"
             q = q[own.task.robot.beyond(q).max(axis=1) <= 0] if len(q) else q
             values += np.ravel(own.constraint_value.batch(q)).tolist() if len(q) else []
         return [np.array([c]) for c in np.quantile(values, np.linspace(0.02, 0.98, LEVELS))] if values else []
 
-    def sheets(self) -> Vector:
+    def sheets(self) -> Indices:
         """A number of the sheet of each candidate (k,).
 
         Two postures are on one sheet where the rule, on a straight way of the tool from the start of one path to that
         of the other, directly or over the retract height, leads from one to the other.
         """
+        if len(self.labels) == len(self.candidates):
+            return self.labels
         label = np.arange(len(self.candidates))
         starts = [path.start for path in self.paths]
-        pairs = sorted(combinations(range(len(starts)), 2), key=lambda ij: np.linalg.norm(starts[ij[0]] - starts[ij[1]]))
+        pairs = sorted(
+            combinations(range(len(starts)), 2), key=lambda ij: np.linalg.norm(starts[ij[0]] - starts[ij[1]])
+        )
         for i, j in pairs:
             for a, b in ((i, j), (j, i)):
                 for k in [k for k, c in enumerate(self.candidates) if c.path == a]:
@@ -251,11 +277,25 @@ class _Search:
                     others = [m for m in others if self.candidates[m].level_number == self.candidates[k].level_number]
                     if not others or any(label[m] == label[k] for m in others):
                         continue
-                    reached = self._bridged(k, b)
+                    if (k, b) not in self.bridges:
+                        self.bridges[k, b] = self._bridged(k, b)
+                    reached = self.bridges[k, b]
                     for m in others:
                         if any(self._gap(q, self.candidates[m].walk.q[0]) < SAME for q in reached):
                             label[label == label[m]] = label[k]
-        return np.unique(label, return_inverse=True)[1]
+        self.labels = np.unique(label, return_inverse=True)[1]
+        return self.labels
+
+    @property
+    def reachable(self) -> int:
+        """How many paths have a posture at their start at all, as far as was looked at."""
+        return len(self.paths) - len(self.beyond)
+
+    def one_sheet(self, level: int) -> bool:
+        """Whether some sheet of a level serves all paths."""
+        of = [i for i, c in enumerate(self.candidates) if c.level_number == level]
+        sheet, path = self.sheets()[of], np.array([self.candidates[i].path for i in of])
+        return any(len(set(path[sheet == number])) == self.reachable for number in set(sheet.tolist()))
 
     def _gap(self, q: Vector, other: Vector) -> float:
         return float(np.abs(joint_gap(self.strategies[0].task.robot, q, other)).max())
@@ -275,7 +315,9 @@ class _Search:
             turns = [turn if i == (len(points) - 1) // 2 else np.zeros(3) for i in range(len(points) - 1)]
             segments = tuple(line_segment(x, y, w) for (x, y), w in zip(pairwise(points), turns, strict=True))
             try:
-                walk = follow(strategy, Path(segments, rotation=R), one.walk.q[0], samples=BRIDGE, limits=False, native=True)
+                walk = follow(
+                    strategy, Path(segments, rotation=R), one.walk.q[0], samples=BRIDGE, limits=False, native=True
+                )
             except (PathError, SingularityError):
                 continue
             reached.append(walk.q[-1])
@@ -294,35 +336,39 @@ class _Search:
         short = way <= v * ramps
         return np.where(short, 2 * np.sqrt(way / a), way / v + ramps).max(axis=2)
 
-    def way(self, a: int, b: int) -> tuple[str, list[Matrix | Trajectory]] | None:
+    def way(self, a: int, b: int) -> Way | None:
         """The first clear way from the end of one candidate to the start of another; -1 is where the job begins."""
-        if (a, b) not in self.ways:
-            self.ways[a, b] = list(self._possible(a, b))
-        for by, legs in self.ways[a, b]:
+        known = self.clear_ways.get((a, b))
+        if known is not None and (a, b, known[0]) not in self.banned:
+            return known
+        for by, legs in self._possible(a, b):
             if (a, b, by) not in self.banned and self._is_clear(a, b, by, legs):
+                self.clear_ways[a, b] = by, legs
                 return by, legs
         return None
 
-    def _possible(self, a: int, b: int) -> list[tuple[str, list[Matrix | Trajectory]]]:
+    def _possible(self, a: int, b: int) -> Iterator[Way]:
         """Ways from the simplest on: straight in the joints, over the retract height, by way of postures."""
         first, last = (self.start if k < 0 else self.candidates[k].walk.q[end] for k, end in ((a, -1), (b, 0)))
+        yield "straight in the joints", [np.array([first, last])]
         lift, lower = self._lifted(a, -1), self._lifted(b, 0)
         up, down = ([] if leg is None else [leg] for leg in (lift, lower))
         top, above = first if lift is None else lift.q[-1], last if lower is None else lower.q[0]
-        ways: list[tuple[str, list[Matrix | Trajectory]]] = [("straight in the joints", [np.array([first, last])])]
         if up or down:
-            ways.append((f"over a height of {self.air.height:g} m", [*up, np.array([top, above]), *down]))
+            yield f"over a height of {self.air.height:g} m", [*up, np.array([top, above]), *down]
         for number, q in enumerate(self.via, 1):
-            ways.append((f"by way of posture {number}", [*up, np.array([top, q]), np.array([q, above]), *down]))
+            yield f"by way of posture {number}", [*up, np.array([top, q]), np.array([q, above]), *down]
         if len(self.via) > 1:
             stops = [top, *self.via, above]
-            ways.append(("by way of all postures", [*up, *(np.array(pair) for pair in pairwise(stops)), *down]))
-        return ways
+            yield "by way of all postures", [*up, *(np.array(pair) for pair in pairwise(stops)), *down]
 
     def _lifted(self, k: int, end: int) -> Trajectory | None:
         """From the end of a candidate up (end -1), or down to its start (end 0); None where that does not lead."""
-        if k < 0:
-            return None
+        if k >= 0 and (k, end) not in self.lifts:
+            self.lifts[k, end] = self._lift(k, end)
+        return self.lifts.get((k, end))
+
+    def _lift(self, k: int, end: int) -> Trajectory | None:
         one = self.candidates[k]
         strategy, q = self.strategies[one.path], one.walk.q[end]
         p, R = _place(strategy.task, q)
@@ -357,11 +403,13 @@ class _Search:
         q = leg[0] + np.linspace(0.0, 1.0, 51)[:, None] * (leg[1] - leg[0])
         return retime(recorded(task, q, 1.0), **limits | {"speed": None})
 
-    def seconds(self, way: tuple[str, list[Matrix | Trajectory]]) -> float:
+    def seconds(self, way: Way) -> float:
         """What a way takes: of straight legs the bound, of retracts the time at their speed."""
         total = 0.0
         for leg in way[1]:
-            total += float(leg.t[-1]) if isinstance(leg, Trajectory) else float(self.least_seconds(leg[:1], leg[1:])[0, 0])
+            total += (
+                float(leg.t[-1]) if isinstance(leg, Trajectory) else float(self.least_seconds(leg[:1], leg[1:])[0, 0])
+            )
         return total
 
 
@@ -386,47 +434,55 @@ def plan_paths(
     Raises:
         JobError, ArgumentError: bad input. BranchError: no path can be gone along.
     """
-    search, robots = _begun(job, file, label, timing or job.timing or TimingTable(profile="quintic"))
+    search = _begun(job, file, label, timing or job.timing or TimingTable(profile="quintic"))
     table, strategies = job.strategies[label], search.strategies
     own = [leaf_value(s, build_begin(table, s, search.start)[0]) for s in strategies]
     # Postures on the level of the start; on others where it does not serve all paths from one sheet.
     progress(f"{label}: postures of {len(search.paths)} paths")
     search.add_level(0, own)
     given, fixed = search.air.order == "given", isinstance(table, ConstraintTable) and table.level is not None
-    plan = _chosen(search, given)
-    levels = 1
-    if not fixed and (plan is None or len(plan[0]) < len(search.paths) or plan[1]):
-        for number, level in enumerate(search.more_levels(), 1):
+    levels = iter(()) if fixed else enumerate(search.more_levels(), 1)
+    looked = 1
+
+    def next_plan() -> _Chosen | None:
+        """The best plan of what is known; while sheets change on it, or paths are missing, more levels are looked at."""
+        nonlocal looked
+        plan = _chosen(search, given)
+        for number, level in levels:
+            if plan is not None and plan.changes == 0 and len(plan.order) == search.reachable:
+                break
             progress(f"{label}: level {number} of {LEVELS}")
             search.add_level(number, [level] * len(strategies))
-            levels += 1
-        plan = _chosen(search, given)
+            looked += 1
+            if search.one_sheet(number) or number == LEVELS:
+                plan = _chosen(search, given)
+        return plan
+
+    plan = next_plan()
     # The plan in full: timed and checked; what is blocked is left aside, and planned anew.
     for _ in range(REPLANS):
         if plan is None:
             break
-        chosen, changes, exact, sheet = plan
-        progress(f"{label}: timing and checks")
-        made = _made(search, chosen, sheet, robots)
+        progress(f"{label}: timing and checks, {len(plan.order)} paths")
+        made = _made(search, plan)
         if isinstance(made, tuple):
             paths, home = made
             on = {each.table.name for each in paths}
             left = {t.name: search.reasons.get(i, "no way") for i, t in enumerate(search.tables) if t.name not in on}
-            return PathsPlan(
-                label, tuple(paths), home, left, changes, exact, not given, len(search.candidates), levels
-            )
-        plan = _chosen(search, given)
+            of = plan.changes, plan.exact, not given, len(search.candidates), looked
+            return PathsPlan(label, tuple(paths), home, left, *of)
+        plan = next_plan()
     reasons = "; ".join(f"{search.tables[i].name}: {why}" for i, why in search.reasons.items())
     raise BranchError(f"no path can be gone along ({reasons})", "move the paths, or choose another rule")
 
 
-def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> tuple[_Search, list[Robot]]:
+def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search:
     """The search with its paths, rules and scene. Raises: as `plan_paths`."""
     robot, start, tasks = build_tasks(job, file)
     timing.check(robot)
     if tasks[0].frames > 1:
         raise ArgumentError("the tools of the task", tasks[0].frames, ONE_TOOL)
-    air, strategies, paths, robots = job.air or AirTable(), [], [], []
+    air, strategies, paths = job.air or AirTable(), [], []
     known: dict[str, HolonomicStrategy] = {}
     for i, table in enumerate(job.paths):
         key = repr(table.tool_frame)
@@ -446,7 +502,6 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> tuple[_
             path = replace(path, rotation=strategy.task.pose(start)[:3, :3])
         strategies.append(strategy)
         paths.append(path)
-        robots.append(strategy.task.robot)
     clear = None
     if job.checks is not None and robot.tips:
         with naming(file, "checks"):
@@ -458,89 +513,121 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> tuple[_
             posture = robot.checked(np.array(q) * (scale if len(q) == robot.n else 1.0), "the posture")
             robot.check_limits(posture)
             via.append(posture)
-    return _Search(job, job.paths, strategies, paths, start, timing, air, via, clear), robots
+    return _Search(job, job.paths, strategies, paths, start, timing, air, via, clear)
 
 
-def _chosen(search: _Search, given: bool) -> tuple[list[int], int, bool, Vector] | None:
-    """(candidates in their order, changes of sheet, whether no other order is better, sheets); None if there are none.
+@dataclass(frozen=True, eq=False)
+class _Chosen(Value):
+    """Candidates in their order, how often the sheet changes, whether no order is better, the sheets of all (k,)."""
+
+    order: list[int]
+    changes: int
+    exact: bool
+    sheet: Indices
+
+
+def _chosen(search: _Search, given: bool) -> _Chosen | None:
+    """The best sequence of all candidates that are not blocked; None if there are none.
 
     Ways are looked at only where the best sequence uses them: until then a bound stands for their time, which no way
     is below, so that the sequence at the end is the best of all.
     """
     sheet = search.sheets()
     alive = [k for k in range(len(search.candidates)) if (k, k, "path") not in search.banned]
+    path = np.array([c.path for c in search.candidates])
+    if not given and alive:
+        pool = [alive[i] for i in least_pool(path[alive], sheet[alive])]
+        if len(pool) < len(alive) and (plan := _of_pool(search, pool, sheet, given)) is not None:
+            return plan
     while alive:
-        picked = [search.candidates[k] for k in alive]
-        A, B = np.array([c.walk.q[-1] for c in picked]), np.array([c.walk.q[0] for c in picked])
-        home, path = search.start[None], np.array([c.path for c in picked])
-        between, first = search.least_seconds(A, B), search.least_seconds(home, B)[0]
-        last = search.least_seconds(A, home)[:, 0] * search.air.home
-        seen: set[tuple[int, int]] = set()
-        while True:
-            sequence = best_sequence(Choices(path, sheet[alive], first, between, last), given)
-            if not np.isfinite(sequence.cost):
-                break
-            nodes = [-1, *sequence.chosen, *([-1] if search.air.home else [])]
-            new = [edge for edge in pairwise(nodes) if edge not in seen]
-            if not new:
-                return [alive[i] for i in sequence.chosen], sequence.changes, sequence.exact, sheet
-            for i, j in new:
-                seen.add((i, j))
-                way = search.way(-1 if i < 0 else alive[i], -1 if j < 0 else alive[j])
-                cost = np.inf if way is None else search.seconds(way)
-                if i < 0:
-                    first[j] = cost
-                elif j < 0:
-                    last[i] = cost
-                else:
-                    between[i, j] = cost
+        if (plan := _of_pool(search, alive, sheet, given)) is not None:
+            return plan
         # No sequence of all: the path that can be come to from the fewest others is left out.
-        ways = np.isfinite(between)
-        reached = [int(ways[:, path == p].sum() + ways[path == p].sum()) for p in np.unique(path)]
-        out = int(np.unique(path)[int(np.argmin(reached))])
+        ways = {
+            p: sum(1 for edge in search.clear_ways if any(k >= 0 and path[k] == p for k in edge)) for p in path[alive]
+        }
+        out = int(min(ways, key=ways.__getitem__))
         search.reasons[out] = "no clear way through the air leads there and on; give [air] a height, or postures in via"
-        alive = [k for k in alive if search.candidates[k].path != out]
+        alive = [k for k in alive if path[k] != out]
     return None
 
 
-def _made(
-    search: _Search, chosen: list[int], sheet: Vector, robots: Sequence[Robot]
-) -> tuple[list[PlannedPath], AirMove | None] | None:
+def _of_pool(search: _Search, alive: list[int], sheet: Indices, given: bool) -> _Chosen | None:
+    """The best sequence of some candidates, or None where there is none of all their paths; as of `_chosen`."""
+    picked = [search.candidates[k] for k in alive]
+    A, B = np.array([c.walk.q[-1] for c in picked]), np.array([c.walk.q[0] for c in picked])
+    home, path = search.start[None], np.array([c.path for c in picked])
+    between, first = search.least_seconds(A, B), search.least_seconds(home, B)[0]
+    last = search.least_seconds(A, home)[:, 0] * search.air.home
+    seen: set[tuple[int, int]] = set()
+    while True:
+        sequence = best_sequence(Choices(path, sheet[alive], first, between, last), given)
+        if not np.isfinite(sequence.cost):
+            return None
+        nodes = [-1, *sequence.chosen, *([-1] if search.air.home else [])]
+        new = [edge for edge in pairwise(nodes) if edge not in seen]
+        if not new:
+            return _Chosen([alive[i] for i in sequence.chosen], sequence.changes, sequence.exact, sheet)
+        for i, j in new:
+            seen.add((i, j))
+            way = search.way(-1 if i < 0 else alive[i], -1 if j < 0 else alive[j])
+            cost = np.inf if way is None else search.seconds(way)
+            if i < 0:
+                first[j] = cost
+            elif j < 0:
+                last[i] = cost
+            else:
+                between[i, j] = cost
+
+
+def _made(search: _Search, plan: _Chosen) -> tuple[list[PlannedPath], AirMove | None] | None:
     """The timed and checked plan of a sequence; None where something is blocked, which is then banned."""
-    checks, made, before = search.job.checks, [], -1
+    made, before = [], -1
     numbers: dict[int, int] = {}
-    for k in [*chosen, *([-1] if search.air.home else [])]:
+    for k in [*plan.order, *([-1] if search.air.home else [])]:
         way = search.way(before, k)
         if way is None:
             return None
-        task = search.strategies[search.candidates[k if k >= 0 else before].path].task
-        air = _air(search, way, task)
+        key = (before, k, way[0])
+        if key not in search.air_moves:
+            task = search.strategies[search.candidates[k if k >= 0 else before].path].task
+            search.air_moves[key] = _air(search, way, task)
+        air = search.air_moves[key]
         if air.report is not None and not air.report.passed:
-            search.banned.add((before, k, way[0]))
+            search.banned.add(key)
             return None
         if k < 0:
             return made, air
-        i = search.candidates[k].path
-        strategy, table, path = search.strategies[i], search.tables[i], search.paths[i]
-        try:
-            walk = follow(strategy, path, search.candidates[k].walk.q[0], samples=table.samples)
-            timed = search.timing.timed(walk)
-            report = None if checks is None else checks.checked(timed, strategy.task)
-        except HolokinError as problem:
+        if k not in search.motions:
+            search.motions[k] = _motion(search, k)
+        if (found := search.motions[k]) is None:
             search.banned.add((k, k, "path"))
-            search.reasons[i] = reason(problem)
             return None
-        if report is not None and not report.passed:
-            search.banned.add((k, k, "path"))
-            search.reasons[i] = report.trouble
-            return None
-        number = numbers.setdefault(int(sheet[k]), len(numbers) + 1)
-        made.append(PlannedPath(table, path, strategy, search.candidates[k].level, number, air, timed, report))
+        i, number = search.candidates[k].path, numbers.setdefault(int(plan.sheet[k]), len(numbers) + 1)
+        own = search.tables[i], search.paths[i], search.strategies[i], search.candidates[k].level
+        made.append(PlannedPath(*own, number, air, *found))
         before = k
     return made, None
 
 
-def _air(search: _Search, way: tuple[str, list[Matrix | Trajectory]], task: Task) -> AirMove:
+def _motion(search: _Search, k: int) -> tuple[TimedTrajectory, CheckReport | None] | None:
+    """The path of a candidate in full, timed and checked; None, with the reason kept, where it cannot be gone along."""
+    one, checks = search.candidates[k], search.job.checks
+    strategy, i = search.strategies[one.path], one.path
+    try:
+        walk = follow(strategy, search.paths[i], one.walk.q[0], samples=search.tables[i].samples, native=True)
+        timed = search.timing.timed(walk)
+        report = None if checks is None else checks.checked(timed, strategy.task)
+    except OF_ONE_PATH as problem:
+        search.reasons[i] = reason(problem)
+        return None
+    if report is not None and not report.passed:
+        search.reasons[i] = report.trouble
+        return None
+    return timed, report
+
+
+def _air(search: _Search, way: Way, task: Task) -> AirMove:
     """A way timed and checked; nothing is timed where nothing moves."""
     by, legs = way
     timed = [t for leg in legs if (t := search.timed_leg(leg, task)) is not None]
@@ -555,9 +642,7 @@ def _air(search: _Search, way: tuple[str, list[Matrix | Trajectory]], task: Task
     return AirMove(by, tuple(timed), whole, report)
 
 
-def run_paths(
-    name: str, job: Job, file: FilePath, progress: Callable[[str], None] = lambda _text: None
-) -> PathsResult:
+def run_paths(name: str, job: Job, file: FilePath, progress: Callable[[str], None] = lambda _text: None) -> PathsResult:
     """Do a job of several paths by each of its strategies. `progress` hears what is going on.
 
     A path that cannot be gone along is left out, with the reason, and the others are done; a strategy that goes along

@@ -258,7 +258,9 @@ class Job(Table):
             if not isinstance(name, str):
                 return table
             if name not in frames:
-                raise ValueError(f"{key}.frame: is {brief(name, 60)!r}, no frame of [frames]; {closest(name, list(frames))}")
+                raise ValueError(
+                    f"{key}.frame: is {brief(name, 60)!r}, no frame of [frames]; {closest(name, list(frames))}"
+                )
             return table | {"frame": frames[name]}
 
         path, checks = given.get("path"), given.get("checks")
@@ -353,7 +355,7 @@ class Form(Generic[Model]):
         """The content of a file. Raises: JobError."""
         self.check(path, table)
         try:
-            return self.model.model_validate(table)
+            return self.model.model_validate(table, context={"folder": path.parent})
         except ValidationError as problem:
             raise _named(path, problem, table, self) from None
 

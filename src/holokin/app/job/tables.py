@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 from ...analysis.curvature import MOST_JOINTS
 from ...base.errors import ArgumentError, brief, closest
@@ -27,10 +27,12 @@ from ...robot import (
     Capsule,
     Cylinder,
     LinkShape,
+    Mesh,
     Robot,
     Shape,
     assembled,
     beside,
+    convex_pieces,
     coordinates,
     load,
     obstacle,
@@ -203,9 +205,9 @@ class FrameTable(Table):
         return frame_pose("a frame", [*xyz, *rpy])
 
 
-def frame_of(frame: FrameTable | str | None) -> Matrix:
+def frame_of(frame: FrameTable | None) -> Matrix:
     """The pose (4, 4) of a frame, which a job has put in the place of its name; without one that of the base."""
-    return frame.matrix if isinstance(frame, FrameTable) else np.eye(4)
+    return np.eye(4) if frame is None else frame.matrix
 
 
 class ModelTable(Table):
@@ -283,6 +285,7 @@ def robot_of_job(table: RobotTable, file: Path) -> Robot:
 
 # --- [checks] of a job file: what is looked at in the motion of every strategy.
 
+LARGEST_OBSTACLE = 50.0  # size of a mesh [m]: what is larger was given in mm
 MOST_OBSTACLES = 100  # shapes round a robot; each is looked at with each link
 MOST_ALLOWED = 1000  # pairs of links that may touch
 
@@ -291,30 +294,76 @@ Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class ObstacleTable(KindTable, FrameTable):
-    """[[checks.obstacles]]: a box, ball, capsule or cylinder at xyz, rpy in the frame of the base, or `on` a tip."""
+    """[[checks.obstacles]]: a solid or a mesh at xyz, rpy in the frame of the base, in one that is named, or `on` a tip."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
     on: str | None = None
-    frame: FrameTable | str | None = None
-    kind: Literal["box", "sphere", "capsule", "cylinder"]
+    frame: FrameTable | None = None
+    kind: Literal["box", "sphere", "capsule", "cylinder", "mesh"]
     sides: Annotated[Annotated[list[Positive], Field(min_length=3, max_length=3)] | None, needed_by("box")] = None
     radius: Annotated[Positive | None, needed_by("sphere", "capsule", "cylinder")] = None
     length: Annotated[Positive | None, needed_by("capsule", "cylinder")] = None
+    file: Annotated[str | None, needed_by("mesh")] = None
+    scale: Annotated[Positive | Three, of("mesh")] = 1.0
+    pieces: Annotated[Literal["coacd"] | Names | None, of("mesh")] = None
+    threshold: Annotated[float, Field(ge=0.01, le=1), of("mesh")] = 0.05
 
-    def standing(self) -> LinkShape:
-        """The same as a value, where it stands."""
-        stands = obstacle(self.name, self._solid(), *self.pose())
-        return replace(stands, placement=frame_of(self.frame) @ stands.placement)
+    @model_validator(mode="before")
+    @classmethod
+    def _beside(cls, given: Any, info: ValidationInfo) -> Any:
+        """Files count from the folder of the job file."""
+        if not isinstance(given, dict):
+            return given
+        more = {"file": from_folder(given["file"], info)} if isinstance(given.get("file"), str) else {}
+        if isinstance(pieces := given.get("pieces"), list):
+            more["pieces"] = [from_folder(piece, info) if isinstance(piece, str) else piece for piece in pieces]
+        return given | more
+
+    @model_validator(mode="after")
+    def _complete(self) -> ObstacleTable:
+        if self.on is not None and self.frame is not None:
+            raise ValueError("on and frame both say from where it counts; leave out one")
+        if "threshold" in self.model_fields_set and self.pieces != "coacd":
+            raise ValueError('threshold is of pieces = "coacd"; leave it out')
+        return self
+
+    def standing(self) -> list[LinkShape]:
+        """The same as values, where they stand: one, or the pieces of a mesh. Raises: RobotFileError."""
+        parts = [obstacle(self.name, shape, *self.pose()) for shape in self._shapes]
+        return [replace(part, placement=frame_of(self.frame) @ part.placement) for part in parts]
 
     def carried(self, robot: Robot) -> Robot:
         """The robot that carries it. Raises: UnknownNameError: no such tip."""
-        return with_shape(robot, self.name, self._solid(), *self.pose(), tip=self.on)
+        for shape in self._shapes:
+            robot = with_shape(robot, self.name, shape, *self.pose(), tip=self.on)
+        return robot
 
-    def _solid(self) -> Shape:
+    @cached_property
+    def _shapes(self) -> tuple[Shape, ...]:
         if self.kind == "box":
-            return Box(self.sides)  # type: ignore[arg-type]  the shape makes an array of it
+            return (Box(self.sides),)  # type: ignore[arg-type]  the shape makes an array of it
+        if self.kind == "mesh":
+            return self._meshes()
         radius, length = self.radius or 0.0, self.length or 0.0
-        return Cylinder(radius, length) if self.kind == "cylinder" else Capsule(radius, length)
+        return (Cylinder(radius, length) if self.kind == "cylinder" else Capsule(radius, length),)
+
+    def _meshes(self) -> tuple[Shape, ...]:
+        """The mesh, or its convex pieces. Raises: RobotFileError, ArgumentError: one that is too large for metres."""
+        scale = np.full(3, self.scale) if isinstance(self.scale, float) else np.array(self.scale)
+        mesh = Mesh(Path(self.file or ""), scale)
+        if (size := 2 * mesh.ball[1]) > LARGEST_OBSTACLE:
+            cure = "give metres: scale = 0.001 makes them of a file in mm"
+            raise ArgumentError(f"the size of {self.name} [m]", round(size, 3), cure)
+        if self.pieces is None:
+            return (mesh,)
+        if self.pieces == "coacd":
+            return convex_pieces(mesh, self.threshold)
+        return tuple(Mesh(Path(piece), scale).hull for piece in self.pieces)
+
+
+def from_folder(name: str, info: ValidationInfo) -> str:
+    """A file's name, which counts from the folder of the job file where that is known."""
+    return str(Path(info.context["folder"]) / name) if info.context else name
 
 
 class ChecksTable(Table):
@@ -328,13 +377,25 @@ class ChecksTable(Table):
     rcond: Annotated[float, Field(ge=0, lt=1)] = 0.01
     radius: Positive | dict[str, Positive] | None = None
     allowed: Annotated[list[Pair], Field(max_length=MOST_ALLOWED)] = Field(default=[])
+    srdf: str | None = None
+    padding: dict[str, NotNegative] = Field(default={})
     obstacles: Annotated[list[ObstacleTable], Field(max_length=MOST_OBSTACLES)] = Field(default=[])
+
+    @model_validator(mode="before")
+    @classmethod
+    def _beside(cls, given: Any, info: ValidationInfo) -> Any:
+        """The SRDF counts from the folder of the job file."""
+        if isinstance(given, dict) and isinstance(given.get("srdf"), str):
+            return given | {"srdf": from_folder(given["srdf"], info)}
+        return given
 
     @cached_property
     def scene(self) -> Scene:
-        """What the robot is to keep clear of."""
-        standing = [table.standing() for table in self.obstacles if table.on is None]
-        return Scene(standing, self.floor, self.clearance, self.self_collision, [(a, b) for a, b in self.allowed])
+        """What the robot is to keep clear of. Raises: RobotFileError: a mesh or an SRDF that cannot be read."""
+        keys = {"floor": self.floor, "clearance": self.clearance, "self_collision": self.self_collision}
+        standing = [shape for table in self.obstacles if table.on is None for shape in table.standing()]
+        keys |= {"obstacles": standing, "allowed": [(a, b) for a, b in self.allowed], "padding": self.padding}
+        return Scene(**keys) if self.srdf is None else Scene.from_srdf(self.srdf, **keys)
 
     def checked(self, motion: Trajectory | TimedTrajectory, task: Task) -> CheckReport:
         """What is found of a motion, of a robot that is `shaped`. Raises: as `check`."""
@@ -355,7 +416,7 @@ class ChecksTable(Table):
 
     def drawn(self, robot: Robot) -> Robot:
         """The robot for pictures: with what it carries, and else as it was. Raises: UnknownNameError: no such tip."""
-        count = sum(table.on is not None for table in self.obstacles)
+        count = sum(len(table._shapes) for table in self.obstacles if table.on is not None)
         return replace(robot, shapes=(*robot.shapes, *self._loaded(robot).shapes[-count:])) if count else robot
 
 
@@ -490,7 +551,7 @@ class PathTable(KindTable):
     surface: Annotated[Formula | None, of("raster", "spiral")] = None
     tool: Annotated[Literal["start", "normal"] | None, of("raster", "spiral")] = None
     relative: bool = False
-    frame: FrameTable | str | None = None
+    frame: FrameTable | None = None
     blend: Positive | None = None
     passes: Annotated[int, Field(ge=1, le=MOST_PASSES)] = 1
     offset: Three = Field(default=[0.0, 0.0, 0.0])

@@ -150,10 +150,15 @@ def _page(result: PathsResult, version: str) -> str:
     ]
     for rule in result.rules:
         checks = [(row.name, report) for row in rule.rows for report in row.reports]
-        points = [f"{name}: {'; '.join(report.told(result.units)[:1] + report.notes(result.units)[:1])}" for name, report in checks]
+        points = [
+            f"{name}: {'; '.join(report.told(result.units)[:1] + report.notes(result.units)[:1])}"
+            for name, report in checks
+        ]
         last = [line for _, report in checks[:1] for line in report.notes(result.units)[1:]]
         parts += [Section(f"{rule.name}: checks of the motion", points=[*points, *last])] if checks else []
-        parts.append(f"<h2>{escape(rule.name)}: the whole motion</h2><pre>{escape(rule.motion.table(result.units))}</pre>")
+        parts.append(
+            f"<h2>{escape(rule.name)}: the whole motion</h2><pre>{escape(rule.motion.table(result.units))}</pre>"
+        )
     if result.not_run:
         parts.append(Section("Not run", points=[f"{each.name}: {each.reason}" for each in result.not_run]))
     return page(result.title, parts)

@@ -34,7 +34,13 @@ def _rapid(name: str, names: Sequence[str], programs: Sequence[Program], facts: 
 
 def _krl(name: str, names: Sequence[str], programs: Sequence[Program], facts: Sequence[str]) -> Files:
     """A module that calls the others."""
-    text = ["&ACCESS RVP", "&REL 1", f"DEF {name}()", *(f"; {fact}" for fact in facts), *(f"{each}()" for each in names)]
+    text = [
+        "&ACCESS RVP",
+        "&REL 1",
+        f"DEF {name}()",
+        *(f"; {fact}" for fact in facts),
+        *(f"{each}()" for each in names),
+    ]
     return {f"{name}.src": "\n".join([*text, "END", ""])} | _all_files(programs)
 
 
@@ -72,9 +78,9 @@ def _val3(name: str, names: Sequence[str], programs: Sequence[Program], facts: S
     head = first[: first.index("  <Program ")]
     code = ["begin", *(f"  // {fact}" for fact in facts), *(f"  call {each}()" for each in names)]
     text = [f'  <Program name="{name}" access="public">', "    <Locals/>", f"    <Code><![CDATA[{code[0]}", *code[1:]]
-    return {f"{name}.pgx": "\n".join([head + text[0], *text[1:], "end]]></Code>", "  </Program>", "</Programs>", ""])} | (
-        _all_files(programs)
-    )
+    return {
+        f"{name}.pgx": "\n".join([head + text[0], *text[1:], "end]]></Code>", "  </Program>", "</Programs>", ""])
+    } | (_all_files(programs))
 
 
 def _gcode(name: str, names: Sequence[str], programs: Sequence[Program], facts: Sequence[str]) -> Files:
