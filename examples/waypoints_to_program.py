@@ -19,7 +19,7 @@ robot = hk.load("panda")
 here = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])  # wherever the robot happens to stand
 law = hk.holonomic(hk.pose(robot), hk.linear([1, 0, -1, 0, 0, 0, 0]))  # joints 1 and 3 keep their difference
 
-waypoints = hk.path.read_waypoints("waypoints.csv")
+waypoints = hk.read_paths("waypoints.csv").paths[0]
 print(f"{len(waypoints)} waypoints, notes: {waypoints.notes or 'none'}")
 contour = hk.path.blended(hk.polyline(waypoints), 0.004)  # 4 mm at most from each corner
 layers = hk.path.passes(contour, 3, offset=[0, 0, -0.002])  # 2 mm deeper each time, to and fro

@@ -64,8 +64,8 @@ SLOW = {
 """Calls that take long where a bad argument is none: one in ten."""
 
 OTHERS = {
-    "from_mjcf", "from_pinocchio", "from_roboticstoolbox", "from_urdf", "from_yourdfpy", "read_recording", "read_svg",
-    "read_waypoints", "read_workspace", "model_links", "model_tips", "inertia_weighted", "read_sheets", "retarget",
+    "from_mjcf", "from_pinocchio", "from_roboticstoolbox", "from_urdf", "from_yourdfpy", "read_recording", "read_paths",
+    "read_workspace", "model_links", "model_tips", "inertia_weighted", "read_sheets", "retarget",
     "audit_dataset", "chosen_episodes", "has_joints", "is_dataset", "joint_feature", "pose_feature", "read_dataset",
     "read_runs", "studio", "catalogue",
 }  # fmt: skip

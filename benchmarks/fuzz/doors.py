@@ -211,7 +211,8 @@ def _read_urdf(file: Path, chance: Chance) -> None:
 
 
 def _read_drawing(file: Path, chance: Chance) -> None:
-    for path in hk.path.read_svg(file, pixel=chance.choice((None, None, 1e-3))):
+    for waypoints in hk.read_paths(file, pixel=chance.choice((None, None, 1e-3))).paths:
+        path = waypoints.path()
         if not 0 < path.length < float("inf"):
             raise ValueError("a path without a length")
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from .base.poses import pose_of
     from .motion import Trajectory, controller, drift, follow, retime, simulate
     from .motion.checks import Scene, check
-    from .path import Path, Workspace, circle, line, polyline, spline, workspace
+    from .path import Path, Workspace, circle, line, polyline, read_paths, spline, workspace
     from .proof import certify, unique_region
     from .robot import Robot, compose, from_dh, from_urdf, load, obstacle, with_base_pose, with_limits, with_tool
     from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
@@ -91,6 +91,7 @@ __all__ = [
     "position",
     "proof",
     "radial",
+    "read_paths",
     "read_recording",
     "read_sheets",
     "retime",
@@ -114,7 +115,7 @@ __all__ = [
 _HOMES = {
     "base.poses": "pose_of",
     "robot": "Robot compose from_dh from_urdf load obstacle with_base_pose with_limits with_tool",
-    "path": "Path Workspace circle line polyline spline workspace",
+    "path": "Path Workspace circle line polyline read_paths spline workspace",
     "strategies.tasks": "Task custom_task pose position stacked",
     "strategies.constraints": "Constraint arm_angle coupled custom linear lock stationary",
     "strategies": "Strategy holonomic moore_penrose null_basis radial weighted",

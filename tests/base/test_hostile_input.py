@@ -293,7 +293,7 @@ def test_waypoints_and_logs_are_read_in_every_dialect(seed: int, tmp_path: Path)
     file.write_text(
         _text(draw, ["X [mm]", "Y [mm]", "Z [mm]"], rows, mark, point)[0], draw.choice(["utf-8", "utf-8-sig"])
     )
-    assert np.abs(hk.path.read_waypoints(file).points - rows / 1e3).max() < 1e-12
+    assert np.abs(hk.read_paths(file).paths[0].points - rows / 1e3).max() < 1e-12
     q = np.round(draw.uniform(-1, 1, (40, 3)), 3)
     t = np.round(0.01 * np.arange(40), 3)
     file.write_text(_text(draw, ["t", *ARM.joint_names], np.c_[t, q], mark, point)[0])
@@ -313,7 +313,7 @@ def test_a_table_with_both_decimal_marks_is_refused_with_both_lines(seed: int, t
     lines[places[i] - 1] = lines[places[i] - 1].replace(",", ".")
     (tmp_path / "mixed.csv").write_text("\n".join(lines))
     with pytest.raises(FileError, match=f"line {places[0]} has a decimal comma, line {places[i]} a decimal point; "):
-        hk.path.read_waypoints(tmp_path / "mixed.csv")
+        hk.read_paths(tmp_path / "mixed.csv").paths[0]
 
 
 @sampled(6, "seed", list(range(60)))
@@ -326,20 +326,20 @@ def test_a_bad_cell_below_comments_is_named_by_its_line(seed: int, tmp_path: Pat
     lines[places[i] - 1] = mark.join(["1", "two", "3"])
     (tmp_path / "bad.csv").write_text("\n".join(lines))
     with pytest.raises(FileError, match=f"line {places[i]}, column 'y_mm' holds 'two'"):
-        hk.path.read_waypoints(tmp_path / "bad.csv")
+        hk.read_paths(tmp_path / "bad.csv").paths[0]
 
 
 def test_a_row_whose_name_begins_with_a_number_sign_is_a_row(tmp_path: Path) -> None:
     (tmp_path / "named.csv").write_text("point,x_mm,y_mm,z_mm\n#1,1,2,3\n# the second one\n#2,4,5,6\n")
     assert np.allclose(
-        hk.path.read_waypoints(tmp_path / "named.csv").points, [[0.001, 0.002, 0.003], [0.004, 0.005, 0.006]]
+        hk.read_paths(tmp_path / "named.csv").paths[0].points, [[0.001, 0.002, 0.003], [0.004, 0.005, 0.006]]
     )
 
 
 def test_comments_over_numbers_alone_are_no_header(tmp_path: Path) -> None:
     (tmp_path / "bare.csv").write_text("# exported by CAM\n\n1;2;3\n4;5;6\n")
     with pytest.raises(FileError, match="line 3 holds numbers, no header; name the columns"):
-        hk.path.read_waypoints(tmp_path / "bare.csv")
+        hk.read_paths(tmp_path / "bare.csv").paths[0]
 
 
 @pytest.mark.parametrize("point", [",", "."])
@@ -353,5 +353,5 @@ def test_a_log_without_a_header_may_have_decimal_commas(point: str, tmp_path: Pa
 def test_a_semicolon_in_a_name_ends_no_cell(tmp_path: Path) -> None:
     (tmp_path / "named.csv").write_text("x_mm,y_mm,z_mm,note;s\n1,2,3,a;b\n4.5,5,6,c\n")
     assert np.allclose(
-        hk.path.read_waypoints(tmp_path / "named.csv", ignore=["note*"]).points[1], [0.0045, 0.005, 0.006]
+        hk.read_paths(tmp_path / "named.csv", ignore=["note*"]).paths[0].points[1], [0.0045, 0.005, 0.006]
     )

@@ -364,7 +364,7 @@ def test_both_readers_of_poses_know_the_same_columns(tmp_path: Path) -> None:
     }
     for header, table in rows.items():
         file.write_text("\n".join([header, *(",".join(f"{v:.17g}" for v in row) for row in table)]))
-        cloud, waypoints = hk.path.read_workspace(file), hk.path.read_waypoints(file)
+        cloud, waypoints = hk.path.read_workspace(file), hk.read_paths(file).paths[0]
         assert waypoints.rotations is not None
         assert np.abs(cloud.given[:, :3, 3] - [[0.5, 0, 0.3], [0.5, 0.1, 0.3]]).max() < 1e-15
         assert np.array_equal(cloud.given[:, :3, 3], waypoints.points)

@@ -438,9 +438,9 @@ FRAME = "frame = { xyz = [0.42, 0.1, 0.45], rpy_deg = [0, 0, 10] }\n"
         ('kind = "figure-eight"\nwidth = 0.1\ncycles = 2\n', 0.2622),
         ('kind = "raster"\nalong = [0.1, 0, 0]\nacross = [0, 0.06, 0]\nspacing = 0.03\n', 0.36),
         ('kind = "spiral"\nradius = 0.05\nspacing = 0.025\nsurface = "u*v"\nentry = "tool"\n', 0.3216),
-        ('kind = "waypoints"\nfile = "w.csv"\nthrough = "lines"\nclosed = true\n'
+        ('kind = "file"\nfile = "w.csv"\nthrough = "lines"\nclosed = true\n'
          'entry = "joints"\n' + FRAME, 0.2814),
-        ('kind = "waypoints"\nfile = "w.csv"\npasses = 2\nlead_in = 0.01\nlead_out = 0.02\nretract = 0.05\n'
+        ('kind = "file"\nfile = "w.csv"\npasses = 2\nlead_in = 0.01\nlead_out = 0.02\nretract = 0.05\n'
          'entry = "joints"\n' + FRAME, 0.6317),
         ('kind = "poses"\nposes = [{ rpy_deg = [180, 0, 0] }, { xyz = [0.1, 0, 0], rpy_deg = [180, 0, 0] }]\n'
          'through = "lines"\nentry = "tool"\n' + FRAME, 0.1),
@@ -463,7 +463,7 @@ def test_a_job_follows_every_kind_of_path(tmp_path: Path, path: str, length: flo
         ('kind = "spline"\n', ("kind = 'spline' needs points",)),
         ('kind = "raster"\nspacing = 0.1\n', ("along and across",)),
         ('kind = "figure-eight"\nwidth = 0.1\nradius = 1\n', ("does not use radius",)),
-        ('kind = "waypoints"\nfile = "none.csv"\n', ("none.csv", "no such file")),
+        ('kind = "file"\nfile = "none.csv"\n', ("none.csv", "no such file")),
         ('kind = "figure-eight"\nwidth = 0.1\noffset = [0, 0, 1]\n', ("several passes",)),
         ('kind = "figure-eight"\nwidth = 0.1\nat = [1, 0, 0]\n', ("away from the start of the path", "entry")),
         ('kind = "spiral"\nradius = 0.1\nspacing = 0.02\ncycles = 3\n', ("closed path",)),

@@ -209,7 +209,7 @@ def posed(points: np.ndarray) -> np.ndarray:
 def filed(points: np.ndarray, folder: Path) -> hk.path.Waypoints:
     file = folder / "w.csv"
     file.write_text("x_m,y_m,z_m\n" + "\n".join(",".join(map(repr, row)) for row in points.tolist()))
-    return hk.path.read_waypoints(file)
+    return hk.read_paths(file).paths[0]
 
 
 def drawing(points: np.ndarray, folder: Path) -> hk.Path:
@@ -217,7 +217,7 @@ def drawing(points: np.ndarray, folder: Path) -> hk.Path:
     at = " ".join(f"{1e3 * x:.17g},{1e3 * y:.17g}" for x, y, _ in points)
     size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
     (folder / "a.svg").write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="M {at} Z"/></svg>')
-    return hk.path.read_svg(folder / "a.svg")[0]
+    return hk.read_paths(folder / "a.svg").paths[0].path()
 
 
 def job(kind: str, points: np.ndarray) -> AnyPath:

@@ -25,6 +25,9 @@ SYNONYMS = {
     "way": "direction",
     "clear_of": "obstacles",
     "ignore": "allowed",
+    "outline": "only",
+    **dict.fromkeys(("waypoints", "svg"), "file"),
+    **dict.fromkeys(("read_waypoints", "read_svg"), "read_paths"),
 }
 """Names that people use, and keys that had another name before -> those that are known."""
 

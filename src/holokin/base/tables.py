@@ -30,6 +30,9 @@ _COMMA, _POINT = re.compile(r"(?<=\d),(?=\d)"), re.compile(r"\d\.\d")
 _NUMBERS = re.compile(r"[-+.,;\s\deE]*")
 """A line without names."""
 
+_REMARK = re.compile(r"^//|(?<=\S)\s*(?://|#).*(?=\n)|(?<=\S)\s*(?://|#).*$")
+"""The mark of a remark at the beginning of a line, or a remark behind something."""
+
 LONGEST_LINE = 1_000_000
 """Characters of a line; a file with a longer one is no table, and may be gigabytes of one line."""
 
@@ -43,6 +46,7 @@ def read_table(
     headless: Callable[[Sequence[str]], list[str]] | None = None,
     bad: list[FileError] | None = None,
     labels: Sequence[int] = (),
+    remarks: bool = False,
 ) -> Iterator[Rows]:
     """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
 
@@ -51,6 +55,7 @@ def read_table(
         labels: columns whose text is wanted too; `wanted` may fill it.
         cure: for a file without a header or rows. names: of the columns that it should have.
         headless: names the columns of a file whose first line holds numbers, by this line; None refuses such a file.
+        remarks: what stands behind # or // in a line is none of its cells.
         bad: gets the error of each row that cannot be read, and the row is left out; None raises it.
 
     Raises:
@@ -58,7 +63,7 @@ def read_table(
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
-            first, lines, done = _from_header(_lines(file, stream))
+            first, lines, done = _from_header(_lines(file, stream, remarks), remarks and headless is not None)
             delimiter = _delimiter(first)
             if delimiter not in first and '"' not in first and len(first.split()) > 1:  # as UR's RTDE client writes it
                 delimiter, first = ",", ",".join(first.split())
@@ -86,10 +91,11 @@ def read_table(
         raise FileError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
 
 
-def _from_header(lines: Iterator[str]) -> tuple[str, Iterator[str], int]:
+def _from_header(lines: Iterator[str], named: bool) -> tuple[str, Iterator[str], int]:
     """(the header, the lines after it, the header's number): comments, from # on, and empty lines may stand before it.
 
-    A comment is the header where no other line is: numbers follow, and it has as many cells as they.
+    A comment is the header where no other line is, and the columns are not named: numbers follow, and it has as many
+    cells as they.
     """
     before: list[str] = []
     for line in lines:
@@ -102,7 +108,7 @@ def _from_header(lines: Iterator[str]) -> tuple[str, Iterator[str], int]:
     cells = line.count(mark)
     holds_numbers = not line or number_in(line.split(mark)[0].replace(",", ".")) is not None
     for i, comment in reversed([*enumerate(before)]):
-        if holds_numbers and "#" in comment and (not line or cells == comment.count(mark)):
+        if holds_numbers and not named and "#" in comment and (not line or cells == comment.count(mark)):
             return comment, chain(before[i + 1 :], [line] * bool(line), lines), i + 1
     return line, lines, len(before) + 1
 
@@ -148,12 +154,12 @@ def number_in(text: str) -> float | None:
         return None
 
 
-def _lines(file: Path, stream: TextIO) -> Iterator[str]:
+def _lines(file: Path, stream: TextIO, remarks: bool) -> Iterator[str]:
     while line := stream.readline(LONGEST_LINE):
         if len(line) == LONGEST_LINE and not line.endswith(("\n", "\r")):
             fact = f"a line has over {LONGEST_LINE} characters"
             raise FileError(file, fact, "give a CSV file with a line a sample")
-        yield line
+        yield _REMARK.sub(lambda match: "" if match.start() else "#", line) if remarks else line
 
 
 def _pieces(
@@ -353,10 +359,39 @@ MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
 
 NAMED = {
     "quaternion": ("qx", "qy", "qz", "qw"),
+    "axis": ("i", "j", "k"),
+    "normal": ("nx", "ny", "nz"),
     "angles": ("roll", "pitch", "yaw"),
     "vector": ("rx", "ry", "rz"),
     "KUKA": ("a", "b", "c"),
+    "FANUC": ("w", "p", "r"),
+    "ABB": ("ez", "ey", "ex"),
+    "Kawasaki": ("o", "a", "t"),
+    "Comau": ("a", "e", "r"),
+    "Epson": ("u", "v", "w"),
 }
+AXES = ("axis", "normal")
+"""Columns of the direction of the tool's z axis."""
+
+EULER = {
+    "angles": "xyz",
+    "KUKA": "ZYX",
+    "FANUC": "xyz",
+    "ABB": "ZYX",
+    "Kawasaki": "ZYZ",
+    "Comau": "ZYZ",
+    "Epson": "ZYX",
+    "Mitsubishi": "xyz",
+    "Doosan": "ZYZ",
+    "Yaskawa": "xyz",
+    "Staubli": "XYZ",
+}
+"""Axes of three angles in the order of their columns: capitals turn with the tool, small letters stand still."""
+
+OF_MAKERS = {"KUKA": ("KUKA", "Mitsubishi", "Doosan"), "vector": ("UR", "Yaskawa", "Staubli")}
+"""Names of columns that several makers use in ways of their own: the first one is taken where nobody says another."""
+
+MAKERS = sorted({*EULER, "UR"} - {"angles"}, key=str.lower)
 NUMBERED = (("q1", "q2", "q3", "q4"), ("q0", "q1", "q2", "q3"))
 REMARKS = {"", "name", "label", "comment", "remark", "note", "id", "index", "number", "point", "line", "row"}
 """Columns that say nothing of a pose; a table that pandas wrote has one without a name."""
@@ -368,11 +403,22 @@ COVERAGE = (("x", "y", "z", "qx", "qy", "qz", "qw", "status"), ("rcond", "margin
 
 AS_KUKA = (
     "a, b, c are read as KUKA's angles: a about z, b about the new y, c about the new x. Where a is about x, name them "
-    "roll, pitch, yaw"
+    "roll, pitch, yaw, or say maker="
 )
 
-ALLOWED = {"units": ("m", "cm", "mm", "um"), "angles": ("rad", "deg")}
-SCALES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": np.pi / 180}
+AS_VECTOR = (
+    "rx, ry, rz are read as a rotation vector, in degrees. Where they are three angles, say maker='Yaskawa' (about the "
+    "fixed x, y, z) or maker='Staubli' (about x, the new y, the new z)"
+)
+
+ALLOWED = {"units": ("m", "cm", "mm", "um", "in"), "angles": ("rad", "deg")}
+SCALES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "rad": 1.0, "deg": np.pi / 180}
+
+PATHS = ("path", "seam", "operation")
+"""Names of a column that says to which path a row belongs."""
+
+_SPEED = re.compile(r"\s*(?:speed|feed|feedrate)\s*[_ ]?\s*[\[(]?\s*(m|mm|in)[/_ ](s|min)\s*[\])]?\s*")
+"""A column of speeds, by its name and unit: speed_mm_s, "feed [mm/min]"."""
 
 FAR = 20.0
 """Coordinates [m] beyond which metres are doubted: no robot reaches so far, and a workpiece of 20 mm is a small one."""
@@ -385,7 +431,7 @@ FULL = 2 * np.pi * 1.001
 
 _MEANT = {*POSITION, *MATRIX, *chain(*NAMED.values(), *NUMBERED)}
 
-_NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|m|deg|rad|)\s*[\])]?\s*")
+_NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|m|inch|in|deg|rad|)\s*[\])]?\s*")
 """A column's name and the unit at its end: x_mm, x [mm], x(mm), roll_deg."""
 
 
@@ -394,7 +440,9 @@ class Units:
     """What the caller says of a file; None where its header must say it.
 
     With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, and times
-    are left out. Columns that `ignore` names, or fits with a *, are not there. `place` is what messages call a row.
+    are left out. Columns that `ignore` names, or fits with a *, are not there. `columns` names those of a file without
+    a header. `maker` says whose angles they are, `into` whether axes i, j, k point into the work, as the tool's z axis
+    does. `place` is what messages call a row.
     """
 
     units: str | None
@@ -403,9 +451,12 @@ class Units:
     assumed: bool
     ignore: tuple[str, ...] = ()
     place: str = "line"
+    columns: tuple[str, ...] | None = None
+    maker: str | None = None
+    into: bool | None = None
 
     def __post_init__(self) -> None:
-        known = {"units": ("m", "mm"), "angles": ("rad", "deg"), "order": tuple(ORDERS)}
+        known = {"units": ("m", "mm", "in"), "angles": ("rad", "deg"), "order": tuple(ORDERS), "maker": tuple(MAKERS)}
         for what, choices in known.items():
             value = getattr(self, what)
             if value is not None and value not in choices:
@@ -414,13 +465,17 @@ class Units:
 
 @dataclass
 class PoseRows:
-    """Points [m] (k, 3), rotations (k, 3, 3) and times [s] (k,) where there are, and the line of each."""
+    """Points [m] (k, 3), rotations (k, 3, 3) or axes (k, 3), times [s] (k,) and speeds [m/s] (k,) where there are, the
+    line of each, and the name of its path."""
 
     points: Matrix
     rotations: Array | None
     times: Vector | None
     lines: Indices
     notes: list[str]
+    axes: Matrix | None = None
+    speeds: Vector | None = None
+    names: Sequence[str] = ()
 
 
 @dataclass
@@ -432,11 +487,14 @@ class PoseColumns:
     kind: str
     time: TimeColumns | None
     scales: Vector
+    speed: tuple[int, float] | None = None
+    path: int | None = None
 
     @property
     def wanted(self) -> list[int]:
-        """All columns that are read, in this order."""
-        return [*self.position, *self.orientation, *(self.time.places if self.time else ())]
+        """All columns of numbers that are read, in this order."""
+        speed = () if self.speed is None else self.speed[:1]
+        return [*self.position, *self.orientation, *(self.time.places if self.time else ()), *speed]
 
 
 def pose_rows(file: Path, noun: str, units: Units) -> PoseRows:
@@ -449,17 +507,35 @@ def pose_rows(file: Path, noun: str, units: Units) -> PoseRows:
     if is_folder(file):
         raise FileError(file, "is a folder", f"give a CSV file of {noun}s")
     chosen: list[PoseColumns] = []
+    labels: list[int] = []
+    used: list[int] = []
 
     def wanted(header: Sequence[str]) -> list[int]:
+        if units.columns is not None and not used:
+            raise FileError(file, f"has a header, {listed(header)}", "leave out columns=")
         chosen.append(columns_of_poses(file, header, units))
+        labels.extend([] if chosen[0].path is None else [chosen[0].path])
         return chosen[0].wanted
 
-    pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
-    tables = [(piece.table, piece.lines) for piece in pieces]
-    if not tables:
+    def named(cells: Sequence[str]) -> list[str]:
+        names = [*(units.columns or ())]
+        used.append(len(names))
+        if len(names) != len(cells):
+            fact = f"has {len(cells)} cells in its first line"
+            raise FileError(file, fact, f"name as many columns; columns= has {len(names)}")
+        return names
+
+    headless = None if units.columns is None else named
+    example = "x_mm, y_mm, z_mm" if units.assumed else "x_mm, y_mm, z_mm, in its first line or by columns="
+    pieces = [
+        *read_table(file, wanted, f"give a {noun} a line", example, headless=headless, labels=labels, remarks=True)
+    ]
+    if not pieces:
         raise FileError(file, f"has a header but no {noun}s", f"give a {noun} a line")
-    lines = np.concatenate([places for _, places in tables])
-    return poses_of(file, chosen[0], np.vstack([rows for rows, _ in tables]), lines, units)
+    lines = np.concatenate([piece.lines for piece in pieces])
+    rows = poses_of(file, chosen[0], np.vstack([piece.table for piece in pieces]), lines, units)
+    rows.names = [name for piece in pieces for (name,) in piece.labels]
+    return rows
 
 
 def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, units: Units) -> PoseRows:
@@ -474,11 +550,40 @@ def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, u
         raise FileError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
     if columns.scales[0] == SCALES["mm"] and size.max() < NEAR:
         notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
-    rotations = _rotations(file, columns.kind, turned, lines, units, notes) if columns.kind else None
-    if columns.kind == "KUKA":
+    along = columns.kind in AXES
+    axes = _axes(file, turned, lines, units, notes) if along else None
+    rotations = _rotations(file, columns.kind, turned, lines, units, notes) if columns.kind and not along else None
+    if columns.kind == "KUKA" and units.maker is None:
         notes.append(AS_KUKA)
+    if columns.kind == "vector" and columns.scales[3] != 1.0 and units.maker is None:
+        notes.append(AS_VECTOR)
     times = _seconds(file, columns.time, values[:, len(columns.scales) :], notes) if columns.time else None
-    return PoseRows(points, rotations, times, lines, notes)
+    speeds = None if columns.speed is None else _speeds(file, values[:, -1] * columns.speed[1], lines, units)
+    return PoseRows(points, rotations, times, lines, notes, axes, speeds)
+
+
+def _speeds(file: Path, speeds: Vector, lines: Indices, units: Units) -> Vector:
+    """Raises: FileError: one that is not above 0."""
+    if not speeds.min() > 0:
+        i = int(np.argmin(speeds > 0))
+        raise FileError(file, f"{units.place} {lines[i]} has a speed of {speeds[i]:g} m/s", "give one above 0")
+    return speeds
+
+
+def _axes(file: Path, vectors: Matrix, lines: Indices, units: Units, notes: list[str]) -> Matrix:
+    """Directions (k, 3) of the tool's z axis. Raises: FileError: one that is not of unit length."""
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(vectors, axis=1)
+    if not np.abs(length - 1).max() <= UNIT:
+        i = int(np.argmax(np.abs(length - 1) > UNIT))
+        fact = f"{units.place} {lines[i]} has a tool axis of length {length[i]:.6g}"
+        raise FileError(file, fact, "give directions of length 1")
+    if units.into is None:
+        notes.append(
+            "the columns of the tool axis are read as the direction in which the tool's z axis points, into the work; "
+            "say axis='out' where they point out of it"
+        )
+    return vectors / length[:, None] * (-1.0 if units.into is False else 1.0)
 
 
 def _seconds(file: Path, columns: TimeColumns, values: Matrix, notes: list[str]) -> Vector:
@@ -519,24 +624,42 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
     kind, names = (
         ("matrix", tuple(n for n in MATRIX if n not in where)) if matrix else _orientation(file, known, header, units)
     )
-    if kind in ("angles", "vector", "KUKA"):
+    if kind in EULER or kind == "vector":
         scales += _scales(file, known, names, "angles", units.angles, otherwise[1])
     else:
         if units.angles is not None:
             raise FileError(file, "has no angles", "leave out angles=")
         scales += [1.0] * len(names)
-    # Times; a column of which nothing is known is refused.
-    time = time_columns(["" if i in left else name for i, name in enumerate(header)], prefixes=False)
+    # Times, speeds and names of paths; a column of which nothing is known is refused.
     places = {name: place for name, (place, _) in known.items()}
-    read = {places[name] for name in (*where, *names)} | set(time.places if time else ())
+    read = {places[name] for name in (*where, *names)}
+    time = time_columns(["" if i in left | read else name for i, name in enumerate(header)], prefixes=False)
+    speed, path = _speed_and_path(header, left, units)
+    read |= {*(time.places if time else ()), *(speed or ())[:1], *([] if path is None else [path])}
     passed = {places[name] for name in LAST_ROW * matrix if name in places}
     for i, name in enumerate(header):
         if i not in read | passed | left and name.lower() not in REMARKS:
-            fact = f"its column {shown(name)!r} is neither a position, nor an orientation or a time that is read"
+            fact = (
+                f"its column {shown(name)!r} is neither a position, nor an orientation, a time or a speed with its unit"
+            )
             cure = f"delete it, or leave it out on purpose with ignore={[shown(name)]}"
             raise FileError(file, fact, cure)
-    time = None if units.assumed else time
-    return PoseColumns([places[n] for n in where], [places[n] for n in names], kind, time, np.array(scales))
+    if units.assumed:
+        time = speed = path = None
+    found = [places[n] for n in where], [places[n] for n in names]
+    return PoseColumns(*found, kind, time, np.array(scales), speed, path)
+
+
+def _speed_and_path(header: Sequence[str], left: set[int], units: Units) -> tuple[tuple[int, float] | None, int | None]:
+    """((column of speeds, what makes m/s of them), column of the names of paths), None where there is none."""
+    speed, path = None, None
+    for i, name in enumerate(header):
+        match = None if i in left else _SPEED.fullmatch(name.lower())
+        if match is not None and speed is None:
+            speed = i, SCALES[match[1]] / (60.0 if match[2] == "min" else 1.0)
+        if i not in left and path is None and name.lower().strip() in PATHS:
+            path = i
+    return speed, path
 
 
 def _ignored(header: Sequence[str], patterns: Sequence[str]) -> set[int]:
@@ -555,6 +678,8 @@ def _orientation(
 ) -> tuple[str, tuple[str, ...]]:
     """(kind, names of the columns) of the orientation; ("", ()) where there is none."""
     there = [(kind, names) for kind, names in NAMED.items() if all(name in known for name in names)]
+    if units.maker is not None and len(there) == 1:
+        there = [(_of_maker(file, there[0][0], units.maker), there[0][1])]
     if not there and (units.order is not None or not units.assumed):
         there = [("numbered", names) for names in NUMBERED if all(name in known for name in names)]
     if len(there) > 1:
@@ -562,13 +687,15 @@ def _orientation(
         raise FileError(file, fact, "keep one of them")
     if not there:
         some = [n for names in (*NAMED.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
-        some = [n for n in some if n in known]
+        some = [n for n in some if n in known and n not in TIMES]
         if some:
             fact = f"its column {some[0]!r} alone is no orientation"
             cure = (
-                f"name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz, or a, b, c; the columns are {listed(header)}"
+                f"name qx, qy, qz, qw, or roll, pitch, yaw, or i, j, k, or as a maker does; they are {listed(header)}"
             )
             raise FileError(file, fact, cure)
+        if units.maker is not None:
+            raise FileError(file, "has no angles", "leave out maker=")
         if units.order is not None:
             raise FileError(file, "has no quaternions", "leave out order=")
         return "", ()
@@ -579,6 +706,14 @@ def _orientation(
     if kind != "numbered" and units.order is not None:
         raise FileError(file, f"names its columns {', '.join(names)}", "leave out order=")
     return kind, names
+
+
+def _of_maker(file: Path, kind: str, maker: str) -> str:
+    """The kind of the angles of a maker. Raises: FileError: its columns are not named as this maker does."""
+    if maker not in OF_MAKERS.get(kind, (kind,)):
+        fact = f"names its columns {', '.join(NAMED[kind])}"
+        raise FileError(file, fact, f"leave out maker={maker!r}, or name them as it does")
+    return "vector" if maker == "UR" else maker
 
 
 def _scales(
@@ -592,8 +727,12 @@ def _scales(
     """What makes SI units of columns: by the unit in each name, or the given one, or what is taken otherwise."""
     out = []
     allowed = ALLOWED[argument]
+    written = {unit for name in names if (unit := known[name][1].removesuffix("ch")) in allowed}
+    if len(written) > 1:
+        fact = f"mixes units: {', '.join(f'{name!r} is in {known[name][1] or given}' for name in names)}"
+        raise FileError(file, fact, "give them in one unit")
     for name in names:
-        unit = known[name][1]
+        unit = known[name][1].removesuffix("ch")
         if unit and unit not in allowed:
             fact = f"its column {name!r} is in {unit}"
             raise FileError(file, fact, f"give it in {' or '.join(allowed)}")
@@ -644,4 +783,4 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
         raise FileError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
     if kind == "vector":
         return Rotation.from_rotvec(values).as_matrix()
-    return Rotation.from_euler("ZYX" if kind == "KUKA" else "xyz", values).as_matrix()
+    return Rotation.from_euler(EULER[kind], values).as_matrix()

@@ -3,11 +3,14 @@
 Uses `symbolic`. Read first: `path.py`, `curves.py`.
 """
 
+from typing import TYPE_CHECKING
+
+from ..base.extra_module import renamed
 from .curves import arc, circle, figure_eight, line, path_of, polyline, raster, spiral, spline
 from .curves import even_curve as even_curve
 from .editing import blended, passes, synchronized, through, with_leads
-from .files.pose_table import read_waypoints, read_workspace
-from .files.svg_outlines import read_svg
+from .files.path_file import PathFile, read_paths
+from .files.pose_table import read_workspace
 from .path import Path, Samples, Segment, Waypoints, join
 from .path import arc_segment as arc_segment
 from .path import as_point as as_point
@@ -18,6 +21,7 @@ from .workspaces import Workspace, workspace
 
 __all__ = [
     "Path",
+    "PathFile",
     "Samples",
     "Segment",
     "Waypoints",
@@ -32,8 +36,7 @@ __all__ = [
     "path_of",
     "polyline",
     "raster",
-    "read_svg",
-    "read_waypoints",
+    "read_paths",
     "read_workspace",
     "spiral",
     "spline",
@@ -42,3 +45,6 @@ __all__ = [
     "with_leads",
     "workspace",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed("hk.path", read_svg="read_paths", read_waypoints="read_paths")

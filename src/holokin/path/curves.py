@@ -28,6 +28,7 @@ from .path import (
     arc_segment,
     as_point,
     as_poses,
+    at_speeds,
     cubic_segment,
     distinct,
     join,
@@ -118,9 +119,13 @@ def polyline(
     first, spins = None, spins[index[1:] - 1]
     if poses.rotations is not None:
         first, spins = poses.rotations[0], sure_turns(poses.rotations)
-    segments = tuple(line_segment(a, b, s) for a, b, s in zip(poses.points, poses.points[1:], spins, strict=False))
+    segments = [line_segment(a, b, s) for a, b, s in zip(poses.points, poses.points[1:], spins, strict=False)]
     notes_of_file = points.notes if isinstance(points, Waypoints) else ()
-    return Path(segments, speed, rotation=first, notes=(*notes_of_file, *notes))
+    path = Path(tuple(segments), speed, rotation=first, notes=(*notes_of_file, *notes))
+    if isinstance(points, Waypoints) and points.speeds is not None:
+        own = np.append(points.speeds, np.nan)[index[1:] - 1]
+        return replace(path, segments=tuple(at_speeds(segments, own, speed)))
+    return path
 
 
 def _planar(points: PoseLike) -> ArrayLike:
@@ -437,6 +442,8 @@ def spline(
         times = given.times
     poses = as_poses(points)
     notes_of_file = () if given is None else given.notes
+    if given is not None and given.speeds is not None:
+        notes_of_file = (*notes_of_file, f"the speeds of the file are left out: a spline goes at one, {speed:g} m/s")
     first = poses.rotations[0] if poses.rotations is not None else None
     # With times: a spline through the waypoints at these.
     if times is not None:

@@ -8,9 +8,10 @@ orientation. A path through poses says R_start itself, as `rotation`.
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from math import dist, hypot, sqrt
 from typing import Any, Self
 
@@ -358,6 +359,10 @@ LARGEST = 1e6
 ALIKE = 1e-6
 """Difference of two rotations up to which they are one: that of quaternions written with six digits."""
 
+NEARLY_X = 0.999
+"""Cosine of the angle from x beyond which an axis of a tool says nothing of where the tool's x axis may point: 2.6
+degrees."""
+
 ROUND_OFF = 1e-9
 """Share of a path's duration by which a time may lie outside it."""
 
@@ -702,7 +707,10 @@ def as_point(point: ArrayLike) -> Vector:
 class Waypoints(Value):
     """Points (k, 3) [m] of the tool, with rotations (k, 3, 3) and times (k,) [s] where they are given.
 
-    `notes` says what was changed in reading, and what looks odd.
+    `notes` says what was changed in reading, and what looks odd. A path of a file has a `name`, and what the file says:
+    `axes` (k, 3), unit vectors along the tool's z axis, where it gives no rotations, which are turned about them as
+    little as can be; `speeds` (k - 1,) [m/s] of the moves from point to point, NaN where it states none; `moves`, a
+    segment each, where some are not straight; `approach` (j, 3) [m], the rapid moves to the first point; `comments`.
     """
 
     points: Matrix
@@ -710,6 +718,12 @@ class Waypoints(Value):
     times: Vector | None = None
     source: str = ""
     notes: tuple[str, ...] = ()
+    name: str = ""
+    axes: Matrix | None = None
+    speeds: Vector | None = None
+    moves: tuple[Segment, ...] | None = None
+    approach: Matrix | None = None
+    comments: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.points)
@@ -718,6 +732,53 @@ class Waypoints(Value):
     def targets(self) -> Array:
         """Poses (k, 4, 4); points (k, 3) where there are no rotations."""
         return self.points if self.rotations is None else pose_from(self.points, self.rotations)
+
+    @typed
+    def path(self, speed: float = 0.1, angular_speed: float = 0.5) -> Path:
+        """The path along the moves as the file draws them, straight from point to point where it says no more.
+
+        They have the speeds of the file, the greatest of which is that of the path.
+
+        Args:
+            speed, angular_speed: [m/s] and [rad/s], where the file states no speed, or the tool turns on the spot.
+
+        Raises:
+            ArgumentError: two points alike, or half a turn between two.
+        """
+        turns = np.zeros((len(self) - 1, 3)) if self.rotations is None else sure_turns(self.rotations)
+        moves = self.moves or [line_segment(a, b, np.zeros(3)) for a, b in pairwise(self.points)]
+        segments = [move.evenly(turn) for move, turn in zip(moves, turns, strict=True)]
+        if self.speeds is not None:
+            segments = at_speeds(segments, self.speeds, speed)
+        first = None if self.rotations is None else self.rotations[0]
+        path = Path(tuple(segments), speed, angular_speed, first, self.notes)
+        stated = self.speeds is not None and not np.isnan(self.speeds).any()
+        return path.at_pace(float(np.max(self.speeds))) if stated else path  # type: ignore[arg-type]
+
+
+def at_speeds(segments: Sequence[Segment], speeds: Vector, speed: float) -> list[Segment]:
+    """Segments of a path at `speed` [m/s] that each have a speed of their own (k,), where that is not NaN."""
+    return [
+        segment if np.isnan(own) or segment.length == 0.0 else replace(segment, nominal=segment.length * speed / own)
+        for segment, own in zip(segments, speeds.tolist(), strict=True)
+    ]
+
+
+def rotations_along(axes: Matrix) -> Array:
+    """Rotations (k, 3, 3) of a tool whose z axis has the directions of unit vectors (k, 3).
+
+    The x axis of the first one is as near to x as can be; each other one is the one before, turned about the line that
+    is perpendicular to both directions. For opposite directions there is no such line, and the result means nothing.
+    """
+    out = np.empty((len(axes), 3, 3))
+    start = np.array([1.0, 0.0, 0.0]) if abs(axes[0][0]) < NEARLY_X else np.array([0.0, 1.0, 0.0])
+    x, last = start - (start @ axes[0]) * axes[0], axes[0]
+    for i, axis in enumerate(axes):
+        x = x - (x @ axis) / max(1.0 + float(last @ axis), 1e-12) * (last + axis) if i else x
+        x = x - (x @ axis) * axis
+        x, last = x / np.linalg.norm(x), axis
+        out[i] = np.column_stack([x, np.cross(axis, x), axis])
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -783,6 +844,9 @@ def returned(poses: Poses) -> Poses:
 def as_poses(points: PoseLike | Waypoints) -> Poses:
     """Points (k, 3), (k, 2), poses (k, 4, 4) or waypoints. Raises: ShapeError, NotFiniteError, ArgumentError."""
     if isinstance(points, Waypoints):
+        if points.moves is not None:
+            cure = "take its path(), which has the arcs and curves of the file"
+            raise ArgumentError("the waypoints", f"of {points.name!r}, with curves between them", cure)
         return Poses(points.points, points.rotations)
     given = pose_numbers("the waypoints", points)
     if given.ndim == 3:

@@ -46,8 +46,8 @@ MISTAKES: dict[str, Callable[[Path], object]] = {
     "a path that leaves the reach": lambda _: _out_of_reach(),
     "a start elsewhere": lambda _: hk.follow(
         hk.moore_penrose(hk.position(hk.load("planar-3r"))), hk.line([0, 0, 0], [0.1, 0, 0]), [0.3, 0.9, 0.7]),
-    "waypoints that are none": lambda folder: hk.path.read_waypoints(written(folder, "w.csv", "x,y\n1,2\n")),
-    "a drawing that is none": lambda folder: hk.path.read_svg(written(folder, "d.svg", "<svg")),
+    "waypoints that are none": lambda folder: hk.read_paths(written(folder, "w.csv", "x,y\n1,2\n")).paths[0],
+    "a drawing that is none": lambda folder: hk.read_paths(written(folder, "d.svg", "<svg")),
     "a joint that there is not": lambda _: hk.with_limits(hk.load("planar-3r"), max_velocity={"q9": 1.0}),
 }  # fmt: skip
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -40,8 +40,7 @@ from ...path import (
     passes,
     polyline,
     raster,
-    read_svg,
-    read_waypoints,
+    read_paths,
     spiral,
     spline,
     with_leads,
@@ -56,6 +55,9 @@ from ...symbolic import Function, parse, symbol
 from .schema import Job, dotted
 from .strategy_tables import ConstraintTable, Fitted, StrategyTable
 from .tables import PathTable, TimingTable, robot_of_job
+
+MOST_COMMENTS = 10
+"""Comments of a file that a job passes on."""
 
 
 def build_robot(job: Job, file: FilePath) -> Robot:
@@ -203,14 +205,9 @@ def _curve(table: PathTable, tool: Vector, file: FilePath) -> Path:
             return spline(points, times=table.times, closed=closed, speed=speed)
         turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
         return polyline(points, turns=turns, closed=closed, speed=speed)
-    if kind in ("poses", "waypoints"):
-        if kind == "poses":
-            matrices = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
-            targets = Waypoints(matrices[:, :3, 3], matrices[:, :3, :3])
-        else:
-            words: dict[str, Any] = {"units": table.units, "angles": table.angles, "order": table.order}
-            targets = read_waypoints(file.parent / (table.file or ""), ignore=table.ignore, **words)
-        targets = replace(targets, points=targets.points + origin)
+    if kind == "poses":
+        matrices = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
+        targets = Waypoints(matrices[:, :3, 3] + origin, matrices[:, :3, :3])
         if table.through == "lines":
             return polyline(targets, closed=closed, speed=speed)
         return spline(targets, times=table.times, closed=closed, speed=speed)
@@ -218,8 +215,8 @@ def _curve(table: PathTable, tool: Vector, file: FilePath) -> Path:
     if kind in ("circle", "arc"):
         return _arc(table, placed(table.center or []), tool if table.at is None else placed(table.at), file)
     start = tool if table.at is None and table.frame is None else placed(table.at or [0.0, 0.0, 0.0])
-    if kind == "svg":
-        return _outline(table, start, file)
+    if kind == "file":
+        return _of_file(table, origin, start, file)
     if kind == "figure-eight":
         return figure_eight(start, table.width or 0.0, table.height, table.normal, along=table.along, speed=speed)
     # Over a surface.
@@ -245,19 +242,43 @@ def _arc(table: PathTable, center: Vector, start: Vector, file: FilePath) -> Pat
         raise JobError(file, "path.normal", fact, cure) from None
 
 
-def _outline(table: PathTable, start: Vector, file: FilePath) -> Path:
-    """An outline of a drawing, moved to where the tool starts, or in the frame at `at`."""
-    outlines = read_svg(file.parent / (table.file or ""), pixel=table.pixel, speed=table.speed)
-    if table.outline is None and len(outlines) > 1:
-        lengths = ", ".join(f"{k + 1}: {path.length:.3g} m" for k, path in enumerate(outlines[:12]))
-        fact = f"names none of the {len(outlines)} outlines ({lengths})"
-        raise JobError(file, "path.outline", fact, "say which one")
-    index = (table.outline or 1) - 1
-    if index >= len(outlines):
-        raise JobError(file, "path.outline", f"is {table.outline}", f"the drawing has {len(outlines)}")
-    if table.at is None and table.frame is None:
-        return outlines[index].starting_at(start)
-    return outlines[index].in_frame(pose_from(start))
+def _of_file(table: PathTable, origin: Vector, start: Vector, file: FilePath) -> Path:
+    """A path of a file: counted from an origin, or from `at`; one of a drawing without a place begins at the start."""
+    words = table.model_dump(
+        include={"units", "columns", "angles", "order", "maker", "ignore", "axis", "rotary", "rapid_speed", "pixel"}
+    )
+    read = read_paths(file.parent / (table.file or ""), **words)
+    if table.only is None and len(read) > 1:
+        lengths = ", ".join(f"{path.name!r}: {path.path().length:.3g} m" for path in read.paths[:12])
+        raise JobError(file, "path.only", f"names none of the {len(read)} paths ({lengths})", "say which one")
+    try:
+        waypoints = read.named(1 if table.only is None else table.only)
+    except ArgumentError as problem:
+        raise JobError(file, "path.only", f"is {table.only!r}", problem.cure) from None
+    # What the file says beside the points.
+    notes = [*read.notes, *(f"a comment of {comment}" for comment in waypoints.comments[:MOST_COMMENTS])]
+    if waypoints.approach is not None:
+        notes.append(f"the rapid moves to its start are left out ({len(waypoints.approach)})")
+    if waypoints.speeds is not None and "speed" in table.model_fields_set:
+        notes.append(f"the speeds of the file give way to that of the job, {table.speed:g} m/s")
+        waypoints = replace(waypoints, speeds=None)
+    # A table of points alone is smoothed unless the job says lines; all else is as the file draws it.
+    smooth = table.through == "spline" or (
+        table.through is None and read.kind == "table" and waypoints.moves is None and waypoints.speeds is None
+    )
+    if waypoints.moves is not None and (smooth or table.closed):
+        key = "closed" if table.closed else "through"
+        raise JobError(file, f"path.{key}", "is of points, and the file has arcs or curves", "leave it out")
+    if smooth:
+        path = spline(waypoints, closed=table.closed, speed=table.speed)
+    elif table.closed:
+        path = polyline(waypoints, closed=True, speed=table.speed)
+    else:
+        path = waypoints.path(table.speed)
+    path = replace(path, notes=(*notes, *path.notes))
+    if read.kind in ("SVG", "DXF") and table.at is None and table.frame is None and not table.relative:
+        return path.starting_at(start)
+    return path.in_frame(pose_from(origin if table.at is None else start))
 
 
 def _surface(formula: str | float) -> Callable[[float, float], float]:

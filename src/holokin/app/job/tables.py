@@ -507,7 +507,7 @@ Turns = Annotated[list[Three], Field(max_length=MOST_POINTS)]
 Times = Annotated[list[Length], Field(max_length=MOST_POINTS)]
 Poses = Annotated[list[FrameTable], Field(max_length=MOST_POINTS)]
 Count = Annotated[int, Field(ge=1, le=MOST_POINTS)]
-Kind = Literal["circle", "arc", "polyline", "spline", "poses", "waypoints", "svg", "figure-eight", "raster", "spiral"]
+Kind = Literal["circle", "arc", "polyline", "spline", "poses", "file", "figure-eight", "raster", "spiral"]
 
 Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 
@@ -528,19 +528,24 @@ class PathTable(KindTable):
     angle_deg: Annotated[Length | None, needed_by("arc")] = None
     points: Annotated[Points | None, needed_by("polyline", "spline")] = None
     turns_deg: Annotated[Turns | None, of("polyline")] = None
-    closed: Annotated[bool, of("polyline", "spline", "poses", "waypoints")] = False
+    closed: Annotated[bool, of("polyline", "spline", "poses", "file")] = False
     clockwise: Annotated[bool, of("circle", "arc", "spiral")] = False
     times: Annotated[Times | None, of("spline", "poses")] = None
     poses: Annotated[Poses | None, needed_by("poses")] = None
-    through: Annotated[Literal["spline", "lines"], of("poses", "waypoints")] = "spline"
-    file: Annotated[str | None, needed_by("waypoints", "svg")] = None
-    units: Annotated[Literal["m", "mm"] | None, of("waypoints")] = None
-    angles: Annotated[Literal["rad", "deg"] | None, of("waypoints")] = None
-    order: Annotated[Literal["xyzw", "wxyz"] | None, of("waypoints")] = None
-    ignore: Annotated[Names, of("waypoints")] = Field(default=[])
-    pixel: Annotated[Positive | None, of("svg")] = None
-    outline: Annotated[Count | None, of("svg")] = None
-    at: Annotated[Point | None, of("circle", "arc", "svg", "figure-eight", "raster", "spiral")] = None
+    through: Annotated[Literal["spline", "lines"] | None, of("poses", "file")] = None
+    file: Annotated[str | None, needed_by("file")] = None
+    only: Annotated[str | Count | None, of("file")] = None
+    units: Annotated[Literal["m", "mm", "in"] | None, of("file")] = None
+    angles: Annotated[Literal["rad", "deg"] | None, of("file")] = None
+    order: Annotated[Literal["xyzw", "wxyz"] | None, of("file")] = None
+    maker: Annotated[str | None, of("file")] = None
+    columns: Annotated[Names | None, of("file")] = None
+    ignore: Annotated[Names, of("file")] = Field(default=[])
+    axis: Annotated[Literal["into", "out"] | None, of("file")] = None
+    rotary: Annotated[str | None, of("file")] = None
+    rapid_speed: Annotated[Positive | None, of("file")] = None
+    pixel: Annotated[Positive | None, of("file")] = None
+    at: Annotated[Point | None, of("circle", "arc", "file", "figure-eight", "raster", "spiral")] = None
     width: Annotated[Positive | None, needed_by("figure-eight")] = None
     height: Annotated[Positive | None, of("figure-eight")] = None
     along: Annotated[Three | None, of("figure-eight", "spiral"), needed_by("raster")] = None

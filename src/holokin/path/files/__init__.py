@@ -1,4 +1,4 @@
-"""Paths in files: tables of poses and drawings.
+"""Paths in files: tables, programs of CAM systems, and drawings.
 
-Uses `path`. Read first: `pose_table.py`.
+Uses `path`. Read first: `path_file.py`.
 """

@@ -185,7 +185,7 @@ def log_times(folder: Path, header: str, stamps: list[str]) -> hk.analysis.audit
 def path_times(folder: Path, header: str, stamps: list[str]) -> np.ndarray | None:
     file = folder / "path.csv"
     file.write_text("\n".join([f"{header},x,y,z", *(f"{s},{k},0,0" for k, s in enumerate(stamps))]) + "\n", "utf-8")
-    return hk.path.read_waypoints(file, units="mm").times
+    return hk.read_paths(file, units="mm").paths[0].times
 
 
 def whole(unit: str, first: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""`read_svg`: planar outlines of an SVG drawing as paths."""
+"""Outlines of drawings as paths: their lines, arcs and curves; and those of an SVG drawing."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arguments import typed
 from ...base.errors import ArgumentError, FileError, HolokinError
 from ...base.extra_module import extra_module
-from ...base.files import is_folder, shown
+from ...base.files import shown
 from ...base.types import Matrix, Vector, positive
 from ..curves import even_curve
-from ..path import CLOSED, SAME, Path, Segment, arc_segment, line_segment
+from ..path import CLOSED, SAME, Path, Segment, Waypoints, arc_segment, line_segment
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "q": 2.5e-4}
 """Units of length of a drawing's size -> metres."""
@@ -28,25 +27,25 @@ SMOOTH = np.deg2rad(1.0)
 EXACT = 1e-7
 """The same of lines and arcs that stay what they are."""
 
-LARGEST = 20_000_000
-"""Bytes of a drawing: one of a million points."""
-
 MOST_PIECES = 20_000
+
+SPEED = 0.1
+"""Speed [m/s] for which the splines are made; they have the same shape at any other."""
 
 _SIZE = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([a-zA-Z]+)\s*")
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece:
-    """A piece of an outline: a segment of the library, in metres with y up, and the line or arc that it is, if any."""
+class Piece:
+    """A piece of an outline: u (k,) in [0, 1] -> points (k, 3) [m], and the line or arc that it is, if any."""
 
-    drawn: Any
-    to_metres: Matrix
-    exact: Segment | None
+    points: Callable[[Vector], Matrix]
+    exact: Segment | None = None
 
-    def points(self, u: Vector) -> Matrix:
-        """(k, 3) [m] at u (k,) in [0, 1]."""
-        return np.column_stack([np.asarray(self.drawn.npoint(u)), np.ones(len(u))]) @ self.to_metres.T
+    @property
+    def ends(self) -> Matrix:
+        """Its start and its end (2, 3) [m]."""
+        return self.points(np.array([0.0, 1.0]))
 
     def direction(self, end: bool) -> Vector:
         """Unit tangent (3,) at the start or the end."""
@@ -57,54 +56,59 @@ class _Piece:
             slope = near[0] - near[1]
         return slope / max(float(np.linalg.norm(slope)), 1e-300)
 
+    def reversed(self) -> Piece:
+        """The same piece, run through backwards."""
+        exact = None if self.exact is None else self.exact.part(1.0, 0.0)
+        return Piece(lambda u: self.points(1.0 - u), exact)
 
-@typed
-def read_svg(
-    path: str | FilePath, *, pixel: float | None = None, tolerance: float = 1e-5, speed: float = 0.1
-) -> list[Path]:
+
+def exact_piece(segment: Segment) -> Piece:
+    """A line or an arc."""
+    return Piece(segment.position, segment)
+
+
+def has_length(piece: Piece) -> bool:
+    """Whether a piece is one, longer than `SAME`."""
+    points = piece.points(np.linspace(0.0, 1.0, 9))
+    return bool(np.isfinite(points).all() and np.linalg.norm(np.diff(points, axis=0), axis=1).sum() > SAME)
+
+
+def read_svg(file: FilePath, text: str, pixel: float | None, tolerance: float) -> list[Waypoints]:
     """The outlines of an SVG drawing as paths in the plane z = 0, x to the right and y up from the page's lower left.
 
     Path elements with all their commands, rectangles, circles, ellipses, lines, polylines and polygons, with their
     transforms; other things (text, images) are left out. Lines and circular arcs stay what they are; Bezier curves and
     elliptical arcs, and what meets them without a corner, become splines. Pieces of 1e-7 m and less are left out, and
-    the path's `notes` say so. `Path.in_frame` puts them on a workpiece.
-
-    Args:
-        pixel: size of a pixel [m], for a drawing whose width is given in pixels or not at all: 1e-3 where the
-            drawing's numbers are millimetres. By default the size that the drawing states counts.
-        tolerance: of the splines [m].
-        speed: of the tool [m/s].
+    the path's `notes` say so.
 
     Raises:
-        FileError: no such file, no SVG, no size, no outlines. MissingExtraError: svgelements is not installed.
-        ArgumentError.
+        FileError: no SVG, no size, no outlines. MissingExtraError: svgelements is not installed.
     """
     svgelements = extra_module("svgelements", "svg")
-    file = FilePath(path)
-    positive("tolerance", tolerance)
-    positive("speed", speed)
-    drawing = _parsed(file, svgelements)
+    drawing = _parsed(file, text, svgelements)
     if not isinstance(drawing, svgelements.SVG):
         raise FileError(file, "is no SVG drawing: its root is no <svg>", "save it as plain SVG")
     to_metres = _to_metres(file, drawing, pixel)
-    out: list[Path] = []
-    for drawn in _outlines(file, drawing, to_metres, svgelements):
+    out: list[Waypoints] = []
+    for name, drawn in _outlines(file, drawing, to_metres, svgelements):
         pieces = [piece for piece in drawn if piece is not None]
-        if len(pieces) > MOST_PIECES:
-            fact = f"has an outline of {len(pieces)} pieces"
-            raise FileError(file, fact, f"simplify it to {MOST_PIECES} at most")
         if pieces:
             short = len(drawn) - len(pieces)
             notes = (f"{short} of {len(drawn)} pieces left out, which are at most {SAME:g} m long",) * (short > 0)
-            out.append(_path(file, pieces, tolerance, speed, notes))
+            out.append(outline(file, name, pieces, tolerance, notes))
     if not out:
         raise FileError(file, "has no outlines", "convert text and images to paths in your drawing program")
     return out
 
 
-def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any) -> Iterator[list[_Piece | None]]:
-    """The pieces of each outline, None where one is too short. Raises: FileError: an element whose numbers the
-    library cannot draw."""
+def _outlines(
+    file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any
+) -> Iterator[tuple[str, list[Piece | None]]]:
+    """(id of its element, pieces) of each outline, None for a piece that is too short.
+
+    Raises:
+        FileError: an element whose numbers the library cannot draw.
+    """
     for element in drawing.elements():
         hidden = str(element.values.get("visibility", "")) == "hidden" or element.values.get("display") == "none"
         if not isinstance(element, svgelements.Shape) or hidden:
@@ -119,24 +123,15 @@ def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any)
             tag = str(element.values.get("tag") or type(element).__name__.lower())
             fact = f"has a <{shown(tag)}> that cannot be drawn ({shown(message)})"
             raise FileError(file, fact, "correct its numbers") from None
-        yield from outlines
+        for pieces in outlines:
+            yield str(element.values.get("id") or ""), pieces
 
 
-def _parsed(file: FilePath, svgelements: Any) -> Any:
+def _parsed(file: FilePath, text: str, svgelements: Any) -> Any:
     import io
 
-    if is_folder(file):
-        raise FileError(file, "is a folder", "give an SVG file")
-    try:
-        if file.stat().st_size > LARGEST:
-            raise FileError(file, f"has over {LARGEST:,} bytes", "simplify the drawing")
-        text = file.read_text("utf-8")
-    except (OSError, UnicodeError) as problem:
-        raise FileError(file, f"cannot be read as text ({shown(str(problem))})", "give an SVG file") from None
     if "<!ENTITY" in text:  # which may grow without end
         raise FileError(file, "defines entities", "save it as plain SVG")
-    if "<svg" not in text:
-        raise FileError(file, "is no SVG drawing", "give an SVG file")
     try:
         return svgelements.SVG.parse(io.StringIO(text), reify=True)
     except Exception as problem:  # noqa: BLE001  the parser throws whatever its parts do
@@ -160,31 +155,39 @@ def _to_metres(file: FilePath, drawing: Any, pixel: float | None) -> Matrix:
     return np.array([[scale, 0.0, 0.0], [0.0, -scale, scale * float(drawing.height or 0.0)], [0.0, 0.0, 0.0]])
 
 
-def _pieces(drawn: list[Any], to_metres: Matrix, svgelements: Any) -> list[_Piece | None]:
+def _pieces(drawn: list[Any], to_metres: Matrix, svgelements: Any) -> list[Piece | None]:
     """The pieces, None where one is too short; an end of an outline where it began is no piece."""
     pieces = [_piece(outline, to_metres, svgelements) for outline in drawn]
     return pieces[:-1] if drawn and isinstance(drawn[-1], svgelements.Close) and pieces[-1] is None else pieces
 
 
-def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> _Piece | None:
+def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> Piece | None:
     """The piece, if it has a length."""
-    piece = _Piece(drawn, to_metres, None)
-    points = piece.points(np.linspace(0.0, 1.0, 9))
-    if not np.isfinite(points).all() or np.linalg.norm(np.diff(points, axis=0), axis=1).sum() <= SAME:
+
+    def points(u: Vector) -> Matrix:
+        return np.column_stack([np.asarray(drawn.npoint(u)), np.ones(len(u))]) @ to_metres.T
+
+    piece = Piece(points)
+    if not has_length(piece):
         return None
-    a, b, zero = points[0], points[-1], np.zeros(3)
+    (a, b), zero = piece.ends, np.zeros(3)
     if isinstance(drawn, svgelements.Line | svgelements.Close):
-        return _Piece(drawn, to_metres, line_segment(a, b, zero))
+        return exact_piece(line_segment(a, b, zero))
     if isinstance(drawn, svgelements.Arc) and abs(drawn.rx - drawn.ry) <= 1e-9 * abs(drawn.rx):
         center = to_metres @ [drawn.center.x, drawn.center.y, 1.0]
         x = a - center
-        arc = arc_segment(center, x, np.array([-x[1], x[0], 0.0]), -float(drawn.sweep), zero)
-        return _Piece(drawn, to_metres, arc)
+        return exact_piece(arc_segment(center, x, np.array([-x[1], x[0], 0.0]), -float(drawn.sweep), zero))
     return piece
 
 
-def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, notes: tuple[str, ...]) -> Path:
-    """An outline: its smooth stretches one after the other, begun at a corner where a closed one has corners."""
+def outline(file: FilePath, name: str, pieces: list[Piece], tolerance: float, notes: tuple[str, ...] = ()) -> Waypoints:
+    """An outline of pieces that meet: its smooth stretches one after the other; a closed one begins at a corner of it.
+
+    Raises:
+        FileError: too many pieces; a curve that no spline follows to a tolerance [m].
+    """
+    if len(pieces) > MOST_PIECES:
+        raise FileError(file, f"has an outline of {len(pieces)} pieces", f"simplify it to {MOST_PIECES} at most")
     # Where it turns a corner: a closed outline begins at one.
     ends = pieces[0].points(np.zeros(1))[0], pieces[-1].points(np.ones(1))[0]
     gap = float(np.linalg.norm(ends[0] - ends[1]))
@@ -197,7 +200,7 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, 
         pieces, angles = pieces[first:] + pieces[:first], angles[first:] + angles[:first]
         smooth = smooth[first:] + smooth[:first]
     # Its smooth stretches: exact where their pieces are lines and arcs that meet evenly, else splines.
-    stretches: list[tuple[list[_Piece], list[float]]] = [([], [])]
+    stretches: list[tuple[list[Piece], list[float]]] = [([], [])]
     for piece, angle, goes_on in zip(pieces, angles, smooth, strict=True):
         stretches[-1][0].append(piece)
         if not goes_on:
@@ -211,7 +214,7 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, 
             segments += exact
             continue
         try:
-            segments += even_curve(_points(some), len(some), closed and len(turns) == len(some), speed, tolerance)
+            segments += even_curve(_points(some), len(some), closed and len(turns) == len(some), SPEED, tolerance)
         except ArgumentError as problem:
             fact = (
                 f"has an outline near {some[0].points(np.zeros(1))[0][:2].round(6).tolist()} m that no spline follows"
@@ -219,10 +222,14 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, 
             raise FileError(file, f"{fact} ({problem.what})", problem.cure) from None
     # The path, without the gaps that short pieces leave.
     try:
-        path = Path(tuple(segments), speed, notes=notes)
-        return _welded(path, closed) if notes or CLOSED < gap <= SAME else path
+        path = _welded(Path(tuple(segments), SPEED), closed)
     except HolokinError as problem:
         raise FileError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from None
+    starts = path.on(np.arange(len(path.segments)), np.zeros(len(path.segments))).position
+    end = path.start if closed else path.end
+    points = np.vstack([starts, end])
+    straight = all(segment.angle == 0.0 and not segment.along[1:].any() for segment in path.segments)
+    return Waypoints(points, None, None, str(file), notes, name, moves=None if straight else path.segments)
 
 
 def _welded(path: Path, closed: bool) -> Path:
@@ -239,7 +246,7 @@ def _welded(path: Path, closed: bool) -> Path:
     return replace(path, segments=tuple(segments))
 
 
-def _points(pieces: list[_Piece]) -> Callable[[Vector], Matrix]:
+def _points(pieces: list[Piece]) -> Callable[[Vector], Matrix]:
     """s (k,) -> points (k, 3), s from 0 to the number of pieces."""
 
     def curve(s: Vector) -> Matrix:
@@ -253,6 +260,6 @@ def _points(pieces: list[_Piece]) -> Callable[[Vector], Matrix]:
     return curve
 
 
-def _angle(a: _Piece, b: _Piece) -> float:
+def _angle(a: Piece, b: Piece) -> float:
     u, v = a.direction(True), b.direction(False)
     return float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
