@@ -97,8 +97,8 @@ def best_sequence(choices: Choices, given: bool) -> PathSequence:
     return _improved(choices, paths)
 
 
-def least_pool(path: Indices, sheet: Indices) -> list[int]:
-    """Those of some postures (k,) that are on the fewest sheets which serve all paths together.
+def least_pool(path: Indices, sheet: Indices) -> tuple[list[int], int]:
+    """(those of some postures (k,) on the fewest sheets that serve all paths together, how many sheets these are).
 
     In any order the sheet changes at least as often as there are sheets, less one, and no more where the paths of a
     sheet follow each other. Of many such sets of sheets those with the lowest numbers are kept, `MOST_POSTURES` in all.
@@ -108,6 +108,7 @@ def least_pool(path: Indices, sheet: Indices) -> list[int]:
     serves = {number: frozenset(path[sheet == number].tolist()) for number in numbers}
     # What can be served by 1, 2, ... sheets, with a set of sheets that does it; larger sets take the place of smaller.
     reached: dict[frozenset[int], frozenset[int]] = {frozenset(): frozenset()}
+    before = reached
     while every not in reached:
         before, reached = reached, {}
         for done, used in before.items():
@@ -121,7 +122,7 @@ def least_pool(path: Indices, sheet: Indices) -> list[int]:
     for number in others:
         if np.isin(sheet, [*kept, number]).sum() <= MOST_POSTURES:
             kept.add(number)
-    return np.flatnonzero(np.isin(sheet, sorted(kept))).tolist()
+    return np.flatnonzero(np.isin(sheet, sorted(kept))).tolist(), len(reached[every])
 
 
 def _over_subsets(choices: Choices, paths: list[int]) -> PathSequence:
@@ -150,9 +151,10 @@ def _over_subsets(choices: Choices, paths: list[int]) -> PathSequence:
 
 
 def _improved(choices: Choices, paths: list[int]) -> PathSequence:
-    """The nearest path next, then paths moved and parts turned round while the cost falls: no proof that it is least."""
+    """The nearest path next, then paths moved and parts turned round while the cost falls: it may not be least."""
     costs = choices.costs
-    near = {(p, r): costs[np.ix_(choices.path == p, choices.path == r)].min() for p in paths for r in paths if p != r}
+    of = {p: np.flatnonzero(choices.path == p) for p in paths}
+    near = {(p, r): costs[np.ix_(of[p], of[r])].min() for p in paths for r in paths if p != r}
     order = [min(paths, key=lambda p: choices.first[choices.path == p].min())]
     while rest := [p for p in paths if p not in order]:
         order.append(min(rest, key=lambda p: near[order[-1], p]))

@@ -13,7 +13,7 @@ import numpy as np
 from ...base.errors import ArgumentError, BranchError, HolokinError, PathError, SingularityError
 from ...base.poses import pose_from
 from ...base.types import Array, Indices, Matrix, Value, Vector
-from ...motion import TimedTrajectory, follow, retime
+from ...motion import TimedTrajectory, follow
 from ...motion.checks import CheckReport, Clearances, check
 from ...motion.follow_path import recorded
 from ...motion.ik import all_postures
@@ -29,7 +29,7 @@ from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task
 from ..report.job_result import NotRun
 from ..report.paths_report import PathRow, PathsResult, RuleResult
-from .job_parts import build_begin, build_path, build_strategy, build_tasks, naming, reason
+from .job_parts import build_begin, build_path, build_strategy, build_tasks, named_paths, naming, reason
 from .path_order import Choices, best_sequence, least_pool
 from .schema import Job
 from .strategy_tables import ConstraintTable
@@ -50,8 +50,11 @@ BRIDGE = 60
 SAME = 1e-4
 """Difference of joints [rad or m] up to which two postures are one: what following leaves."""
 
+NOTHING = 1e-9
+"""Way of the joints [rad or m] that is none."""
+
 AIR_STEP = 0.03
-"""Step of the fastest joint [rad or m] at which ways through the air are tried out; the timed ones are checked in full."""
+"""Step of the fastest joint [rad or m] at which ways through the air are tried out; timed ones are checked in full."""
 
 REPLANS = 60
 """How often a plan is made anew, after a part of it was found to be blocked."""
@@ -99,7 +102,8 @@ class PathsPlan(Value):
     """All paths of a job by one rule, in their order, and the way home; and those that cannot be gone along, with why.
 
     changes: how often the sheet changes from one path to the next. exact: whether no order, of those that were to be
-    looked at, has fewer, or as few and less time in the air. candidates: postures that were compared.
+    looked at, has fewer, or as few and less time in the air. candidates: postures that were found, at so many `levels`;
+    `compared` of them for the time, those on the fewest sheets.
     """
 
     name: str
@@ -111,6 +115,7 @@ class PathsPlan(Value):
     any_order: bool
     candidates: int
     levels: int
+    compared: int
 
     @property
     def stages(self) -> list[tuple[str, TimedTrajectory, CheckReport | None]]:
@@ -142,13 +147,13 @@ class PathsPlan(Value):
         sheets = len({each.sheet for each in self.paths})
         on = "All paths are on one sheet" if sheets == 1 else f"The paths are on {sheets} sheets"
         times = "1 time" if self.changes == 1 else f"{self.changes} times"
-        changes = on if self.changes == 0 else f"{on}; the sheet changes {times}"
-        seen = f"of {self.candidates} postures at {self.levels} level{'s' * (self.levels != 1)}"
-        if not self.any_order:
-            return f"{changes}: the fewest in this order, and then the least time in the air, {seen}, by dynamic programming"
-        if self.exact:
-            return f"{changes}: the fewest in any order, and then the least time in the air, {seen}; all orders were compared"
-        return f"{changes}; the order was improved by exchanges, {seen}: a better one may exist"
+        changes = on if self.changes == 0 else f"{on}, and the sheet changes {times}"
+        of = f"of {self.candidates} postures at {self.levels} level{'s' * (self.levels != 1)}"
+        if not self.exact:
+            return f"{changes}; the order was improved by exchanges, {of}: a better one may exist"
+        order = "any" if self.any_order else "this"
+        which = "of these" if self.compared == self.candidates else f"of {self.compared} of these"
+        return f"{changes}, the fewest in {order} order {of}; then the time in the air is the least {which}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +167,7 @@ class _Candidate(Value):
 
 
 Way = tuple[str, list[Matrix | Trajectory]]
-"""How a way through the air goes, in words, and its legs: straight lines of the joints (2, n), and motions up and down."""
+"""How a way through the air goes, in words, and its legs: lines of the joints (2, n), and motions up and down."""
 
 
 @dataclass(eq=False)
@@ -201,12 +206,12 @@ class _Search:
                 self.reasons.setdefault(i, where)
             # Where a path ends at a limit, other whole turns may leave more room.
             middle: Matrix | None = None
-            for q in postures:
+            for q in sorted(postures, key=lambda q: float(np.abs(q - self.start).max())):
                 walk = self._followed(i, q)
                 if walk is not None and walk.status is Status.LIMIT:
                     middle = all_postures(strategy, pose, levels[i]).q if middle is None else middle
                     turned = [
-                        other for other in middle if SAME < np.abs(q - other).max() and self._gap(q, other) < SAME
+                        other for other in middle if np.abs(q - other).max() > SAME and self._gap(q, other) < SAME
                     ]
                     walk = next((w for other in turned if (w := self._followed(i, other)) is not None), None)
                 if walk is not None and walk.status is Status.COMPLETE:
@@ -225,19 +230,21 @@ class _Search:
         try:
             walk = follow(strategy, self.paths[i], q, samples=samples, native=True)
         except (PathError, SingularityError) as problem:
-            self.reasons[i] = str(problem).rpartition("; ")[0]
+            self.reasons.setdefault(i, str(problem).rpartition("; ")[0])
             ended = problem.trajectory if isinstance(problem, PathError) else None
             return ended if ended is not None and ended.status is Status.LIMIT else None
         if checks is not None:
             J = strategy.task.jacobian_batch(walk.q)[0]
             values = np.linalg.svd(J, compute_uv=False)
             if (values[:, -1] < checks.rcond * values[:, 0]).any():
-                self.reasons[i] = "it leads through a singular posture"
+                self.reasons.setdefault(i, "it leads through a singular posture")
                 return None
         some = np.unique(np.linspace(0, len(walk) - 1, CLEAR_AT).astype(int))
         if self.clear is not None and not (free := self.clear.clear(walk.q[some])).all():
             k = int(some[np.argmin(free)])
-            self.reasons[i] = f"{self.clear.touching(walk.q[k : k + 1])[0]} are too near, {walk.t[k]:.3g} s along it"
+            self.reasons.setdefault(
+                i, f"{self.clear.touching(walk.q[k : k + 1])[0]} are too near, {walk.t[k]:.3g} s along it"
+            )
             return None
         return walk
 
@@ -395,13 +402,13 @@ class _Search:
 
     def timed_leg(self, leg: Matrix | Trajectory, task: Task) -> TimedTrajectory | None:
         """A leg within the limits; straight ones as fast as these allow. None where nothing moves."""
-        limits = self.timing.model_dump() | {"endless": False}
+        table = self.timing.model_copy(update={"endless": False, "speed": 1.0})
         if isinstance(leg, Trajectory):
-            return retime(leg, **limits | {"speed": 1.0})
-        if np.abs(leg[1] - leg[0]).max() < 1e-9:
+            return table.timed(leg)
+        if np.abs(leg[1] - leg[0]).max() < NOTHING:
             return None
         q = leg[0] + np.linspace(0.0, 1.0, 51)[:, None] * (leg[1] - leg[0])
-        return retime(recorded(task, q, 1.0), **limits | {"speed": None})
+        return table.model_copy(update={"speed": "fastest"}).timed(recorded(task, q, 1.0))
 
     def seconds(self, way: Way) -> float:
         """What a way takes: of straight legs the bound, of retracts the time at their speed."""
@@ -445,7 +452,7 @@ def plan_paths(
     looked = 1
 
     def next_plan() -> _Chosen | None:
-        """The best plan of what is known; while sheets change on it, or paths are missing, more levels are looked at."""
+        """The best plan; while sheets change on it, or paths are missing, more levels are looked at."""
         nonlocal looked
         plan = _chosen(search, given)
         for number, level in levels:
@@ -469,7 +476,7 @@ def plan_paths(
             paths, home = made
             on = {each.table.name for each in paths}
             left = {t.name: search.reasons.get(i, "no way") for i, t in enumerate(search.tables) if t.name not in on}
-            of = plan.changes, plan.exact, not given, len(search.candidates), looked
+            of = plan.changes, plan.exact, not given, len(search.candidates), looked, plan.compared
             return PathsPlan(label, tuple(paths), home, left, *of)
         plan = next_plan()
     reasons = "; ".join(f"{search.tables[i].name}: {why}" for i, why in search.reasons.items())
@@ -484,7 +491,8 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search
         raise ArgumentError("the tools of the task", tasks[0].frames, ONE_TOOL)
     air, strategies, paths = job.air or AirTable(), [], []
     known: dict[str, HolonomicStrategy] = {}
-    for i, table in enumerate(job.paths):
+    tables = named_paths(job.paths, file)
+    for i, table in enumerate(tables):
         key = repr(table.tool_frame)
         if key not in known:
             task = tasks[0]
@@ -513,7 +521,7 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search
             posture = robot.checked(np.array(q) * (scale if len(q) == robot.n else 1.0), "the posture")
             robot.check_limits(posture)
             via.append(posture)
-    return _Search(job, job.paths, strategies, paths, start, timing, air, via, clear)
+    return _Search(job, tables, strategies, paths, start, timing, air, via, clear)
 
 
 @dataclass(frozen=True, eq=False)
@@ -524,6 +532,7 @@ class _Chosen(Value):
     changes: int
     exact: bool
     sheet: Indices
+    compared: int
 
 
 def _chosen(search: _Search, given: bool) -> _Chosen | None:
@@ -536,8 +545,10 @@ def _chosen(search: _Search, given: bool) -> _Chosen | None:
     alive = [k for k in range(len(search.candidates)) if (k, k, "path") not in search.banned]
     path = np.array([c.path for c in search.candidates])
     if not given and alive:
-        pool = [alive[i] for i in least_pool(path[alive], sheet[alive])]
-        if len(pool) < len(alive) and (plan := _of_pool(search, pool, sheet, given)) is not None:
+        few, count = least_pool(path[alive], sheet[alive])
+        pool = [alive[i] for i in few]
+        plan = _of_pool(search, pool, sheet, given)
+        if plan is not None and plan.changes < count:
             return plan
     while alive:
         if (plan := _of_pool(search, alive, sheet, given)) is not None:
@@ -567,7 +578,7 @@ def _of_pool(search: _Search, alive: list[int], sheet: Indices, given: bool) -> 
         nodes = [-1, *sequence.chosen, *([-1] if search.air.home else [])]
         new = [edge for edge in pairwise(nodes) if edge not in seen]
         if not new:
-            return _Chosen([alive[i] for i in sequence.chosen], sequence.changes, sequence.exact, sheet)
+            return _Chosen([alive[i] for i in sequence.chosen], sequence.changes, sequence.exact, sheet, len(alive))
         for i, j in new:
             seen.add((i, j))
             way = search.way(-1 if i < 0 else alive[i], -1 if j < 0 else alive[j])

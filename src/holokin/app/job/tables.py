@@ -294,7 +294,7 @@ Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class ObstacleTable(KindTable, FrameTable):
-    """[[checks.obstacles]]: a solid or a mesh at xyz, rpy in the frame of the base, in one that is named, or `on` a tip."""
+    """[[checks.obstacles]]: a solid or a mesh at xyz, rpy in the frame of the base, of a `frame`, or `on` a tip."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
     on: str | None = None
@@ -314,7 +314,9 @@ class ObstacleTable(KindTable, FrameTable):
         """Files count from the folder of the job file."""
         if not isinstance(given, dict):
             return given
-        more = {"file": from_folder(given["file"], info)} if isinstance(given.get("file"), str) else {}
+        more: dict[str, Any] = {}
+        if isinstance(given.get("file"), str):
+            more["file"] = from_folder(given["file"], info)
         if isinstance(pieces := given.get("pieces"), list):
             more["pieces"] = [from_folder(piece, info) if isinstance(piece, str) else piece for piece in pieces]
         return given | more
