@@ -33,7 +33,7 @@ from ..path.editing import AnyPath
 from ..path.path import straight
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, NumericStrategy, Strategy, checked_rate, first_jump, jump_near, may_jump
-from ..strategies.tasks.task import of_one_tool
+from ..strategies.tasks.task import Task, of_one_tool
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 from ..symbolic.native import VelocityRules
 from .ik.branch import branch_code
@@ -393,7 +393,7 @@ def approach(
         reached = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (reached[-1] - start)
         reached[0] = start
     robot.check_limits(reached[-1])
-    return _recorded(strategy, reached, speed)
+    return recorded(task, reached, speed)
 
 
 def _nearest_posture(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> Vector | None:
@@ -406,9 +406,8 @@ def _nearest_posture(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> 
     return nearest.q[0] if nearest.reached[0] and nearest.missing[0] <= TOLERANCES.start else None
 
 
-def _recorded(strategy: Strategy, q: Matrix, speed: float) -> Trajectory:
+def recorded(task: Task, q: Matrix, speed: float) -> Trajectory:
     """Postures (k, n) one after the other, the fastest joint at a speed."""
-    task = strategy.task
     moves = np.abs(np.diff(q, axis=0)).max(axis=1)
     q = q[np.concatenate([[True], moves > NEAR])]
     steps = np.abs(np.diff(q, axis=0)).max(axis=1) / speed

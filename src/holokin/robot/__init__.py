@@ -42,6 +42,7 @@ from .links import potential_expression as potential_expression
 from .model import Robot
 from .model import hessian_expression as hessian_expression
 from .model import start_posture as start_posture
+from .shapes.convex_pieces import convex_pieces
 from .shapes.link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .shapes.visuals import Surface, Visual
 
@@ -72,6 +73,7 @@ __all__ = [
     "catalogue",
     "chain_length",
     "compose",
+    "convex_pieces",
     "coordinates",
     "from_dh",
     "from_mjcf",

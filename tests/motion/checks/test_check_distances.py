@@ -240,11 +240,11 @@ def test_nowhere_on_a_motion_are_links_nearer_than_the_bound(seed: int, few: int
     Q = np.column_stack([np.interp(fine, np.arange(few), column) for column in q.T])
     frames = joint_frames(robot, Q)
     least = np.inf
-    for one in sweep(robot, gaps, q, [0.05] * len(gaps)):
+    for one in sweep(robot, gaps, q, [0.05] * len(gaps), 0.05):
         dense = one.gap.distances(frames, np.arange(len(Q)), 0.0)
         assert one.bound <= dense.min() + 1e-9
         least = min(least, float(dense.min()))
         if dense.min() < 0.05 - 1e-3:
             assert one.least <= 0.05  # found, though no sample need show it
-    found = min(one.least for one in sweep(robot, gaps, q, [0.05] * len(gaps)))
+    found = min(one.least for one in sweep(robot, gaps, q, [0.05] * len(gaps), 0.05))
     assert found <= least + ACCURACY

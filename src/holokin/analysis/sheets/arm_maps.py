@@ -387,7 +387,8 @@ class _Touching(Value):
         robot, rng = self.robot, np.random.default_rng(0)
         Q = rng.uniform(*robot.ranges(np.pi), (LOOKS, robot.n))
         if not self.clearances.clear(Q).any():
-            gaps = self.clearances.distances(Q, self.clearances.wanted) - self.clearances.limits
+            asked = self.clearances.limits
+            gaps = self.clearances.distances(Q, np.maximum(asked, self.clearances.wanted)) - asked
             if (always := np.flatnonzero((gaps < 0).all(axis=0))).size:
                 pair = " and ".join(self.clearances.names[int(always[0])])
                 fact = f"{pair} touch, or are too near, at each of {LOOKS} random postures: no pose is clear"

@@ -461,6 +461,8 @@ def _digest(robot: Robot, scene: Scene | None) -> str | None:
         for fault in [link_shape.shape.fault]
     ]
     rest = [scene.floor, scene.clearance, scene.self_collision, sorted(map(list, scene.allowed))]
+    if scene.padding or scene.disabled is not None:
+        rest += [sorted(scene.padding.items()), [] if scene.disabled is None else sorted(scene.disabled.pairs)]
     return hashlib.sha256(json.dumps([shapes, rest]).encode()).hexdigest()[:16]
 
 

@@ -171,7 +171,7 @@ def _export_motion(language: str) -> Callable[..., None]:
         dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
         anyway: Annotated[bool, typer.Option("--anyway", help="Write it also where the job's [checks] fail.")] = False,
     ) -> None:
-        from ..job import open_one_job, program_of_job, program_of_sheets
+        from ..job import open_one_job, program_of_job, program_of_paths, program_of_sheets
 
         # The job, with its limits as they are given.
         most: float | str | None = speed
@@ -184,7 +184,12 @@ def _export_motion(language: str) -> Callable[..., None]:
         opened = open_one_job(job)
         units = opened[1].printed_units
         # The program, and what the checks say of its motion.
-        if sheets:
+        code = 0
+        if opened[1].paths:
+            with ending().telling() as say:
+                program, plan = program_of_paths(*opened, language, strategy, short=name, changes=changes, progress=say)
+            timed, checked, code = plan.timed, None, int(bool(plan.left_out))
+        elif sheets:
             with ending().telling() as say:
                 program, timed, checked = program_of_sheets(
                     *opened, language, short=name, changes=changes, progress=say
@@ -208,6 +213,8 @@ def _export_motion(language: str) -> Callable[..., None]:
         else:
             show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
         show("\n".join([*program.notes, timed.table(units)]))
+        if code:
+            raise typer.Exit(code)
 
     return command
 

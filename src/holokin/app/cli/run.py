@@ -32,10 +32,11 @@ def run(
     cannot be done or written, after the others have been; 3 where holokin itself failed at one.
     """
     from ...base.units import printed_units
-    from ..job import run_job
+    from ..job import run_job, run_paths
     from ..report.animation import animate as draw
     from ..report.job_report import print_result, write_report
     from ..report.job_result import check_folder
+    from ..report.paths_report import print_paths, write_paths_report
 
     # All jobs are read before anything runs.
     opened, code = _opened(jobs), 0
@@ -48,6 +49,13 @@ def run(
     for name, job, file in opened:
         with ending().telling(name) as say:
             try:
+                if job.paths:
+                    several = run_paths(name, job, file, say)
+                    folder = write_paths_report(several, out, build())
+                    show_rich(lambda console, several=several: print_paths(several, console))
+                    show(f"  {several.seconds:.1f} s, report: {folder / 'report.html'}\n")
+                    code = max(code, several.exit_code)
+                    continue
                 result = run_job(name, job, file, say)
                 say("drawing")
                 extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None

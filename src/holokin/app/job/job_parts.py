@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
@@ -32,6 +32,7 @@ from ...motion.timed_trajectory import with_entry
 from ...motion.trajectory import Trajectory
 from ...path import (
     Path,
+    PathFile,
     Waypoints,
     arc,
     as_point,
@@ -54,7 +55,7 @@ from ...strategies.tasks.task import Task
 from ...symbolic import Function, parse, symbol
 from .schema import Job, dotted
 from .strategy_tables import ConstraintTable, Fitted, StrategyTable
-from .tables import PathTable, TimingTable, robot_of_job
+from .tables import NamedPathTable, PathTable, TimingTable, robot_of_job
 
 MOST_COMMENTS = 10
 """Comments of a file that a job passes on."""
@@ -242,12 +243,43 @@ def _arc(table: PathTable, center: Vector, start: Vector, file: FilePath) -> Pat
         raise JobError(file, "path.normal", fact, cure) from None
 
 
-def _of_file(table: PathTable, origin: Vector, start: Vector, file: FilePath) -> Path:
-    """A path of a file: counted from an origin, or from `at`; one of a drawing without a place begins at the start."""
+def _read_file(table: PathTable, file: FilePath) -> PathFile:
+    """The paths in the file of a table. Raises: as `read_paths`."""
     words = table.model_dump(
         include={"units", "columns", "angles", "order", "maker", "ignore", "axis", "rotary", "rapid_speed", "pixel"}
     )
-    read = read_paths(file.parent / (table.file or ""), **words)
+    return read_paths(file.parent / (table.file or ""), **words)
+
+
+def named_paths(tables: Sequence[NamedPathTable], file: FilePath) -> list[NamedPathTable]:
+    """The tables of a job of several paths; one of a file without `only` stands for each path in it, by its name.
+
+    Raises:
+        JobError: two paths then have one name. As `read_paths`.
+    """
+    every: list[NamedPathTable] = []
+    for i, table in enumerate(tables):
+        if table.kind != "file" or table.only is not None:
+            every.append(table)
+            continue
+        with naming(file, "path", str(i), "file"):
+            read = _read_file(table, file)
+        if len(read) == 1:
+            every.append(table)
+            continue
+        for number, path in enumerate(read.paths, 1):
+            name = f"{table.name} {path.name or number}"
+            every.append(table.model_copy(update={"only": number, "name": name}))
+    names = [table.name for table in every]
+    for name in names:
+        if names.count(name) > 1:
+            raise JobError(file, "path", f"has two paths named {name!r}", "give one of the tables another name")
+    return every
+
+
+def _of_file(table: PathTable, origin: Vector, start: Vector, file: FilePath) -> Path:
+    """A path of a file: counted from an origin, or from `at`; one of a drawing without a place begins at the start."""
+    read = _read_file(table, file)
     if table.only is None and len(read) > 1:
         lengths = ", ".join(f"{path.name!r}: {path.path().length:.3g} m" for path in read.paths[:12])
         raise JobError(file, "path.only", f"names none of the {len(read)} paths ({lengths})", "say which one")
@@ -366,13 +398,13 @@ def build_entry(job: Job, strategy: Strategy, path: AnyPath, q0: Vector) -> Entr
     Raises:
         BranchError where it leads nowhere; ArgumentError: paths of several frames.
     """
-    if job.path.entry is None:
+    if job.only_path.entry is None:
         return Entry(q0)
     if not isinstance(path, Path):
         cure = "leave it out, and begin where all paths do"
-        raise ArgumentError("the entry to the paths of several frames", job.path.entry, cure)
+        raise ArgumentError("the entry to the paths of several frames", job.only_path.entry, cure)
     try:
-        walk = approach(strategy, path, q0, by=job.path.entry)
+        walk = approach(strategy, path, q0, by=job.only_path.entry)
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
         raise BranchError(f"the entry to the path failed: {fact}", cure) from problem
@@ -389,7 +421,9 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
     moved = np.ptp(walk.q, axis=0)
     most, units = int(np.argmax(moved)), [c.unit for c in robot.coordinates]
     posture = posture_text(entry.q0 * printed.factors(units), robot.joint_names)
-    note = f"{strategy.name} enters the path by {job.path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
+    note = (
+        f"{strategy.name} enters the path by {job.only_path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
+    )
     note += f"{robot.joint_names[most]} moves most, by {printed.said(moved[most], units[most], 3)}"
     # What [checks] find.
     if job.checks is None:

@@ -156,7 +156,7 @@ def workspace_of_job(job: Job, task: Task, start: Vector, file: FilePath) -> Wor
     tool = task.robot.pose(start, task.tip)[:3, :3]
     if job.workspace is not None:
         return build_workspace(job.workspace, tool, file)
-    path = build_paths(job.path, task, start, file)
+    path = build_paths(job.only_path, task, start, file)
     if not isinstance(path, Path):
         raise ArgumentError("the paths of several tools", len(path.paths), "this is for one tool: add a [workspace]")
     along = path.at(np.linspace(0.0, path.duration, COVER_POSES, endpoint=not path.closed))
@@ -276,7 +276,7 @@ def run_job(name: str, job: Job, file: FilePath, progress: Callable[[str], None]
         with naming(file, "timing", "velocity"):
             job.timing.check(robot)
     with naming(file, "path"):
-        path = build_paths(job.path, tasks[0], start, file)
+        path = build_paths(job.only_path, tasks[0], start, file)
     space = None
     if job.workspace is not None:
         space = build_workspace(job.workspace, robot.pose(start)[:3, :3], file)
@@ -354,7 +354,7 @@ def run_job(name: str, job: Job, file: FilePath, progress: Callable[[str], None]
         task=tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations",
         q0=start,
         path=path,
-        cycles=job.path.cycles,
+        cycles=job.only_path.cycles,
         strategies=tuple(results),
         seconds=time.perf_counter() - began,
         not_run=tuple(not_run),
@@ -385,18 +385,18 @@ def _followed(
             troubles.append(str(problem).replace(KEPT, "what was computed is written"))
             return problem.trajectory
 
-    cycles = run(path, job.path.samples, job.path.cycles)
+    cycles = run(path, job.only_path.samples, job.only_path.cycles)
     pair = None
     if not one_way(path):
         a, b = path.reversed().halves() if path.counter_clockwise else path.halves()
-        half = max(1, job.path.samples // 2)
+        half = max(1, job.only_path.samples // 2)
         pair = (run(a, half, 1), run(b, half, 1))
     # What is said of it: where it stopped; or that its joints, followed on its leaf, do not come back.
     status = next((t.status for t in (cycles, *(pair or ())) if t.status is not Status.COMPLETE), Status.COMPLETE)
     if not troubles and path.closed and strategy.task.frames == 1 and isinstance(strategy, HolonomicStrategy):
         troubles.append(why_elsewhere(strategy, cycles) if by_leaf(strategy, method) is not None else "")
     complete = cycles.status is Status.COMPLETE
-    share = 1.0 if complete else min(float(cycles.t[-1]) / (path.duration * job.path.cycles), 1.0)
+    share = 1.0 if complete else min(float(cycles.t[-1]) / (path.duration * job.only_path.cycles), 1.0)
     trouble = troubles[0] if troubles else ""
     return StrategyResult(strategy.name, label, verdict, pair, cycles, status, trouble, {}, followed=share)
 

@@ -9,19 +9,23 @@ from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, ValidationError, model_validator
 
-from ...base.errors import HolokinError, JobError, brief, closest, shown
+from ...base.errors import ArgumentError, HolokinError, JobError, brief, closest, shown
 from ...base.units import SI, PrintedUnits, printed_units
 from ...motion.checks import Scene
 from ...robot import FARTHEST
 from ...robot.formats.urdf import read_toml
 from .strategy_tables import KINDS, AnyStrategy, Fitted
 from .tables import (
+    MOST_PATHS,
+    AirTable,
     ChecksTable,
     Few,
+    FrameTable,
     KindTable,
     Length,
+    NamedPathTable,
     Names,
     PathTable,
     Point,
@@ -188,6 +192,16 @@ def _known_units(given: str | list[str]) -> str | list[str]:
     return given
 
 
+ONE, SEVERAL = "[path]", "[[path]]"
+"""How a job gives its path, or several; the tags are in no key of a message."""
+
+Several = Annotated[list[NamedPathTable], Field(min_length=1, max_length=MOST_PATHS)]
+OneOrSeveral = Annotated[
+    Annotated[PathTable, Tag(ONE)] | Annotated[Several, Tag(SEVERAL)],
+    Discriminator(lambda given: SEVERAL if isinstance(given, list) else ONE),
+]
+
+
 class Job(Table):
     """A whole job file."""
 
@@ -197,7 +211,9 @@ class Job(Table):
     robot: RobotTable
     task: TaskTable = TaskTable()
     start: StartTable
-    path: PathTable
+    frames: dict[str, FrameTable] = Field(default={})
+    path: OneOrSeveral
+    air: AirTable | None = None
     timing: TimingTable | None = None
     program: ProgramTable | None = None
     checks: ChecksTable | None = None
@@ -216,6 +232,61 @@ class Job(Table):
     def printed_units(self) -> PrintedUnits:
         """The units in which results are printed."""
         return printed_units(self.units) if self.units else SI
+
+    @property
+    def paths(self) -> list[NamedPathTable]:
+        """The paths of a job of several; none where it has one [path]."""
+        return self.path if isinstance(self.path, list) else []
+
+    @property
+    def only_path(self) -> PathTable:
+        """The path of a job of one. Raises: ArgumentError: it has several."""
+        if isinstance(self.path, PathTable):
+            return self.path
+        cure = "this is for one [path]: `holokin run` and `holokin export` take several"
+        raise ArgumentError("the number of paths of the job", len(self.path), cure)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _framed(cls, given: Any) -> Any:
+        """Frames that a path or an obstacle names, in the place of their names."""
+        if not isinstance(given, dict) or not isinstance(frames := given.get("frames", {}), dict):
+            return given
+
+        def placed(table: Any, key: str) -> Any:
+            name = table.get("frame") if isinstance(table, dict) else None
+            if not isinstance(name, str):
+                return table
+            if name not in frames:
+                raise ValueError(
+                    f"{key}.frame: is {brief(name, 60)!r}, no frame of [frames]; {closest(name, list(frames))}"
+                )
+            return table | {"frame": frames[name]}
+
+        path, checks = given.get("path"), given.get("checks")
+        if isinstance(path, list):
+            given = given | {"path": [placed(table, f"path.{i}") for i, table in enumerate(path)]}
+        elif path is not None:
+            given = given | {"path": placed(path, "path")}
+        if isinstance(checks, dict) and isinstance(things := checks.get("obstacles"), list):
+            things = [placed(table, f"checks.obstacles.{i}") for i, table in enumerate(things)]
+            given = given | {"checks": checks | {"obstacles": things}}
+        return given
+
+    @model_validator(mode="after")
+    def _several(self) -> Job:
+        names = [table.name for table in self.paths]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                fact = f"path.{i}.name: {brief(name, 60)!r} is the name of path.{names.index(name)}, too"
+                raise ValueError(f"{fact}; give each a name of its own")
+        if self.air is not None and not names:
+            raise ValueError("air: leads from one [[path]] to the next; leave it out, or write [[path]] with names")
+        if names and self.timing is None:
+            raise ValueError("timing: is missing; add [timing]: the ways between several paths are timed")
+        if names and (self.sheets or self.workspace):
+            raise ValueError("path: several paths go with no [sheets] and no [workspace]; leave these out")
+        return self
 
     @model_validator(mode="after")
     def _consistent(self) -> Job:
@@ -284,7 +355,7 @@ class Form(Generic[Model]):
         """The content of a file. Raises: JobError."""
         self.check(path, table)
         try:
-            return self.model.model_validate(table)
+            return self.model.model_validate(table, context={"folder": path.parent})
         except ValidationError as problem:
             raise _named(path, problem, table, self) from None
 
@@ -379,7 +450,7 @@ def _located(fault: Any, table: dict[str, Any], form: Form[Any]) -> tuple[Key, d
         fault["input"] = fault["input"].get("kind")
     parts: list[str] = []
     value: Any = table
-    for part in loc:
+    for part in (part for part in loc if part not in (ONE, SEVERAL)):
         if isinstance(value, dict):
             parts.append(str(part))
             value = value.get(part)

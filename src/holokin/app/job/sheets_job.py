@@ -52,5 +52,5 @@ def sheets_command(
     write_sheets(sheet_map, file)
     if asked.file is None or asked.q0 is None:
         return SheetsResult(sheet_map, table.share), file
-    path = build_paths(job_of(asked.file, dict(asked.keys)).path, asked.task, asked.q0, asked.file)
+    path = build_paths(job_of(asked.file, dict(asked.keys)).only_path, asked.task, asked.q0, asked.file)
     return sheets_result(sheet_map, table.share, path, asked.q0), file

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 from ...analysis.curvature import MOST_JOINTS
 from ...base.errors import ArgumentError, brief, closest
@@ -27,10 +27,12 @@ from ...robot import (
     Capsule,
     Cylinder,
     LinkShape,
+    Mesh,
     Robot,
     Shape,
     assembled,
     beside,
+    convex_pieces,
     coordinates,
     load,
     obstacle,
@@ -203,6 +205,11 @@ class FrameTable(Table):
         return frame_pose("a frame", [*xyz, *rpy])
 
 
+def frame_of(frame: FrameTable | None) -> Matrix:
+    """The pose (4, 4) of a frame, which a job has put in the place of its name; without one that of the base."""
+    return np.eye(4) if frame is None else frame.matrix
+
+
 class ModelTable(Table):
     """What a robot and a part of one have in common: which chain is taken of a model, and its tool."""
 
@@ -278,6 +285,7 @@ def robot_of_job(table: RobotTable, file: Path) -> Robot:
 
 # --- [checks] of a job file: what is looked at in the motion of every strategy.
 
+LARGEST_OBSTACLE = 50.0  # size of a mesh [m]: what is larger was given in mm
 MOST_OBSTACLES = 100  # shapes round a robot; each is looked at with each link
 MOST_ALLOWED = 1000  # pairs of links that may touch
 
@@ -286,28 +294,78 @@ Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class ObstacleTable(KindTable, FrameTable):
-    """[[checks.obstacles]]: a box, ball, capsule or cylinder at xyz, rpy in the frame of the base, or `on` a tip."""
+    """[[checks.obstacles]]: a solid or a mesh at xyz, rpy in the frame of the base, of a `frame`, or `on` a tip."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
     on: str | None = None
-    kind: Literal["box", "sphere", "capsule", "cylinder"]
+    frame: FrameTable | None = None
+    kind: Literal["box", "sphere", "capsule", "cylinder", "mesh"]
     sides: Annotated[Annotated[list[Positive], Field(min_length=3, max_length=3)] | None, needed_by("box")] = None
     radius: Annotated[Positive | None, needed_by("sphere", "capsule", "cylinder")] = None
     length: Annotated[Positive | None, needed_by("capsule", "cylinder")] = None
+    file: Annotated[str | None, needed_by("mesh")] = None
+    scale: Annotated[Positive | Three, of("mesh")] = 1.0
+    pieces: Annotated[Literal["coacd"] | Names | None, of("mesh")] = None
+    threshold: Annotated[float, Field(ge=0.01, le=1), of("mesh")] = 0.05
 
-    def standing(self) -> LinkShape:
-        """The same as a value, where it stands."""
-        return obstacle(self.name, self._solid(), *self.pose())
+    @model_validator(mode="before")
+    @classmethod
+    def _beside(cls, given: Any, info: ValidationInfo) -> Any:
+        """Files count from the folder of the job file."""
+        if not isinstance(given, dict):
+            return given
+        more: dict[str, Any] = {}
+        if isinstance(given.get("file"), str):
+            more["file"] = from_folder(given["file"], info)
+        if isinstance(pieces := given.get("pieces"), list):
+            more["pieces"] = [from_folder(piece, info) if isinstance(piece, str) else piece for piece in pieces]
+        return given | more
+
+    @model_validator(mode="after")
+    def _complete(self) -> ObstacleTable:
+        if self.on is not None and self.frame is not None:
+            raise ValueError("on and frame both say from where it counts; leave out one")
+        if "threshold" in self.model_fields_set and self.pieces != "coacd":
+            raise ValueError('threshold is of pieces = "coacd"; leave it out')
+        return self
+
+    def standing(self) -> list[LinkShape]:
+        """The same as values, where they stand: one, or the pieces of a mesh. Raises: RobotFileError."""
+        parts = [obstacle(self.name, shape, *self.pose()) for shape in self._shapes]
+        return [replace(part, placement=frame_of(self.frame) @ part.placement) for part in parts]
 
     def carried(self, robot: Robot) -> Robot:
         """The robot that carries it. Raises: UnknownNameError: no such tip."""
-        return with_shape(robot, self.name, self._solid(), *self.pose(), tip=self.on)
+        for shape in self._shapes:
+            robot = with_shape(robot, self.name, shape, *self.pose(), tip=self.on)
+        return robot
 
-    def _solid(self) -> Shape:
+    @cached_property
+    def _shapes(self) -> tuple[Shape, ...]:
         if self.kind == "box":
-            return Box(self.sides)  # type: ignore[arg-type]  the shape makes an array of it
+            return (Box(self.sides),)  # type: ignore[arg-type]  the shape makes an array of it
+        if self.kind == "mesh":
+            return self._meshes()
         radius, length = self.radius or 0.0, self.length or 0.0
-        return Cylinder(radius, length) if self.kind == "cylinder" else Capsule(radius, length)
+        return (Cylinder(radius, length) if self.kind == "cylinder" else Capsule(radius, length),)
+
+    def _meshes(self) -> tuple[Shape, ...]:
+        """The mesh, or its convex pieces. Raises: RobotFileError, ArgumentError: one that is too large for metres."""
+        scale = np.full(3, self.scale) if isinstance(self.scale, float) else np.array(self.scale)
+        mesh = Mesh(Path(self.file or ""), scale)
+        if (size := 2 * mesh.ball[1]) > LARGEST_OBSTACLE:
+            cure = "give metres: scale = 0.001 makes them of a file in mm"
+            raise ArgumentError(f"the size of {self.name} [m]", round(size, 3), cure)
+        if self.pieces is None:
+            return (mesh,)
+        if self.pieces == "coacd":
+            return convex_pieces(mesh, self.threshold)
+        return tuple(Mesh(Path(piece), scale).hull for piece in self.pieces)
+
+
+def from_folder(name: str, info: ValidationInfo) -> str:
+    """A file's name, which counts from the folder of the job file where that is known."""
+    return str(Path(info.context["folder"]) / name) if info.context else name
 
 
 class ChecksTable(Table):
@@ -321,13 +379,25 @@ class ChecksTable(Table):
     rcond: Annotated[float, Field(ge=0, lt=1)] = 0.01
     radius: Positive | dict[str, Positive] | None = None
     allowed: Annotated[list[Pair], Field(max_length=MOST_ALLOWED)] = Field(default=[])
+    srdf: str | None = None
+    padding: dict[str, NotNegative] = Field(default={})
     obstacles: Annotated[list[ObstacleTable], Field(max_length=MOST_OBSTACLES)] = Field(default=[])
+
+    @model_validator(mode="before")
+    @classmethod
+    def _beside(cls, given: Any, info: ValidationInfo) -> Any:
+        """The SRDF counts from the folder of the job file."""
+        if isinstance(given, dict) and isinstance(given.get("srdf"), str):
+            return given | {"srdf": from_folder(given["srdf"], info)}
+        return given
 
     @cached_property
     def scene(self) -> Scene:
-        """What the robot is to keep clear of."""
-        standing = [table.standing() for table in self.obstacles if table.on is None]
-        return Scene(standing, self.floor, self.clearance, self.self_collision, [(a, b) for a, b in self.allowed])
+        """What the robot is to keep clear of. Raises: RobotFileError: a mesh or an SRDF that cannot be read."""
+        keys = {"floor": self.floor, "clearance": self.clearance, "self_collision": self.self_collision}
+        standing = [shape for table in self.obstacles if table.on is None for shape in table.standing()]
+        keys |= {"obstacles": standing, "allowed": [(a, b) for a, b in self.allowed], "padding": self.padding}
+        return Scene(**keys) if self.srdf is None else Scene.from_srdf(self.srdf, **keys)
 
     def checked(self, motion: Trajectory | TimedTrajectory, task: Task) -> CheckReport:
         """What is found of a motion, of a robot that is `shaped`. Raises: as `check`."""
@@ -348,7 +418,7 @@ class ChecksTable(Table):
 
     def drawn(self, robot: Robot) -> Robot:
         """The robot for pictures: with what it carries, and else as it was. Raises: UnknownNameError: no such tip."""
-        count = sum(table.on is not None for table in self.obstacles)
+        count = sum(len(table._shapes) for table in self.obstacles if table.on is not None)
         return replace(robot, shapes=(*robot.shapes, *self._loaded(robot).shapes[-count:])) if count else robot
 
 
@@ -427,6 +497,7 @@ class TaskTable(KindTable):
 MOST_POINTS = 10_000
 MOST_SAMPLES = 100_000  # steps a cycle: 10 um apart on a metre
 MOST_CYCLES = 10_000  # cycles: a day's work of an arm that takes ten seconds for one
+MOST_PATHS = 100  # paths of a job: a program of more procedures is made of several jobs
 # samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them;
 # these fit into a gigabyte
 MOST_STEPS = 400_000
@@ -439,6 +510,8 @@ Times = Annotated[list[Length], Field(max_length=MOST_POINTS)]
 Poses = Annotated[list[FrameTable], Field(max_length=MOST_POINTS)]
 Count = Annotated[int, Field(ge=1, le=MOST_POINTS)]
 Kind = Literal["circle", "arc", "polyline", "spline", "poses", "file", "figure-eight", "raster", "spiral"]
+
+Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 
 _OF_ALL = {"samples", "cycles", "entry", "others"}  # keys of [path] that `others` do not have
 _OPEN = ("arc", "raster", "spiral")
@@ -522,15 +595,41 @@ class PathTable(KindTable):
 
     @property
     def frame_pose(self) -> Matrix:
-        """The frame (4, 4) from which the path counts."""
-        return np.eye(4) if self.frame is None else self.frame.matrix
+        """The frame (4, 4) from which the path counts; one that is named stands in the job, see `Job`."""
+        return frame_of(self.frame)
+
+
+class NamedPathTable(PathTable):
+    """[[path]]: one of several paths, with its name, its tool, and the lines of its process."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    tool_frame: FrameTable | None = None
+    on: Lines | None = None
+    off: Lines | None = None
+
+    @model_validator(mode="after")
+    def _of_several(self) -> NamedPathTable:
+        if not self.name.isprintable():
+            raise ValueError("name holds a control character; give letters, digits, spaces")
+        for key in ("entry", "others", "cycles"):
+            if key in self.model_fields_set:
+                raise ValueError(f"{key} is of a job of one path; leave it out, see [air]")
+        return self
+
+
+class AirTable(Table):
+    """[air]: how the tool goes from one of several paths to the next."""
+
+    order: Literal["given", "shortest"] = "given"
+    height: Annotated[float, Field(gt=0, le=FARTHEST)] = 0.1
+    height_speed: Positive = 0.1
+    via: Annotated[list[Numbers], Field(max_length=20)] = Field(default=[])
+    home: bool = True
 
 
 JointLimit = Positive | Annotated[list[Positive], Few]  # one for all joints, or one a joint
 
 Speed = Annotated[float, Field(gt=0)]  # A positive number, or `inf` for no limit
-
-Lines = Annotated[list[str], Field(max_length=100)]  # lines of a robot program
 
 # keys of [program] that some languages take, each in its own kind
 OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters", "group", "arc")
@@ -622,9 +721,16 @@ class ProgramTable(Table):
         turned = {joint: float(np.deg2rad(value)) for joint, value in self.offsets_deg.items()}
         return Wiring(axes, tuple(self.external), dict(self.signs), dict(self.offsets) | turned)
 
-    def lines(self, window: tuple[float, float] | None) -> ProcessLines:
-        """The process lines as a value. Raises: ArgumentError: a line that no program can hold."""
-        return ProcessLines(tuple(self.before), tuple(self.on), tuple(self.off), tuple(self.after), window)
+    def lines(self, window: tuple[float, float] | None, path: PathTable | None = None) -> ProcessLines:
+        """The process lines as a value, those of a path first. Raises: ArgumentError: a line that no program can hold.
+
+        Args:
+            window: times at which the process begins and ends. path: one of several.
+        """
+        on, off = self.on, self.off
+        if isinstance(path, NamedPathTable):
+            on, off = (own if given is None else given for own, given in ((on, path.on), (off, path.off)))
+        return ProcessLines(tuple(self.before), tuple(on), tuple(off), tuple(self.after), window)
 
     def given(self, task: Task, streams: bool) -> dict[str, Any]:
         """Arguments of a writer for a task; `streams`: by default it sends every sample."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+import unicodedata
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import product
@@ -20,9 +22,12 @@ from ...base.errors import (
     posture_text,
 )
 from ...base.types import Vector
-from ...export import LANGUAGES, Program, ascii_text, c_name
+from ...export import LANGUAGES, ProcessLines, Program, ascii_text, c_name
+from ...export.programs.procedures import with_procedures
+from ...export.programs.robot_program import LANGUAGE_WORDS, taken
 from ...motion import TimedTrajectory, follow
 from ...motion.checks import CheckReport
+from ...motion.timed_trajectory import with_entry
 from ...path import Path
 from ...path.editing import AnyPath
 from ...path.workspaces import PoseRange
@@ -42,9 +47,10 @@ from .job_parts import (
     reason,
     title_of,
 )
+from .paths_job import PathsPlan, PlannedPath, plan_paths
 from .runner import OF_ONE_STRATEGY, ONE_TOOL, build_workspace, path_motion, sheets_of_job
 from .schema import Job
-from .tables import ARGUMENT_OF, ProgramTable, TimingTable, filled
+from .tables import ARGUMENT_OF, PathTable, ProgramTable, TimingTable, filled
 
 
 def certify_job(
@@ -79,7 +85,7 @@ def certify_job(
         pass
     elif not workspace:
         with naming(file, "path"):
-            domain = build_path(job.path, tasks[0], start, file)
+            domain = build_path(job.only_path, tasks[0], start, file)
     elif job.workspace is None:
         raise JobError(file, "workspace", "is missing", 'add a table [workspace] of kind "box"')
     elif job.workspace.kind != "box":
@@ -202,14 +208,78 @@ def program_of_job(
     label, strategy, start = job_strategy(job, file, label)
     timing = _timing_of(job, changes)
     with naming(file, "path"):
-        path = build_paths(job.path, strategy.task, start, file)
+        path = build_paths(job.only_path, strategy.task, start, file)
         entry = build_entry(job, strategy, path, start)
-    trajectory = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)
+    trajectory = follow(strategy, path, entry.q0, samples=job.only_path.samples, cycles=job.only_path.cycles)
     timed = entry.before(timing.timed(trajectory), timing)
     report = _report(job, file, timed, strategy.task)
     short = short or _word(f"{strategy.task.robot.name}_{label}", LANGUAGES[language].longest)
     about = f"Job {name}: {strategy.name} on {strategy.task.robot.name}, {job.title}"
     return _written(job, file, language, strategy.task, path, timed, short, about), timed, report
+
+
+def program_of_paths(
+    name: str,
+    job: Job,
+    file: FilePath,
+    language: str,
+    label: str | None = None,
+    *,
+    short: str | None = None,
+    changes: dict[str, Any] | None = None,
+    progress: Callable[[str], None] = lambda _text: None,
+) -> tuple[Program, PathsPlan]:
+    """(program, plan) of a job of several paths: a procedure for each, with the way to it, and a main program.
+
+    Args:
+        language, label, short, changes: as of `program_of_job`. progress: hears what is going on.
+
+    Raises:
+        as `plan_paths` and the writer.
+    """
+    label, strategy, _ = job_strategy(job, file, label)
+    timing, longest = _timing_of(job, changes), LANGUAGES[language].longest
+    plan = plan_paths(job, file, label, progress, timing)
+    # A name for each procedure: what languages hold, and none twice, whatever its capitals.
+    main = short or _word(f"{strategy.task.robot.name}_{label}", longest)
+    stages: list[tuple[str, PlannedPath | None, TimedTrajectory]] = []
+    for each in plan.paths:
+        way = each.air.timed
+        stages.append((each.name, each, each.timed if way is None else with_entry(way, each.timed)))
+    if plan.home is not None and plan.home.timed is not None:
+        stages.append(("home", None, plan.home.timed))
+    used, words = {main.lower()}, []
+    for title, _, _ in stages:
+        words.append(_procedure(title, longest, used))
+    # The procedures, then what calls them.
+    programs, notes = [], []
+    for word, (title, each, timed) in zip(words, stages, strict=True):
+        about = f"Job {name}: {title}, by {label} on {strategy.task.robot.name}, {job.title}"
+        task, table, path = (strategy.task, None, None) if each is None else (each.strategy.task, each.table, each.path)
+        programs.append(_written(job, file, language, task, path, timed, word, about, table))
+        notes += [f"the procedure of {title!r} is {word}"] if word.lower() != title.lower() else []
+    facts = [f"Job {name}: {label} on {strategy.task.robot.name}, {job.title}", *textwrap.wrap(plan.sentence, 76)]
+    facts.append(f"{len(plan.paths)} paths, {plan.timed.duration:.3f} s in all")
+    program = with_procedures(language, main, words, programs, facts)
+    if "lines" not in LANGUAGES[language].takes:  # motion alone: all of it one after the other
+        about = f"Job {name}: {', '.join(title for title, _, _ in stages)}, by {label}, {job.title}"
+        program, notes = _written(job, file, language, strategy.task, None, plan.timed, main, about), []
+    left = [f"left out: {title}: {why}" for title, why in plan.left_out.items()]
+    return replace(program, notes=(*left, plan.sentence, *notes, *program.notes)), plan
+
+
+def _procedure(title: str, longest: int, used: set[str]) -> str:
+    """A name for a path that is a word of no language, and none of those that are used, which it joins."""
+    word = _word(unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode() or "path", longest)
+    if any(taken(word, language) for language in LANGUAGE_WORDS) or taken(word, ""):
+        word = f"p_{word}"[:longest]
+    free, number = word, 1
+    while free.lower() in used:
+        number += 1
+        end = f"_{number}"
+        free = word[: longest - len(end)] + end
+    used.add(free.lower())
+    return free
 
 
 def program_of_sheets(
@@ -237,7 +307,7 @@ def program_of_sheets(
     timing = _timing_of(job, changes)
     _, start, (task, *_) = build_tasks(job, file)
     with naming(file, "path"):
-        path = build_paths(job.path, task, start, file)
+        path = build_paths(job.only_path, task, start, file)
     sheet_map = sheets_of_job(job, task, start, file, progress)
     progress("sheets: the path")
     motion = path_motion(sheet_map, path, start)
@@ -245,9 +315,9 @@ def program_of_sheets(
         raise ArgumentError("the path of the job", file.name, f"{ONE_TOOL}: give --strategy in place of --sheets")
     trajectory = motion.trajectory
     late = abs(float(trajectory.t[-1]) - path.duration) > SAME_TIME * path.duration
-    if late and _process_window(job, path) is not None:
+    if late and _process_window(job.only_path, path) is not None:
         cure = "the motion over sheets has times of its own: leave lead_in, lead_out and retract out"
-        raise ArgumentError("the leads of [path]", job.path.lead_in or job.path.lead_out, cure)
+        raise ArgumentError("the leads of [path]", job.only_path.lead_in or job.only_path.lead_out, cure)
     # Timed, checked and written.
     timed = timing.timed(trajectory)
     report = _report(job, file, timed, task)
@@ -258,8 +328,8 @@ def program_of_sheets(
     notes = [f"over sheets: {motion.sentence}"]
     if not np.allclose(trajectory.q[0], start, atol=1e-6):
         notes.append(f"the motion begins at {posture_text(trajectory.q[0], task.robot.joint_names)}, not at [start]")
-    if job.path.cycles > 1:
-        notes.append(f"the path is gone along once, not {job.path.cycles} times: sheets tell no cycles")
+    if job.only_path.cycles > 1:
+        notes.append(f"the path is gone along once, not {job.only_path.cycles} times: sheets tell no cycles")
     return replace(program, notes=(*program.notes, *notes)), timed, report
 
 
@@ -282,16 +352,28 @@ def _report(job: Job, file: FilePath, timed: TimedTrajectory, task: Task) -> Che
 
 
 def _written(
-    job: Job, file: FilePath, language: str, task: Task, path: AnyPath, timed: TimedTrajectory, name: str, about: str
+    job: Job,
+    file: FilePath,
+    language: str,
+    task: Task,
+    path: AnyPath | None,
+    timed: TimedTrajectory,
+    name: str,
+    about: str,
+    own: PathTable | None = None,
 ) -> Program:
-    """The program of a timed motion by the writer of a language, of the keys of [program] that it takes."""
+    """The program of a timed motion by the writer of a language, of the keys of [program] that it takes.
+
+    Args:
+        path: None of a way through the air, which has no process. own: the table of a path, where the job has several.
+    """
     writer, table = LANGUAGES[language], job.program or ProgramTable()
     speeds = task.robot.max_velocity
     with naming(file, "program"):
         arguments = table.given(task, timed.dt in writer.streams) | {
             "name": name,
             "about": about,
-            "lines": table.lines(_process_window(job, path)),
+            "lines": _lines(job, table, path, own),
             "speeds": speeds.tolist() if np.isfinite(speeds).all() else None,
         }
         for key in writer.needs:
@@ -307,9 +389,15 @@ def _written(
     return replace(program, notes=(*notes, *program.notes))
 
 
-def _process_window(job: Job, path: AnyPath) -> tuple[float, float] | None:
+def _lines(job: Job, table: ProgramTable, path: AnyPath | None, own: PathTable | None) -> ProcessLines:
+    """The lines of the process along a path; none on a way through the air."""
+    if path is None:
+        return ProcessLines()
+    return table.lines(_process_window(own or job.only_path, path), own)
+
+
+def _process_window(table: PathTable, path: AnyPath) -> tuple[float, float] | None:
     """The path's times at which its lead in ends and its lead out begins [s]; None where it has none."""
-    table = job.path
     leads = [bool(length) + bool(table.retract) for length in (table.lead_in, table.lead_out)]
     if not isinstance(path, Path) or not any(leads):
         return None

@@ -80,7 +80,7 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
     _, start, tasks = build_tasks(job, file)
     redundant(tasks[0])
     with naming(file, "path"):
-        path = build_paths(job.path, tasks[0], start, file)
+        path = build_paths(job.only_path, tasks[0], start, file)
     # The strategies that can begin, for each task.
     strategies: list[NamedStrategy] = []
     first: HolokinError | None = None
@@ -99,15 +99,15 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
     if not strategies and first is not None:
         raise first
     # The loop. The centre of a circle that counts from the tool is told in the base: a page moves it there.
-    keys = job.path.model_dump(exclude_unset=True, exclude={"samples", "cycles"})
-    if job.path.kind == "circle" and job.path.relative and isinstance(path, Path) and len(path.segments) == 1:
+    keys = job.only_path.model_dump(exclude_unset=True, exclude={"samples", "cycles"})
+    if job.only_path.kind == "circle" and job.only_path.relative and isinstance(path, Path) and len(path.segments) == 1:
         del keys["relative"]
         keys["center"] = path.segments[0].center.tolist()
-    loop = Loop(job.path.kind, path, keys, job.path.samples, bool(job.path.clockwise))
+    loop = Loop(job.only_path.kind, path, keys, job.only_path.samples, bool(job.only_path.clockwise))
     # The session, with what a job says of it.
     robot, work = (part.model_dump(exclude_unset=True, exclude_none=True) for part in (job.robot, job.task))
     origin = Origin(robot, work, file.parent.absolute())
-    cycles = max(job.path.cycles, visible_cycles(strategies, loop, start))
+    cycles = max(job.only_path.cycles, visible_cycles(strategies, loop, start))
     session = Session(strategies, start, loop, title=job.title, source=name, cycles=cycles, origin=origin)
     if job.sheets is None or tasks[0].frames > 1:
         return session

@@ -146,13 +146,14 @@ def keeps(distances: Array | float, limits: Array | float) -> Flags:
 
 
 def counted(distances: Array | float, limits: Array | float, wanted: float) -> Array:
-    """The distances (..., P) [m] of pairs that tell the clearance, infinite for the others.
+    """The distances (..., P) [m] of pairs that tell the clearance, less their padding; infinite for the others.
 
     Args:
         limits: what is asked of each pair (P,) [m]: a pair that is always nearer than is `wanted` is not held against
-            it, and counts only where it touches.
+            it, and counts only where it touches; one of which more is asked is padded.
     """
-    return np.where(np.less(limits, wanted) & np.greater(distances, 0), np.inf, distances)
+    padded = distances - np.maximum(np.subtract(limits, wanted), 0.0)
+    return np.where(np.less(limits, wanted) & np.greater(distances, 0), np.inf, padded)
 
 
 @dataclass(frozen=True)

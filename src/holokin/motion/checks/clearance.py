@@ -11,13 +11,13 @@ from typing import Any, final
 
 import numpy as np
 
-from ...base.errors import UnknownNameError
+from ...base.errors import RobotFileError, UnknownNameError
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ...robot import Capsule, LinkShape, Robot, Shape, Unread, joints_above
 from ...robot.shapes.link_shapes import coal_package, lowest
 from ...robot.tree import Frames, joint_frames, placed
 from .check_report import LeftOut, Unseen, cannot_tell
-from .scene import Scene
+from .scene import DisabledPairs, Scene
 
 FLOOR = "floor"
 """The name of the floor in findings."""
@@ -346,18 +346,18 @@ def stretches(wrong: Flags, size: Vector) -> Iterator[tuple[int, int, int]]:
         yield int(a), int(b) - 1, int(a) + int(np.argmax(size[a:b]))
 
 
-def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float]) -> list[Swept]:
+def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float], wanted: float) -> list[Swept]:
     """Every gap along the joints q (k, n), which go straight from sample to sample.
 
     Between two postures whose distances are d and e, and over which points of the two things move by S at most towards
     each other, the distance is at least (d + e - S) / 2. An interval is halved until that is no less than its limit
-    [m] and than the least distance less `ACCURACY`, that of the pairs with the largest limit: those with a smaller one
-    are not held against the clearance, and do not tell it.
+    [m] and than the least distance less `ACCURACY`, that of the pairs of which at least the clearance `wanted` is
+    asked: those with a smaller limit are not held against it, and do not tell it.
     """
     if not gaps:
         return []
     near = max(*limits, TOUCH)
-    judged = [i for i, limit in enumerate(limits) if limit == max(limits)]
+    judged = [i for i, limit in enumerate(limits) if limit >= min(wanted, max(limits))]
     # How far points of each pair can have come nearer, up to each sample.
     ways = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)) @ gap.weights)]) for gap in gaps]
     samples = np.arange(len(q))
@@ -455,7 +455,9 @@ class _PairList:
     """The pairs as they are gathered: gaps with the distance asked of each, and what is left out."""
 
     def __init__(self, scene: Scene) -> None:
+        self.scene = scene
         self.allowed = {frozenset(pair) for pair in scene.allowed}
+        self.disabled = {frozenset(pair) for pair in scene.disabled.pairs} if scene.disabled is not None else set()
         self.gaps: list[tuple[Gap, float]] = []
         self.left_out: list[LeftOut] = []
 
@@ -464,12 +466,20 @@ class _PairList:
         asked = (names, *((name, ALL) for name in names)) if self.allowed else ()
         return any(frozenset(pair) in self.allowed for pair in asked)
 
-    def add(self, gap: Gap, limit: float) -> None:
+    def leaves_out(self, names: tuple[str, str]) -> bool:
+        """Whether the scene or its SRDF says that two may touch; then they are told among those left out."""
+        if self.may_touch(names):
+            self.left_out.append(LeftOut(names, ASKED))
+            return True
+        if frozenset(names) in self.disabled and self.scene.disabled is not None:
+            self.left_out.append(LeftOut(names, f"disabled in {self.scene.disabled.file}"))
+            return True
+        return False
+
+    def add(self, gap: Gap) -> None:
         """A gap to look at, unless the two may touch."""
-        if self.may_touch(gap.names):
-            self.left_out.append(LeftOut(gap.names, ASKED))
-        else:
-            self.gaps.append((gap, limit))
+        if not self.leaves_out(gap.names):
+            self.gaps.append((gap, self.scene.asked(*gap.names)))
 
 
 def _readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[tuple[LinkShape, str]]]:
@@ -488,7 +498,9 @@ def pairs_of(robot: Robot, scene: Scene, q: Matrix) -> Pairs:
     links = links_of([shape for shape in good if not shape.obstacle])
     things = links_of([shape for shape in good if shape.obstacle])
     names = [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty]
-    _known(scene.allowed, names if floor is None else [*names, FLOOR])
+    _known([*scene.allowed, *((name, ALL) for name in scene.padding)], names if floor is None else [*names, FLOOR])
+    if scene.disabled is not None:
+        _check_srdf(robot, scene.disabled, names)
     pairs = _PairList(scene)
     unseen = [Unseen(shape.link, fault, _asked_about(shape, every, pairs, scene)) for shape, fault in faulty]
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
@@ -501,31 +513,35 @@ def pairs_of(robot: Robot, scene: Scene, q: Matrix) -> Pairs:
     tested: list[LinkGap] = []
     for i, link in enumerate(links):
         for thing in things if link.joint >= 0 else ():
-            pairs.add(link_gap(robot, link, thing, travel), clearance)
+            pairs.add(link_gap(robot, link, thing, travel))
         for j, other in enumerate(links[:i] if scene.self_collision else ()):
             names = (other.name, link.name)
             if link.joint == other.joint:
                 continue  # they never move against each other
-            if pairs.may_touch(names):
-                pairs.left_out.append(LeftOut(names, ASKED))
-            elif other is parents[i] or link is parents[j]:
+            if pairs.leaves_out(names):
+                continue
+            if other is parents[i] or link is parents[j]:
                 pairs.left_out.append(LeftOut(names, ADJACENT))
             else:
                 tested.append(link_gap(robot, other, link, travel))
     # Links that touch, or are too near, at every random posture.
-    for gap, distances in zip(tested, _at_random(robot, tested, clearance), strict=True):
-        nearest = distances.max(initial=-np.inf)
+    for gap, distances in zip(
+        tested,
+        _at_random(robot, tested, max((scene.asked(*gap.names) for gap in tested), default=clearance)),
+        strict=True,
+    ):
+        nearest, wanted = distances.max(initial=-np.inf), scene.asked(*gap.names)
         if nearest <= 0:
             pairs.left_out.append(LeftOut(gap.names, ALWAYS))
             continue
-        if nearest < clearance:
+        if nearest < wanted:
             reason = f"nearer than the clearance at each of {POSTURES} random postures, so only collisions are told"
             pairs.left_out.append(LeftOut(gap.names, reason))
-        pairs.gaps.append((gap, 0.0 if nearest < clearance else clearance))
+        pairs.gaps.append((gap, 0.0 if nearest < wanted else wanted))
     # Links and the floor.
     for link in links:
         if floor is not None and link.joint >= 0:
-            pairs.add(floor_gap(robot, link, floor, travel), clearance)
+            pairs.add(floor_gap(robot, link, floor, travel))
     gaps, limits = tuple(gap for gap, _ in pairs.gaps), tuple(limit for _, limit in pairs.gaps)
     return Pairs(gaps, limits, tuple(pairs.left_out), tuple(unseen), clearance)
 
@@ -550,6 +566,17 @@ def _known(pairs: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
     for name in (name for pair in pairs for name in pair):
         if name != ALL and name not in names:
             raise UnknownNameError("link or obstacle", name, tuple(dict.fromkeys(names)))
+
+
+def _check_srdf(robot: Robot, disabled: DisabledPairs, names: Sequence[str]) -> None:
+    """Raises: RobotFileError: the SRDF is of another robot."""
+    known = any(name in names for pair in disabled.pairs for name in pair)
+    if disabled.robot == robot.name and (known or not disabled.pairs):
+        return
+    fact = f"is of the robot {disabled.robot!r}, and this is {robot.name!r}"
+    if disabled.robot == robot.name:
+        fact = f"names no link with shapes of {robot.name!r}, but {', '.join(disabled.pairs[0])}"
+    raise RobotFileError(disabled.file, fact, "give the SRDF of this robot, or the pairs by allowed=")
 
 
 def _parent(robot: Robot, links: Sequence[Link], link: Link) -> Link | None:

@@ -301,7 +301,7 @@ def check(
             capsules = f"capsules of radius {chain_length(robot) / SLENDER:.3f} m from joint to joint"
             remarks.append(f"{robot.name} has no shapes: {capsules} stand for its links")
         pairs = pairs_of(robot, scene, samples.q)
-        swept = sweep(robot, pairs.gaps, samples.q, pairs.limits)
+        swept = sweep(robot, pairs.gaps, samples.q, pairs.limits, scene.clearance)
     clearances = []
     for pair, limit in sorted(zip(swept, pairs.limits, strict=True), key=lambda both: both[0].least):
         clearances.append(Clearance(pair.gap.names, pair.least, _time(samples, pair.least_at), pair.bound, limit))
@@ -409,13 +409,13 @@ class Clearances(Value):
                 apart = np.linalg.norm(a - b, axis=1) - one - other
                 rows = np.flatnonzero(np.broadcast_to(apart <= limit, len(Q)))
             if len(rows):
-                near[rows, p] = ~keeps(gap.distances(frames, rows, self.wanted), limit)
+                near[rows, p] = ~keeps(gap.distances(frames, rows, max(limit, self.wanted)), limit)
         return near
 
     def touching(self, Q: Matrix) -> list[str]:
         """The pair of which postures (k, n) are too near, in words; of several the nearest, "" where there is none."""
         words, blocked = [""] * len(Q), np.flatnonzero(~self.clear(Q))
-        gaps = self.distances(Q[blocked], self.wanted) - self.limits
+        gaps = self.distances(Q[blocked], np.maximum(self.limits, self.wanted)) - self.limits
         for i, row in zip(blocked, gaps, strict=True):
             words[i] = " and ".join(self.names[int(np.nanargmin(row))])
         return words

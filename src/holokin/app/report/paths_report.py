@@ -1,0 +1,186 @@
+"""The report of a job of several paths: its table, for the terminal and the page, and the folder of its files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path as FilePath
+from typing import Any
+
+from ...base.errors import brief, posture_text
+from ...base.files import write_text
+from ...base.types import Vector, number_or_none
+from ...base.units import SI, PrintedUnits
+from ...motion import TimedTrajectory
+from ...motion.checks import CheckReport
+from ...robot import Robot
+from .html_page import page
+from .job_result import NotRun, free_name, renewed, write_facts
+from .section import Column, Note, Section, right
+
+
+@dataclass(frozen=True, eq=False)
+class PathRow:
+    """A path as it is gone along, or the way home: by which way it is come to, and what checks find.
+
+    sheet: its number, 0 of the way home. length: of the path [m]. air, own: the timed motions, None where nothing
+    moves. reports: of both. level: of the rule.
+    """
+
+    name: str
+    sheet: int
+    level: Vector
+    length: float
+    way: str
+    air: TimedTrajectory | None
+    own: TimedTrajectory | None
+    reports: tuple[CheckReport, ...]
+
+    @property
+    def clearance(self) -> float:
+        """The least distance that checks find [m], of the path and of the way to it; NaN where none was looked at."""
+        return min((report.clearance for report in self.reports), default=float("nan"))
+
+
+@dataclass(frozen=True, eq=False)
+class RuleResult:
+    """All paths by one rule: the rows in their order, what was left out and why, the whole motion.
+
+    sentence: how often the sheet changes, and in which sense that is the least.
+    """
+
+    name: str
+    rows: tuple[PathRow, ...]
+    left_out: Mapping[str, str]
+    sentence: str
+    changes: int
+    exact: bool
+    motion: TimedTrajectory
+
+    @property
+    def passed(self) -> bool:
+        """Whether every path is gone along, and the checks find nothing."""
+        return not self.left_out and all(report.passed for row in self.rows for report in row.reports)
+
+
+@dataclass(frozen=True, eq=False)
+class PathsResult:
+    """The findings of a job of several paths."""
+
+    name: str
+    title: str
+    about: str
+    robot: Robot
+    task: str
+    q0: Vector
+    rules: tuple[RuleResult, ...]
+    seconds: float
+    checked: bool
+    not_run: tuple[NotRun, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+    units: PrintedUnits = SI
+
+    @property
+    def passed(self) -> bool:
+        """Whether every rule goes along every path, and the checks find nothing."""
+        return not self.not_run and all(rule.passed for rule in self.rules)
+
+    @property
+    def exit_code(self) -> int:
+        """0: all paths are gone along, clear; 1: some are not; 2: a rule goes along none."""
+        return 2 if self.not_run else 0 if self.passed else 1
+
+
+def _columns(result: PathsResult) -> list[Column]:
+    unit = result.units.length
+    columns: list[Column] = [("path", "left"), ("way there", "left")]
+    return [*columns, *right("sheet", "way\n[s]", "path\n[s]", f"length\n[{unit}]", f"clear.\n[{unit}]")]
+
+
+def _section(result: PathsResult, rule: RuleResult) -> Section:
+    """The table of a rule, its sentence, and what was left out."""
+    by, table = result.units.factor("m"), []
+    digits = 3 if result.units.length == "m" else 1
+    for row in rule.rows:
+        times = [f"{motion.duration:.2f}" if motion is not None else "-" for motion in (row.air, row.own)]
+        sheet, length = (str(row.sheet), f"{by * row.length:.{digits}f}") if row.own is not None else ("-", "-")
+        clear = f"{by * row.clearance:.{digits}f}" if row.clearance == row.clearance else "-"
+        table.append([brief(row.name), row.way, sheet, *times, length, clear])
+    table += [[brief(name), Note("left out", "failed"), *["-"] * 5] for name in rule.left_out]
+    tone = "good" if rule.passed else "bad"
+    count = len(rule.rows) - any(row.own is None for row in rule.rows)
+    done = f"{count} of {count + len(rule.left_out)} paths in {rule.motion.duration:.4g} s. "
+    points = [Note(done, tone, f"{rule.sentence}."), *(Note(f"{n}: {why}", "bad") for n, why in rule.left_out.items())]
+    points += [] if result.checked else [Note("Nothing was checked: the job has no [checks].", "warning")]
+    return Section(rule.name, head=_columns(result), rows=table, points=points)
+
+
+def print_paths(result: PathsResult, console: Any) -> None:
+    """Print the tables of a job of several paths."""
+    Section(brief(result.title), parts=[_section(result, rule) for rule in result.rules]).rich(console)
+    notes = [Note(f"{each.name}: not run: {each.reason}", "bad") for each in result.not_run]
+    Section(notes=[*notes, *result.notes]).rich(console)
+
+
+def write_paths_report(result: PathsResult, out: FilePath, version: str) -> FilePath:
+    """Write `out/<job>/`: report.html, a CSV of the whole motion of each rule, result.json. Raises: as `renewed`."""
+    with renewed(out, result.name) as work:
+        used: set[str] = set()
+        for rule in result.rules:
+            name = free_name(rule.name, "-timed.csv", used)
+            used.add(name)
+            rule.motion.save(work / name, result.units)
+        write_text(work / "report.html", _page(result, version))
+        write_facts(work, _facts(result, version))
+    return out / result.name
+
+
+def _page(result: PathsResult, version: str) -> str:
+    robot, units = result.robot, [c.unit for c in result.robot.coordinates]
+    start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)
+    whole = "All paths are gone along" if result.passed else "Not all paths are gone along"
+    clear = ", and the checks of the motion find nothing." if result.passed and result.checked else "."
+    facts = f"{robot.name}, {robot.n} joints ({robot.source}); task: {result.task}; start: {start}. "
+    facts += f"holokin {version}, {result.seconds:.1f} s. All of this was computed; no robot moved."
+    parts: list[Section | str] = [
+        f"<h1>{escape(result.title)}</h1>",
+        Section("Verdict", [Note(whole + clear, "strong"), result.about, *result.notes, Note(facts, "small")]),
+        *(_section(result, rule) for rule in result.rules),
+    ]
+    for rule in result.rules:
+        checks = [(row.name, report) for row in rule.rows for report in row.reports]
+        points = [
+            f"{name}: {'; '.join(report.told(result.units)[:1] + report.notes(result.units)[:1])}"
+            for name, report in checks
+        ]
+        last = [line for _, report in checks[:1] for line in report.notes(result.units)[1:]]
+        parts += [Section(f"{rule.name}: checks of the motion", points=[*points, *last])] if checks else []
+        parts.append(
+            f"<h2>{escape(rule.name)}: the whole motion</h2><pre>{escape(rule.motion.table(result.units))}</pre>"
+        )
+    if result.not_run:
+        parts.append(Section("Not run", points=[f"{each.name}: {each.reason}" for each in result.not_run]))
+    return page(result.title, parts)
+
+
+def _facts(result: PathsResult, version: str) -> dict[str, Any]:
+    """What result.json says."""
+    rules = []
+    for rule in result.rules:
+        rows = [
+            {"name": row.name, "sheet": row.sheet or None, "level": row.level.tolist(), "way": row.way}
+            | {"way_s": _seconds(row.air), "path_s": _seconds(row.own), "length_m": row.length}
+            | {"clearance": number_or_none(row.clearance), "checks": [report.to_dict() for report in row.reports]}
+            for row in rule.rows
+        ]
+        facts = {"name": rule.name, "passed": rule.passed, "changes": rule.changes, "exact": rule.exact}
+        facts |= {"sentence": rule.sentence, "seconds": rule.motion.duration, "left_out": dict(rule.left_out)}
+        rules.append(facts | {"paths": rows})
+    facts = {"job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name}
+    facts |= {"task": result.task, "start": result.q0.tolist(), "rules": rules, "notes": list(result.notes)}
+    return facts | {"not_run": [vars(each) for each in result.not_run], "seconds": result.seconds, "holokin": version}
+
+
+def _seconds(motion: TimedTrajectory | None) -> float | None:
+    return None if motion is None else motion.duration

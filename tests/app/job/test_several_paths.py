@@ -1,0 +1,336 @@
+"""Jobs of several paths: their order and postures, the ways between them, programs of procedures, and scenes."""
+
+from __future__ import annotations
+
+from itertools import combinations, pairwise, permutations, product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import Command, sampled
+from grammars import krl, listing, rapid, urscript
+from holokin.app.job import program_of_paths, read_job, run_paths
+from holokin.app.job.path_order import Choices, best_sequence, in_order, least_pool
+from holokin.base.errors import JobError
+
+# --- Order and postures: held against all orders with all postures.
+
+
+def random_choices(rng: np.random.Generator, paths: int, each: int, sheets: int) -> Choices:
+    k = paths * each
+    between = np.where(rng.random((k, k)) < 0.1, np.inf, rng.uniform(0.1, 3, (k, k)))
+    path, sheet = np.repeat(np.arange(paths), each), rng.integers(0, sheets, k)
+    return Choices(path, sheet, rng.uniform(0.1, 3, k), between, rng.uniform(0.1, 3, k))
+
+
+def least_of_all(choices: Choices, orders: list[tuple[int, ...]]) -> tuple[int, float]:
+    """(changes, seconds) of the best of all orders and all postures, one by one."""
+    best = (10**9, np.inf)
+    for order in orders:
+        for chosen in product(*(np.flatnonzero(choices.path == p) for p in order)):
+            seconds = choices.first[chosen[0]] + choices.last[chosen[-1]]
+            seconds += sum(choices.between[a, b] for a, b in pairwise(chosen))
+            changes = sum(choices.sheet[a] != choices.sheet[b] for a, b in pairwise(chosen))
+            if np.isfinite(seconds):
+                best = min(best, (int(changes), float(seconds)))
+    return best
+
+
+def test_no_order_and_no_posture_has_fewer_changes_or_less_time() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        choices = random_choices(rng, 6, 2, 4)
+        found = best_sequence(choices, given=False)
+        changes, seconds = least_of_all(choices, list(permutations(range(6))))
+        assert (found.exact, found.changes) == (True, changes)
+        assert found.cost % 1e6 == pytest.approx(seconds)
+        given = best_sequence(choices, given=True)
+        changes, seconds = least_of_all(choices, [tuple(range(6))])
+        assert (given.changes, given.cost % 1e6) == (changes, pytest.approx(seconds))
+
+
+def test_the_fewest_sheets_serve_all_paths_and_none_fewer_do() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        path, sheet = rng.integers(0, 6, 20), rng.integers(0, 7, 20)
+        pool, count = least_pool(path, sheet)
+        every = set(path.tolist())
+        covers = [
+            sheets
+            for size in range(1, 8)
+            for sheets in combinations(range(7), size)
+            if set(path[np.isin(sheet, sheets)].tolist()) == every
+        ][:1]
+        assert count == len(covers[0])
+        assert set(path[pool].tolist()) == every
+
+
+def test_above_the_exact_search_it_is_said_and_no_order_is_worse_than_the_given_one() -> None:
+    choices = random_choices(np.random.default_rng(1), 22, 3, 2)
+    found = best_sequence(choices, given=False)
+    assert not found.exact
+    assert sorted(choices.path[list(found.chosen)].tolist()) == list(range(22))
+    assert found.cost <= in_order(choices, range(22))[0]
+
+
+# --- Sheets: an elbow arm of two links whose shoulder turns by 90 degrees each way.
+
+ELBOW = """
+title = "Two links"
+[robot]
+name = "two.toml"
+[start]
+q = [0.3, 1.0]
+[task]
+rows = [0, 1]
+[strategies.only]
+kind = "moore-penrose"
+[timing]
+acceleration = 5.0
+dt = 0.01
+{more}
+"""
+TWO = """
+name = "two"
+source = "two links of half a metre"
+convention = "standard"
+tip = "tool"
+[[joints]]
+joint = "shoulder"
+a = 0.5
+lower = -1.5707963
+upper = 1.5707963
+max_velocity = 2.0
+[[joints]]
+joint = "elbow"
+a = 0.5
+lower = -2.5
+upper = 2.5
+max_velocity = 2.0
+"""
+
+
+def at(degrees: float, reach: float = 0.6) -> list[float]:
+    return [round(reach * float(f(np.deg2rad(degrees))), 9) for f in (np.cos, np.sin)]
+
+
+def elbow_job(folder: Path, angles: dict[str, float], order: str = "given", reach: float = 0.6, more: str = "") -> Path:
+    """Short paths outwards, at angles from the x axis: near +-100 degrees one elbow alone keeps the shoulder's limit."""
+    (folder / "two.toml").write_text(TWO)
+    text = ELBOW.format(more=more) + f'[air]\norder = "{order}"\n'
+    for name, angle in angles.items():
+        points = [at(angle, reach), at(angle, reach + 0.05)]
+        text += f'[[path]]\nname = "{name}"\nkind = "polyline"\npoints = {points}\nsamples = 50\n'
+    (folder / "job.toml").write_text(text, encoding="utf-8")
+    return folder / "job.toml"
+
+
+def result_of(file: Path):
+    return run_paths("job", read_job(file), file)
+
+
+def test_where_two_changes_are_needed_two_are_made_and_one_in_the_best_order(tmp_path: Path) -> None:
+    # At 100 degrees the elbow must point one way, at -100 the other one, whatever the rest does.
+    angles = {"left": 100.0, "right": -100.0, "left again": 95.0}
+    (rule,) = result_of(elbow_job(tmp_path, angles)).rules
+    assert rule.changes == 2
+    assert [row.sheet for row in rule.rows] == [1, 2, 1, 0]
+    (rule,) = result_of(elbow_job(tmp_path, angles, "shortest")).rules
+    assert (rule.changes, rule.exact, rule.left_out) == (1, True, {})
+    (rule,) = result_of(elbow_job(tmp_path, {"left": 100.0, "middle": 0.0})).rules
+    assert rule.changes == 0
+
+
+def test_a_path_out_of_reach_is_left_out_and_the_others_are_done(tmp_path: Path, holokin: Command) -> None:
+    file = elbow_job(tmp_path, {"near": 10.0, "far": 20.0, "last": 30.0})
+    file.write_text(
+        file.read_text().replace(str(at(20.0, 0.65)), str(at(20.0, 1.4))).replace(str(at(20.0)), str(at(20.0, 1.3)))
+    )
+    result = result_of(file)
+    (rule,) = result.rules
+    assert [row.name for row in rule.rows] == ["near", "last", "home"]
+    assert "reach" in rule.left_out["far"]
+    assert result.exit_code == 1
+    done = holokin("run", str(file), "--out", str(tmp_path / "out"))
+    assert done.code == 1
+    assert "left out" in done.out
+
+
+def test_two_paths_of_one_name_and_keys_of_one_path_are_refused(tmp_path: Path) -> None:
+    file = elbow_job(tmp_path, {"one": 10.0, "two": 20.0})
+    text = file.read_text()
+    for old, new, said in (
+        ('name = "two"\nkind', 'name = "one"\nkind', r"path\.1\.name.*'one' is the name of path\.0"),
+        ('name = "two"\nkind', "kind", r"path\.1\.name.*missing"),
+        ('kind = "polyline"', 'kind = "polyline"\nentry = "joints"', "entry is of a job of one path"),
+        ('kind = "polyline"', 'kind = "polyline"\nframe = "fixtur"', "no frame of"),
+        ("[timing]\nacceleration = 5.0\ndt = 0.01", "", "timing.*missing"),
+    ):
+        file.write_text(text.replace(old, new))
+        with pytest.raises(JobError, match=said):
+            read_job(file)
+
+
+# --- Programs: an arm of six axes along three seams, as its controller reads them.
+
+WELD = """
+title = "Three seams"
+[robot]
+name = "ur10e"
+tool = {{ xyz = [0.0, 0, 0.25] }}
+[start]
+q = [0, -100, 100, -90, -90, 0]
+degrees = true
+[task]
+kind = "pose"
+orientation = "axis"
+[strategies.wrist]
+kind = "lock"
+joints = ["wrist_3_joint"]
+level = 0.0
+[frames.fixture]
+xyz = [-0.75, -0.17, 0.2]
+[timing]
+acceleration = 8.0
+dt = 0.02
+[program]
+tolerance = 0.002
+on = ["output 5 on"]
+off = ["output 5 off"]
+[checks]
+floor = 0.0
+radius = {{ wrist_3_joint = {torch} }}
+clearance = 0.005
+[[checks.obstacles]]
+name = "box"
+{box}
+frame = "fixture"
+[[path]]
+name = "Naht links"
+kind = "polyline"
+points = [[-0.15, 0.215, 0.065], [0.15, 0.215, 0.065]]
+frame = "fixture"
+samples = 100
+[[path]]
+name = "Näht rechts"
+kind = "polyline"
+points = [[-0.15, -0.215, 0.065], [0.15, -0.215, 0.065]]
+frame = "fixture"
+samples = 100
+[[path]]
+name = "loop"
+kind = "polyline"
+points = [{loop}]
+frame = "fixture"
+samples = 100
+on = ["output 6 on"]
+"""
+BOX = 'kind = "box"\nsides = [0.3, 0.4, 0.1]'
+ABOVE = "[0.0, -0.1, 0.08], [0.0, 0.1, 0.08]"
+
+
+@pytest.fixture(scope="module")
+def weld(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("weld") / "weld.toml"
+    file.write_text(WELD.format(torch=0.006, box=BOX, loop=ABOVE), encoding="utf-8")
+    return file
+
+
+@sampled(2, "language", ["urscript", "rapid", "krl", "ls"])
+def test_procedures_are_read_back_and_each_begins_where_the_one_before_ended(weld: Path, language: str) -> None:
+    job = read_job(weld)
+    program, plan = program_of_paths("weld", job, weld, language)
+    first = program.text
+    if language == "urscript":
+        *parts, main = (f"def {part}" for part in first.split("def ")[1:])
+        read = [urscript(f"{part}{part.split('(')[0][4:]}()") for part in parts]
+        called = [line.strip()[:-2] for line in main.splitlines() if line.startswith("  ") and "#" not in line]
+    elif language == "rapid":
+        head, *parts = first.replace("ENDMODULE", "").split("  PROC ")
+        called = [line.strip()[:-3] if line.endswith("();") else line.strip()[:-1] for line in parts[0].splitlines()]
+        called = [name for name in called[1:] if name and name != "ENDPRO"]
+        read = []
+        for part in parts[1:]:
+            name, *lines = part.splitlines()
+            targets = [line for line in lines if "!" not in line and ("CONST" in line or line.lstrip().startswith("["))]
+            moves = [line for line in lines if line not in targets]
+            read.append(rapid("\n".join(["MODULE m", *targets, f"PROC {name}", *moves, "ENDMODULE"])))
+    else:
+        end = ".src" if language == "krl" else ".LS"
+        names = [name.removesuffix(end) for name in program.files if name.endswith(end)][1:]
+        of = program.files
+        read = [krl(of[f"{n}.src"], of[f"{n}.dat"]) if end == ".src" else listing(of[f"{n}.LS"]) for n in names]
+        called = [line for line in first.splitlines() if line.endswith("()") and "DEF" not in line]
+        called = [line[:-2] for line in called] or [w.split()[0] for w in first.split("CALL ")[1:]]
+    assert called == [part.name for part in read], language
+    # The motion of the plan, part by part; joints in degrees but for URScript.
+    stages = [each.timed for each in plan.paths]
+    by = 1.0 if language == "urscript" else np.pi / 180
+    for one, other in pairwise(read):
+        assert np.abs(other.axes[0] - one.axes[-1]).max() < 1e-3, language
+    for part, timed in zip(read, stages, strict=False):
+        assert np.abs(by * part.axes[-1] - timed.q[-1]).max() < 1e-4, language
+        assert np.abs(by * part.axes - timed.q[0]).max(axis=1).min() < 1e-4, language
+    on = [[text for _, text in part.lines] for part in read]
+    assert ["5" in str(lines) for lines in on] == [True, True, True, False], language
+    assert ["6" in str(lines) for lines in on] == [False, False, True, False], language
+
+
+def test_names_that_a_language_cannot_hold_become_others_and_it_is_said(weld: Path) -> None:
+    program, _ = program_of_paths("weld", read_job(weld), weld, "krl")
+    assert all(text.isascii() for text in program.files.values())
+    assert "Naht_rechts.src" in program.files
+    assert "p_loop.src" in program.files  # a word of the language
+    assert any("'Näht rechts' is Naht_rechts" in note for note in program.notes)
+
+
+# --- Scenes: meshes with pockets, pieces, frames.
+
+
+def pocket(file: Path, half: float) -> None:
+    """A box of 0.3 x 0.4 x 0.1 m in mm with a square pocket, 80 mm deep, open above."""
+    trimesh = pytest.importorskip("trimesh")
+    x, y, low, high = 150.0, 200.0, -50.0, 50.0
+    boxes = [((-x, -y, low), (x, y, high - 80)), ((-x, -y, low), (-half, y, high)), ((half, -y, low), (x, y, high))]
+    boxes += [((-half, -y, low), (half, -half, high)), ((-half, half, low), (half, y, high))]
+    trimesh.util.concatenate([trimesh.creation.box(bounds=bounds) for bounds in boxes]).export(file)
+
+
+def test_a_pocket_stays_open_for_a_thin_torch_and_one_that_is_smaller_is_told(tmp_path: Path) -> None:
+    file, mesh = tmp_path / "job.toml", 'kind = "mesh"\nfile = "box.stl"\nscale = 0.001'
+    inside = "[0.0, -0.01, 0.0], [0.0, 0.01, 0.0]"  # 50 mm below the rim
+    pocket(tmp_path / "box.stl", 60.0)
+    file.write_text(WELD.format(torch=0.006, box=mesh, loop=inside), encoding="utf-8")
+    (rule,) = result_of(file).rules
+    assert rule.left_out == {}
+    assert next(row for row in rule.rows if row.name == "loop").clearance < 0.06
+    pocket(tmp_path / "box.stl", 12.0)  # 24 mm wide, for 10 mm of way, 12 mm of torch and twice 5 mm
+    (rule,) = result_of(file).rules
+    assert list(rule.left_out) == ["loop"]
+    assert "box" in rule.left_out["loop"]
+    file.write_text(WELD.format(torch=0.006, box=mesh.replace("\nscale = 0.001", ""), loop=inside), encoding="utf-8")
+    with pytest.raises(JobError, match="scale = 0.001"):
+        result_of(file)
+
+
+@pytest.mark.campaign
+def test_convex_pieces_hold_the_mesh_and_leave_its_pocket_open(tmp_path: Path) -> None:
+    pytest.importorskip("coacd")
+    pocket(tmp_path / "box.stl", 60.0)
+    mesh = hk.robot.Mesh(tmp_path / "box.stl", np.full(3, 1e-3))
+    pieces = hk.robot.convex_pieces(mesh)
+
+    def inside(point: list[float]) -> bool:
+        """By the support of each piece: no direction in which the point is beyond it."""
+        rng = np.random.default_rng(0)
+        d = rng.normal(size=(4000, 3))
+        d = np.vstack([d / np.linalg.norm(d, axis=1)[:, None], np.eye(3), -np.eye(3)])
+        return any((d @ np.array(point) <= piece.support(d)).all() for piece in pieces)
+
+    assert len(pieces) > 1
+    assert not inside([0.0, 0.0, 0.0])
+    assert not inside([0.04, 0.04, 0.03])
+    assert inside([0.1, 0.0, 0.0])
+    assert inside([0.0, 0.0, -0.045])
