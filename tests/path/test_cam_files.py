@@ -722,3 +722,11 @@ samples = 100
     }.items():
         with pytest.raises(JobError, match=words):
             run(keys)
+
+
+def test_directions_alone_make_no_workspace(tmp_path: Path) -> None:
+    """Whether they point into the work or out of it a workspace could not say, and has no notes to say what it took."""
+    file = tmp_path / "w.csv"
+    file.write_text(f"{XYZ},i,j,k\n0,0,0,0,0,1\n10,0,0,0,0,1\n")
+    with pytest.raises(FileError, match="its column 'i' is neither a position"):
+        hk.path.read_workspace(file)
