@@ -2,7 +2,8 @@
 
 The grammars are those of public documents: CATIA V5, "Syntaxes Interpreted by APT Import"; NX, cutter location source
 files; Creo, CL data files; LinuxCNC and FANUC G-code, and Siemens 840D's TRAORI. DXF is written by ezdxf. What is
-expected is worked out by hand, and the angles of makers from turns about single axes.
+expected is worked out by hand, and the angles of makers from turns about single axes, multiplied as in Basler's pages
+on pose formats, and for Comau and Staubli in RoboDK's robomath.py.
 """
 
 from __future__ import annotations
@@ -345,12 +346,9 @@ def turn(axis: str, degrees: float) -> np.ndarray:
 
 MAKERS = {
     "FANUC": ("w,p,r", "", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
-    "ABB": ("ez,ey,ex", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("x", c)),
     "Kawasaki": ("o,a,t", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
     "Comau": ("a,e,r", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
-    "Epson": ("u,v,w", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("x", c)),
     "Mitsubishi": ("a,b,c", "Mitsubishi", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
-    "Doosan": ("a,b,c", "Doosan", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
     "Yaskawa": ("rx,ry,rz", "Yaskawa", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
     "Staubli": ("rx,ry,rz", "Staubli", lambda a, b, c: turn("x", a) @ turn("y", b) @ turn("z", c)),
 }

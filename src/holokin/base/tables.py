@@ -365,10 +365,8 @@ NAMED = {
     "vector": ("rx", "ry", "rz"),
     "KUKA": ("a", "b", "c"),
     "FANUC": ("w", "p", "r"),
-    "ABB": ("ez", "ey", "ex"),
     "Kawasaki": ("o", "a", "t"),
     "Comau": ("a", "e", "r"),
-    "Epson": ("u", "v", "w"),
 }
 AXES = ("axis", "normal")
 """Columns of the direction of the tool's z axis."""
@@ -377,18 +375,16 @@ EULER = {
     "angles": "xyz",
     "KUKA": "ZYX",
     "FANUC": "xyz",
-    "ABB": "ZYX",
     "Kawasaki": "ZYZ",
     "Comau": "ZYZ",
-    "Epson": "ZYX",
     "Mitsubishi": "xyz",
-    "Doosan": "ZYZ",
     "Yaskawa": "xyz",
     "Staubli": "XYZ",
 }
-"""Axes of three angles in the order of their columns: capitals turn with the tool, small letters stand still."""
+"""Axes of three angles in the order of their columns: capitals turn with the tool, small letters stand still. Those of
+makers are as Basler's pages on pose formats have them; of Comau and Staubli as in RoboDK's robomath.py."""
 
-OF_MAKERS = {"KUKA": ("KUKA", "Mitsubishi", "Doosan"), "vector": ("UR", "Yaskawa", "Staubli")}
+OF_MAKERS = {"KUKA": ("KUKA", "Mitsubishi"), "vector": ("UR", "Yaskawa", "Staubli")}
 """Names of columns that several makers use in ways of their own: the first one is taken where nobody says another."""
 
 MAKERS = sorted({*EULER, "UR"} - {"angles"}, key=str.lower)
