@@ -2,7 +2,8 @@
 
 The grammars are those of public documents: CATIA V5, "Syntaxes Interpreted by APT Import"; NX, cutter location source
 files; Creo, CL data files; LinuxCNC and FANUC G-code, and Siemens 840D's TRAORI. DXF is written by ezdxf. What is
-expected is worked out by hand, and the angles of makers from turns about single axes.
+expected is worked out by hand, and the angles of makers from turns about single axes, multiplied as in Basler's pages
+on pose formats, and for Comau and Staubli in RoboDK's robomath.py.
 """
 
 from __future__ import annotations
@@ -345,12 +346,9 @@ def turn(axis: str, degrees: float) -> np.ndarray:
 
 MAKERS = {
     "FANUC": ("w,p,r", "", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
-    "ABB": ("ez,ey,ex", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("x", c)),
     "Kawasaki": ("o,a,t", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
     "Comau": ("a,e,r", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
-    "Epson": ("u,v,w", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("x", c)),
     "Mitsubishi": ("a,b,c", "Mitsubishi", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
-    "Doosan": ("a,b,c", "Doosan", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
     "Yaskawa": ("rx,ry,rz", "Yaskawa", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
     "Staubli": ("rx,ry,rz", "Staubli", lambda a, b, c: turn("x", a) @ turn("y", b) @ turn("z", c)),
 }
@@ -722,3 +720,11 @@ samples = 100
     }.items():
         with pytest.raises(JobError, match=words):
             run(keys)
+
+
+def test_directions_alone_make_no_workspace(tmp_path: Path) -> None:
+    """Whether they point into the work or out of it a workspace could not say, and has no notes to say what it took."""
+    file = tmp_path / "w.csv"
+    file.write_text(f"{XYZ},i,j,k\n0,0,0,0,0,1\n10,0,0,0,0,1\n")
+    with pytest.raises(FileError, match="its column 'i' is neither a position"):
+        hk.path.read_workspace(file)

@@ -728,11 +728,6 @@ class Waypoints(Value):
     def __len__(self) -> int:
         return len(self.points)
 
-    @property
-    def targets(self) -> Array:
-        """Poses (k, 4, 4); points (k, 3) where there are no rotations."""
-        return self.points if self.rotations is None else pose_from(self.points, self.rotations)
-
     @typed
     def path(self, speed: float = 0.1, angular_speed: float = 0.5) -> Path:
         """The path along the moves as the file draws them, straight from point to point where it says no more.
