@@ -151,7 +151,7 @@ def test_a_path_out_of_reach_is_left_out_and_the_others_are_done(tmp_path: Path,
     result = result_of(file)
     (rule,) = result.rules
     assert [row.name for row in rule.rows] == ["near", "last", "home"]
-    assert "reach" in rule.left_out["far"]
+    assert "no posture within the limits has the tool at its start" in rule.left_out["far"]
     assert result.exit_code == 1
     done = holokin("run", str(file), "--out", str(tmp_path / "out"))
     assert done.code == 1

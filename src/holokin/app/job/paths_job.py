@@ -148,12 +148,12 @@ class PathsPlan(Value):
         on = "All paths are on one sheet" if sheets == 1 else f"The paths are on {sheets} sheets"
         times = "1 time" if self.changes == 1 else f"{self.changes} times"
         changes = on if self.changes == 0 else f"{on}, and the sheet changes {times}"
-        of = f"of {self.candidates} postures at {self.levels} level{'s' * (self.levels != 1)}"
+        of = f"among {self.candidates} postures at {self.levels} level{'s' * (self.levels != 1)}"
         if not self.exact:
             return f"{changes}; the order was improved by exchanges, {of}: a better one may exist"
         order = "any" if self.any_order else "this"
         which = "of these" if self.compared == self.candidates else f"of {self.compared} of these"
-        return f"{changes}, the fewest in {order} order {of}; then the time in the air is the least {which}"
+        return f"{changes}, the fewest in {order} order, {of}; then the time in the air is the least {which}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -284,8 +284,9 @@ class Job(Table):
             raise ValueError("air: leads from one [[path]] to the next; leave it out, or write [[path]] with names")
         if names and self.timing is None:
             raise ValueError("timing: is missing; add [timing]: the ways between several paths are timed")
-        if names and (self.sheets or self.workspace):
-            raise ValueError("path: several paths go with no [sheets] and no [workspace]; leave these out")
+        unused = sorted(self.model_fields_set & {"sheets", "workspace", "expect", "verdict"})
+        if names and unused:
+            raise ValueError(f"{unused[0]}: is for a job of one [path]; leave it out")
         return self
 
     @model_validator(mode="after")

@@ -258,7 +258,10 @@ def program_of_paths(
         task, table, path = (strategy.task, None, None) if each is None else (each.strategy.task, each.table, each.path)
         programs.append(_written(job, file, language, task, path, timed, word, about, table))
         notes += [f"the procedure of {title!r} is {word}"] if word.lower() != title.lower() else []
-    facts = [f"Job {name}: {label} on {strategy.task.robot.name}, {job.title}", *textwrap.wrap(plan.sentence, 76)]
+    facts = [
+        f"Job {name}: {label} on {strategy.task.robot.name}, {job.title}",
+        *textwrap.wrap(plan.sentence.replace(";", ","), 76),
+    ]
     facts.append(f"{len(plan.paths)} paths, {plan.timed.duration:.3f} s in all")
     program = with_procedures(language, main, words, programs, facts)
     if "lines" not in LANGUAGES[language].takes:  # motion alone: all of it one after the other
