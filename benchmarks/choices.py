@@ -11,7 +11,7 @@ import holokin as hk
 from benchmarks.cusps import NAMES
 from benchmarks.page import Given, table, versions, wrapped
 
-ADVISED = ("panda", "fr3", "iiwa14", "xarm7", "openarm-left", "gen3", "sawyer")
+ADVISED = ("panda", "iiwa14", "xarm7", "openarm-left", "gen3")
 BOXED = ("panda", "iiwa14", "xarm7")
 BOX = hk.workspace(box=([0.6, 0.0, 0.5], [0.6, 0.6, 0.5]), tilt=np.radians(30))
 
@@ -19,10 +19,11 @@ BOX = hk.workspace(box=([0.6, 0.0, 0.5], [0.6, 0.6, 0.5]), tilt=np.radians(30))
 def advised(names: tuple[str, ...]) -> Iterator[list[str]]:
     """Rows: the best strategy of an arm in the workspace that is proposed for it."""
     for name in names:
-        advice = hk.advise(hk.pose(hk.load(name)))
-        best = advice.best
+        begin = time.process_time()
+        best = hk.advise(hk.pose(hk.load(name))).best
+        seconds = time.process_time() - begin
         print(best, flush=True)
-        yield [NAMES[name], best.name, f"{best.coverage:.1%}", f"{best.speed - 1:.0%}", f"{advice.seconds:.0f} s"]
+        yield [NAMES[name], best.name, f"{best.coverage:.1%}", f"{best.speed - 1:.0%}", f"{seconds:.0f} s"]
 
 
 def boxed(names: tuple[str, ...], samples: int) -> Iterator[list[str]]:
@@ -49,7 +50,7 @@ def section(given: Given) -> tuple[list[str], str]:
             """What does [`hk.advise`](choose.md#advice) propose, and what does it cost? It is asked for the whole pose
             of the tool in the workspace that it proposes itself for each arm. *Served*: the share of the workspace
             within the joint limits, on one leaf. The least joint speed is that of the best postures found at the same
-            poses, whatever their leaves."""
+            poses, whatever their leaves. Times are processor times."""
         ),
         strategies,
         wrapped(

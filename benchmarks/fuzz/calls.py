@@ -255,7 +255,12 @@ def special() -> dict[str, dict[str, Any]]:
 def rooms() -> list[Any]:
     """The package and its public rooms."""
     public = [room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name))]
-    names = [m.name for room in public for m in walk_packages(room.__path__, f"{room.__name__}.") if m.ispkg]
+    names = [
+        m.name
+        for room in public
+        for m in walk_packages(room.__path__, f"{room.__name__}.")
+        if m.ispkg and not m.name.endswith("closed_form")
+    ]
     return [hk, *(room for room in (*public, *map(import_module, names)) if hasattr(room, "__all__"))]
 
 
@@ -265,7 +270,7 @@ def callables() -> dict[str, Callable[..., Any]]:
     found: dict[str, Callable[..., Any]] = {kind.__name__: kind for kind in MADE}
     for room in rooms():
         found |= {name: one for name in room.__all__ if inspect.isfunction(one := getattr(room, name))}
-    found["studio"] = lambda job=("no such job",): hk.studio(*job, browser=False, wait=False).close()
+    found["studio"] = lambda job="no such job": hk.studio(job, browser=False, wait=False).close()
     known = set()
     for thing in things().values():
         for name in ("__call__", *(n for n in dir(type(thing)) if not n.startswith("_"))):
@@ -326,7 +331,7 @@ def used(result: Any) -> None:
         hk.from_dh([result])
     elif isinstance(result, hk.export.Wiring):
         hk.export.to_krl(k["timed"], wiring=result)
-    elif hasattr(result, "begin"):
+    elif callable(getattr(result, "begin", None)):
         result.begin(k["q"])(k["q"], k["pose"], np.zeros(6), 0.01)
 
 

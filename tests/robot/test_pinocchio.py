@@ -167,10 +167,11 @@ def test_every_moving_chain_agrees_with_pinocchio(path: Path) -> None:
         assert NOTHING_TO_COMPARE[path.name] in chains
         pytest.skip(f"{path.name}: {chains}")
     found = compared(path)
-    assert max(found.pose.values()) < TOLERANCE, found.pose
-    assert max(found.jacobian.values()) < TOLERANCE, found.jacobian
+    assert max(found.pose.values(), default=0.0) < TOLERANCE, found.pose
+    assert max(found.jacobian.values(), default=0.0) < TOLERANCE, found.jacobian
     assert len(found.pose) + len(found.refused) == len(chains)
-    assert all("mimics" in problem and path.name == MIMIC_OF_NOTHING for problem in found.refused.values())
+    word = "mimics" if path.name == MIMIC_OF_NOTHING else "fill in its <limit>"
+    assert all(word in problem for problem in found.refused.values())
 
 
 @pytest.mark.campaign
@@ -179,8 +180,8 @@ def test_what_was_compared_is_not_little() -> None:
     found = [compared(path) for path in files]
     assert len(urdf_files()) - len(files) <= len(NOTHING_TO_COMPARE)
     assert len(files) >= 66
-    assert sum(len(c.pose) for c in found) >= 577
-    assert sum(len(c.refused) for c in found) == 8
+    assert sum(len(c.pose) for c in found) >= 575
+    assert sum(len(c.refused) for c in found) == 10
     assert sum(c.mimics for c in found) >= 60
 
 
@@ -224,7 +225,7 @@ def test_limits_and_speeds_are_pinocchios(every: int, least: tuple[int, int, int
     counts = {"given": 0, "left out": 0, "unlimited": 0}
     for path in urdf_files()[::every]:
         chains = moving_chains(path)
-        if isinstance(chains, str):
+        if isinstance(chains, str) or not compared(path).pose:
             continue
         model, elements = pin.buildModelFromUrdf(str(path)), elements_of(path)
         robot = hk.from_urdf(path, tip=[tip for tip in chains if tip not in compared(path).refused])
