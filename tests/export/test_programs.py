@@ -509,6 +509,7 @@ def test_entry_program_and_table_speak_the_units_of_the_job(holokin: Command, tm
         _, strategy, q0 = job_strategy(job, file, None)
         path = build_paths(job.path, strategy.task, q0, file)
         said, _ = entry_report(job, file, strategy, build_entry(job, strategy, path, q0))
+        said = job.printed_units.reworded(said, [(c.name, c.unit) for c in strategy.task.robot.coordinates])
         written = holokin("export", "rapid", file, "--out", tmp_path / name)
         rows = [line.split() for line in written.out.splitlines() if re.match(r"q\d ", line)]
         seen[name] = (

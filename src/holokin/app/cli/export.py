@@ -242,7 +242,8 @@ def _export_motion(language: str) -> Callable[..., None]:
             show(f"{program.targets} targets, even motion between them within {far}")
         else:
             show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
-        show("\n".join([*program.notes, timed.table(units)]))
+        joints = list(zip(timed.joint_names, timed.joint_units, strict=True))
+        show("\n".join([*(units.reworded(note, joints) for note in program.notes), timed.table(units)]))
 
     return command
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Any, Literal, final
 
@@ -98,6 +98,16 @@ class Section:
     points: Sequence[Words] = ()
     parts: Sequence[Section] = ()
 
+    def reworded(self, change: Callable[[str], str]) -> Section:
+        """The same with each sentence and each cell of the table changed, but for titles, headings and figures."""
+
+        def each(listed: Sequence[Words]) -> list[Words]:
+            return [change(w) if isinstance(w, str) else _changed(w, change) for w in listed]
+
+        texts = {part: each(getattr(self, part)) for part in ("notes", "remarks", "points")}
+        parts = [part.reworded(change) for part in self.parts]
+        return replace(self, rows=[each(row) for row in self.rows], parts=parts, **texts)
+
     @property
     def columns(self) -> list[Column]:
         """Heading and alignment of each column."""
@@ -173,6 +183,10 @@ class Section:
         lines += map(_plain, (*self.remarks, *self.points))
         lines += [f"  {line}" for part in self.parts for line in str(part).splitlines()]
         return "\n".join(lines)
+
+
+def _changed(note: Note, change: Callable[[str], str]) -> Note:
+    return replace(note, text=change(note.text), then=change(note.then), detail=change(note.detail))
 
 
 def _plain(words: Words) -> str:
