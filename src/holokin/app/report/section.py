@@ -39,6 +39,10 @@ WRAPPED = ("strategy", "joint")
 """Columns of names, which may have several lines in a terminal."""
 
 
+_WIDEST = 1_000
+"""Characters of a line at most, where no terminal is."""
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class Image:
@@ -99,14 +103,15 @@ class Section:
     parts: Sequence[Section] = ()
 
     def reworded(self, change: Callable[[str], str]) -> Section:
-        """The same with each sentence and each cell of the table changed, but for titles, headings and figures."""
+        """The same with each sentence, caption and cell of the table changed, but for titles and headings."""
 
         def each(listed: Sequence[Words]) -> list[Words]:
             return [change(w) if isinstance(w, str) else _changed(w, change) for w in listed]
 
         texts = {part: each(getattr(self, part)) for part in ("notes", "remarks", "points")}
         parts = [part.reworded(change) for part in self.parts]
-        return replace(self, rows=[each(row) for row in self.rows], parts=parts, **texts)
+        figure = self.figure and replace(self.figure, caption=change(self.figure.caption))
+        return replace(self, figure=figure, rows=[each(row) for row in self.rows], parts=parts, **texts)
 
     @property
     def columns(self) -> list[Column]:
@@ -161,7 +166,13 @@ class Section:
                 table.add_column()
             for row in self.rows:
                 table.add_row(*(Text(brief(_plain(cell)), style=_color(cell) or "") for cell in row))
+            # Columns are not cut where nothing but the console says how wide a line is, as in a pipe.
+            width = console.width
+            if not console.is_terminal:
+                whole = console.measure(table, options=console.options.update(width=_WIDEST)).maximum
+                console.width = max(width, whole)
             console.print(table)
+            console.width = width
         elif self.title:
             console.print(f"{indent}{self.title}", markup=False, highlight=False)
         # The sentences and the sections below it, indented.
