@@ -349,7 +349,6 @@ def test_the_documented_loop_comes_home(tmp_path: Path, holokin: Command) -> Non
 
 def test_the_command_refuses_in_one_sentence(holokin: Command, out: Path) -> None:
     for arguments, words in (
-        (("panda-circle",), ("say which one with --strategy", "lock-3")),
         (("paper", "--strategy", "lock-3"), ("stands for several", "ppr-cycle")),
         (("panda-circle", "--strategy", "lock-4"), ("lock-4", "did you mean 'lock-3'")),
         (("nothing", "--strategy", "x"), ("nothing",)),

@@ -22,7 +22,7 @@ from grammars import facts
 from holokin.analysis.audit.logs import read_recording
 from holokin.app.job import open_job, program_of_job, run_job
 from holokin.app.job.job_parts import build_entry, build_paths, entry_report
-from holokin.app.job.uses import job_strategy
+from holokin.app.job.uses import default_strategy, job_strategy
 from holokin.base.errors import ArgumentError, ExportError, HolokinError, MissingExtraError, UnknownNameError
 from holokin.export import (
     ProcessLines,
@@ -602,6 +602,7 @@ def test_entry_program_and_table_speak_the_units_of_the_job(holokin: Command, tm
         _, strategy, q0 = job_strategy(job, file, None)
         path = build_paths(job.path, strategy.task, q0, file)
         said, _ = entry_report(job, file, strategy, build_entry(job, strategy, path, q0))
+        said = job.printed_units.reworded(said, [(c.name, c.unit) for c in strategy.task.robot.coordinates])
         written = holokin("export", "rapid", file, "--out", tmp_path / name)
         rows = [line.split() for line in written.out.splitlines() if re.match(r"q\d ", line)]
         seen[name] = (
@@ -613,6 +614,48 @@ def test_entry_program_and_table_speak_the_units_of_the_job(holokin: Command, tm
         np.testing.assert_allclose(np.degrees(plain), turned, rtol=0.05)
     read = [read_recording(tmp_path / name / "joints.csv", hk.load("irb140")).q for name in seen]
     np.testing.assert_allclose(*read, atol=1e-9)
+
+
+def test_a_first_export_needs_no_option(holokin: Command, tmp_path: Path, monkeypatch) -> None:
+    """No folder, strategy or acceleration is given: what was chosen is said, and the joints keep to their speeds."""
+    monkeypatch.chdir(tmp_path)
+    done = holokin("export", "rapid", "irb140-half-square")
+    assert done.code == 0, done.err
+    assert "strategy coupled: the first with leaves; --strategy takes another: moore-penrose" in done.out
+    assert "no acceleration is given: a quintic profile" in done.out
+    folder = tmp_path / "out" / "irb140-half-square-rapid"
+    assert "quintic motion" in next(folder.glob("*.mod")).read_text()
+    log, robot = read_recording(folder / "joints.csv", hk.load("irb140")), hk.load("irb140")
+    speeds = np.abs(np.gradient(log.q, log.t, axis=0)) / robot.max_velocity
+    assert 0.001 < speeds.max() <= 1.0 + 1e-6
+    np.testing.assert_allclose(speeds[[0, -1]], 0.0, atol=1e-3)  # it starts and ends at rest
+    done = holokin("export", "rapid", "irb140-half-square", "--strategy", "moore-penrose", "--acceleration", "5")
+    assert done.code == 0 and "the first with leaves" not in done.out and "no acceleration" not in done.out
+    assert "moore_penrose" in "".join(file.name for file in folder.glob("*.mod"))
+
+
+def test_the_advised_strategy_is_exported_before_others(tmp_path: Path) -> None:
+    """Wherever it stands; a radial one, and one without leaves, only where there is no other."""
+    rules = {
+        "advised": 'kind = "lock"\njoints = ["q4"]',
+        "radial": 'kind = "radial"',
+        "lock": 'kind = "lock"\njoints = ["q6"]',
+        "plain": 'kind = "moore-penrose"',
+    }
+    head = WELD[: WELD.index("[strategies")]
+    for order, expected in (
+        (("plain", "radial", "lock", "advised"), "advised"),
+        (("plain", "radial", "lock"), "lock"),
+        (("plain", "radial"), "radial"),
+        (("plain",), "plain"),
+    ):
+        file = tmp_path / "weld.toml"
+        file.write_text(head + "\n".join(f"[strategies.{name}]\n{rules[name]}" for name in order), "utf-8")
+        _, job, _ = open_job(str(file))
+        label, sentence = default_strategy(job, file)
+        assert label == expected
+        assert job_strategy(job, file)[0] == expected
+        assert all(name in sentence for name in order) or len(order) == 1
 
 
 @pytest.mark.parametrize(

@@ -502,6 +502,26 @@ def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_
     assert holokin("robots", write_job(tmp_path, robot=f"{robot}trust_units = true\n")).code == 0
 
 
+def test_a_job_is_taken_where_a_robot_is_and_a_base_where_a_tip_is(holokin: Command, tmp_path: Path) -> None:
+    """A command judges a log by the robot of a job as by that robot, and by a chain between two links of a model."""
+    arm = hk.from_dh([{"a": 0.4, "lower": -3.0, "upper": 3.0}] * 4)
+    (tmp_path / "arm.urdf").write_text(hk.robot.to_urdf(arm))
+    job = write_job(tmp_path, robot='[robot]\nname = "arm.urdf"\n')
+    log = tmp_path / "log.csv"
+    log.write_text("time,q1,q2,q3,q4\n" + "".join(f"{0.1 * i},0,{0.1 * i},0.5,{2.5 + 0.1 * i}\n" for i in range(9)))
+    links = [link for link in hk.robot.model_links(tmp_path / "arm.urdf") if link != "tool"]
+    for command in ("check", "audit"):
+        said = [holokin(command, log, "--robot", name, "--position") for name in (tmp_path / "arm.urdf", job)]
+        assert said[0].code == said[1].code and said[0].out == said[1].out
+        assert said[1].code == 2 or "joint limit: q4" in said[1].out  # one cycle is not enough for an audit
+        assert_refused(holokin(command, log, "--robot", job, "--position", "--base", links[0]), "a job says it itself")
+    whole, short = (holokin("robots", tmp_path / "arm.urdf", "--base", link).out for link in links[:2])
+    assert "4 moving joints: q1, q2, q3, q4" in whole and "3 moving joints: q2, q3, q4" in short
+    assert_refused(holokin("robots", "--base", links[1]), "give the file of a model")
+    assert_refused(holokin("check", log, "--robot", "panda", "--base", "hand"), "only models")
+    assert_refused(holokin("check", log, "--robot", job, "--position", "--tip", "nose"), "unknown tip 'nose'")
+
+
 def test_angles_of_frames_in_a_robot_file_are_doubted_and_may_be_believed(tmp_path: Path) -> None:
     file = tmp_path / "arm.toml"
     head, joints = 'source = "a test"\n', "[[joints]]\na = 0.4\n[[joints]]\na = 0.3\n"

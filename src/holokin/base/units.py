@@ -72,7 +72,21 @@ WORDS = {
 """What one may ask for -> the unit of SI that it is of, and the unit that is printed."""
 
 _FACTORS = {"deg": 180 / np.pi, "rad": 1.0, "mm": 1000.0, "m": 1.0}
+_NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+_QUANTITY = re.compile(
+    rf"(?<![\w.,^/-])(?P<before>(?:{_NUMBER}(?:, | and | or | to | x | by ))*)(?P<value>{_NUMBER}) "
+    r"(?P<unit>(?:rad|m)(?:/s(?:\^[23])?)?)(?![\w/^\u00b2\u00b3]| (?:or|and) (?:rad|m)\b)"
+)
 _UNIT = re.compile(r"(?<![\w/^])(rad|m)(?![\w])")
+
+
+def _scaled(number: str, factor: float) -> str:
+    """A number in another unit, with one digit more than it had, and at least three."""
+    if factor == 1.0:
+        return number
+    digits = len(re.sub(r"e.*|\D", "", number).lstrip("0")) + 1
+    text = f"{factor * float(number):.{max(digits, 3)}g}"
+    return f"{float(text):.0f}" if "e+" in text else text
 
 
 @dataclass(frozen=True)
@@ -103,6 +117,37 @@ class PrintedUnits:
     def said(self, value: float, unit: str, digits: int = 4) -> str:
         """A value with its unit as they are printed."""
         return f"{self.factor(unit) * value:.{digits}g} {self.name(unit)}".rstrip()
+
+    def reworded(self, text: str, joints: Sequence[tuple[str, str]] = ()) -> str:
+        """A text with its quantities in rad or m as they are printed, and postures of joints, each (name, unit).
+
+        A posture is "q1 0.1, q2 0.2" or "q = [0.1, 0.2]", with all of the joints. Other lists of numbers before one
+        unit, and what is "m or rad", stay as they are.
+        """
+        if self.plain:
+            return text
+        factors = self.factors([unit for _, unit in joints])
+        units = list(dict.fromkeys(unit for _, unit in joints))
+
+        def posture(match: re.Match[str]) -> str:
+            by = iter(factors)
+            scaled = re.sub(rf"(?<=[ \[]){_NUMBER}(?=[,\]]|$)", lambda m: _scaled(m[0], next(by)), match[1])
+            return f"{scaled} {' or '.join(map(self.name, units))}"
+
+        if joints:
+            each = ", ".join(f"{re.escape(name)} {_NUMBER}" for name, _ in joints)
+            row = ", ".join([_NUMBER] * len(joints))
+            text = re.sub(rf"(?<!\w)({each}(?![\w.])|(?<=q = )\[{row}\])(?: {' or '.join(units)}\b)?", posture, text)
+        return _QUANTITY.sub(self._quantity, text)
+
+    def _quantity(self, match: re.Match[str]) -> str:
+        """A number, or "a to b", with its unit; a longer list as it is."""
+        before, value, unit = match["before"], match["value"], match["unit"]
+        factor = self.factor(unit)
+        if factor == 1.0 or (before and not re.fullmatch(rf"{_NUMBER} to ", before)):
+            return match[0]
+        first = f"{_scaled(before.split()[0], factor)} to " if before else ""
+        return f"{first}{_scaled(value, factor)} {self.name(unit)}"
 
     @property
     def plain(self) -> bool:

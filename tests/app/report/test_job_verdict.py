@@ -27,6 +27,7 @@ from holokin.app.report.job_report import (
 )
 from holokin.app.report.job_result import Check, JobResult
 from holokin.app.report.plots import alike, away
+from holokin.app.report.section import Note, Section
 from holokin.base.errors import ArgumentError, JobError
 from holokin.base.units import SI, PrintedUnits, printed_units
 from short_jobs import shortened
@@ -66,6 +67,27 @@ def test_units_are_named_and_scaled_also_where_they_are_parts_of_others() -> Non
     assert DEGREES.together(["rad", "m"]) == ("rad or m", 1.0)  # which joint it is of is not known
     assert printed_units("degrees,mm") == DEGREES == printed_units(["deg", "mm"])
     assert printed_units("mm") == PrintedUnits("rad", "mm") and printed_units("rad, m").plain
+
+
+def test_a_sentence_is_printed_in_the_units_or_left_alone() -> None:
+    """Each quantity is the same in both texts; a list, an area and "m or rad" stay, since their unit is not sure."""
+    joints = [("q1", "rad"), ("slide 2", "m")]
+    for text, expected in (
+        ("least distance -0.3438 m at 0.5 s (required: 0.05 m)", "least distance -343.8 mm at 0.5 s (required: 50 mm)"),
+        ("q5 by 0.001 to 0.59 rad at best", "q5 by 0.0573 to 33.8 deg at best"),
+        ("at q = [0.1, -0.349066] (rcond 0)", "at q = [5.73, -349.066] deg or mm (rcond 0)"),
+        ("at q1 0.1, slide 2 0.2, where", "at q1 5.73, slide 2 200 deg or mm, where"),
+        ("start: q1 0.1, slide 2 0.2 rad or m.", "start: q1 5.73, slide 2 200 deg or mm."),
+        ("0.1 rad/s, 2 m/s^2, 10 m", "5.73 deg/s, 2000 mm/s^2, 10000 mm"),
+        *((same, same) for same in ("0.3, 0.2 and 0.1 m", "[0.1, 0.2] m", "0.3 rad/m^2", "5e-09 m or rad", "1,024 m")),
+        *((same, same) for same in ("64 samples of 1 ms", "at q1 0.1 alone", "q = [1, 2, 3]", "2-3 m", "1-m")),
+    ):
+        assert DEGREES.reworded(text, joints) == expected
+        assert SI.reworded(text, joints) == text
+    row = Section("0.1 m", ["0.1 m"], head=["[0.1 m]"], rows=[[Note("0.1 rad", detail="0.1 m")]], parts=[Section()])
+    seen = row.reworded(DEGREES.reworded)
+    assert (seen.title, seen.notes, seen.head) == ("0.1 m", ["100 mm"], ["[0.1 m]"])
+    assert seen.rows == [[Note("5.73 deg", detail="100 mm")]]
 
 
 @pytest.mark.parametrize("words", ["gradians", "degrees, inch", "", "deg rad", ["mm", "m"]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
+from rich.console import Console
 
 import holokin as hk
 from conftest import campaign, sampled
@@ -22,6 +24,7 @@ from holokin.app.report.job_figures import figures, robot_figure
 from holokin.app.report.job_report import columns, remarks, rows, write_report
 from holokin.app.report.job_result import JobResult
 from holokin.app.report.plots import away, largest, paths_end, speed_warning, stopped
+from holokin.app.report.section import Section
 from holokin.motion.trajectory import Status
 from short_jobs import shortened
 
@@ -43,6 +46,18 @@ def half_lost() -> JobResult:
     name, job, path = open_job(str(file))
     lock = {key: job.strategies[key] for key in ("lock-3",)}
     return run_job(name, job.model_copy(update={"strategies": lock, "expect": {}}), path)
+
+
+def test_a_wide_table_is_cut_on_a_terminal_alone() -> None:
+    """In a pipe every heading and cell is whole, and the width of what is printed next is as it was."""
+    names = [f"heading {i}" for i in range(12)]
+    section = Section("Wide", head=names, rows=[[f"cell {i} of the row" for i in range(12)]])
+    for terminal in (False, True):
+        console = Console(file=io.StringIO(), width=60, force_terminal=terminal)
+        section.rich(console)
+        text = console.file.getvalue()  # type: ignore[attr-defined]
+        assert all(name in text for name in names) is not terminal
+        assert ("\u2026" in text) is terminal and console.width == 60
 
 
 # --- files ---

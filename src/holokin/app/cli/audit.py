@@ -8,8 +8,23 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from .check import RobotName, TimeColumn, TipName, Topic
-from .outcome import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, TrustUnits, counts_of_words, show, show_rich
+from .check import TimeColumn, Topic
+from .outcome import (
+    Base,
+    Columns,
+    CountsTurns,
+    Degrees,
+    Offsets,
+    RobotName,
+    Scales,
+    Signs,
+    TipName,
+    TrustUnits,
+    counts_of_words,
+    robot_of_option,
+    show,
+    show_rich,
+)
 
 if TYPE_CHECKING:
     from ...analysis.audit import LogAudit
@@ -33,6 +48,7 @@ def audit(
     log: Logs,
     robot: RobotName,
     tip: TipName = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
@@ -85,7 +101,6 @@ def audit(
     from ...analysis.audit import audit_recording
     from ...analysis.audit.logs import is_dataset, read_runs
     from ...base.errors import ArgumentError, FileError
-    from ...robot import is_model, load
 
     # The robot, and how the log is read.
     if position and axis is not None:
@@ -95,7 +110,7 @@ def audit(
         from ..job import axis_of  # it loads the reader of job files: 13 MB
 
         tool["axis"] = axis_of(axis)
-    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
+    arm = robot_of_option(robot, tip, base, trust_units)
     of_dataset: dict[str, Any] = {
         "episodes": episodes,
         "column": column,

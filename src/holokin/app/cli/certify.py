@@ -15,7 +15,7 @@ from ...version import build
 
 if TYPE_CHECKING:
     from ...proof import WholeArm
-from .outcome import Base, Tip, TrustUnits, each_minute, ending, show, show_rich
+from .outcome import Base, Tip, TrustUnits, each_minute, ending, robot_of_option, show, show_rich
 
 
 def certify(
@@ -155,7 +155,7 @@ def _of_robot(
 def check_certificate(
     file: Annotated[Path, typer.Argument(help="The .json file of a certificate.")],
     robot: Annotated[
-        str | None, typer.Option(help="Compare it with a robot: a name of the catalogue, or a file of a model.")
+        str | None, typer.Option(help="Compare it with a robot: a name of the catalogue, a file of a model, or a job.")
     ] = None,
     tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
@@ -181,9 +181,7 @@ def check_certificate(
     # The robot to compare it with.
     model = None
     if robot is not None:
-        from ...robot import load
-
-        model = load(robot, tip=tip, base=base, trust_units=trust_units)
+        model = robot_of_option(robot, tip, base, trust_units)
     elif tip is not None or base is not None:
         raise ArgumentError("--tip or --base", tip or base, "it is of a robot: give --robot, too")
     if seed is not None and sample is None:

@@ -7,11 +7,23 @@ from typing import Annotated
 
 import typer
 
-from .outcome import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, TrustUnits, counts_of_words, show
+from .outcome import (
+    Base,
+    Columns,
+    CountsTurns,
+    Degrees,
+    Offsets,
+    RobotName,
+    Scales,
+    Signs,
+    TipName,
+    TrustUnits,
+    counts_of_words,
+    robot_of_option,
+    show,
+)
 
 Log = Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")]
-RobotName = Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")]
-TipName = Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")]
 Topic = Annotated[
     str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
 ]
@@ -22,6 +34,7 @@ def check(
     log: Log,
     robot: RobotName,
     tip: TipName = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
     floor: Annotated[float | None, typer.Option(help="Height of the floor [m] in the frame of the base.")] = None,
     clearance: Annotated[float, typer.Option(help="The least distance wanted [m].")] = 0.01,
@@ -56,7 +69,7 @@ def check(
     from ...analysis.audit.logs import read_recording
     from ...base.errors import ArgumentError
     from ...motion import checks
-    from ...robot import is_model, load, with_capsules
+    from ...robot import with_capsules
     from ...strategies.tasks.task_kinds import pose
     from ...strategies.tasks.task_kinds import position as position_of
 
@@ -65,14 +78,16 @@ def check(
     for pair, text in zip(pairs, allowed or [], strict=True):
         if len(pair) != 2:
             raise ArgumentError("--allowed", text, "give two names, of links or the floor, with a comma between")
-    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
+    arm = robot_of_option(robot, tip, base, trust_units)
     read = {"degrees": degrees, "topic": topic, "columns": columns, "time": time, "counts_turns": counts_turns}
     motion = read_recording(log, arm, **read, **counts_of_words(signs, offsets, scales))
     # The check.
     free = position or arm.n < 6
     scene = checks.Scene(floor=floor, clearance=clearance, allowed=[(a, b) for a, b in pairs])
     shaped = arm if radius is None else with_capsules(arm, radius)
-    report = checks.check(motion, scene, task=position_of(shaped) if free else pose(shaped), margin=margin)
+    report = checks.check(
+        motion, scene, task=position_of(shaped, tip=tip) if free else pose(shaped, tip=tip), margin=margin
+    )
     if json is not None:
         report.save(json)
     show(report.table())

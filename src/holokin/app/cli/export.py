@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ...base.errors import ArgumentError
 from .outcome import TrustUnits, ending, show
+
+if TYPE_CHECKING:
+    from ..job import Job
 
 # --- `holokin export web`: a page on which anyone drags a loop and sees two strategies follow it.
 
@@ -19,7 +22,7 @@ def export_web(
     name: Annotated[
         str, typer.Argument(metavar="JOB | ROBOT", help="A job, or a robot: a catalogue name or a model file.")
     ],
-    out: Annotated[Path, typer.Option(help="The HTML file to write.")],
+    out: Annotated[Path | None, typer.Option(help="The HTML file to write; by default out/NAME-web.html.")] = None,
     strategy: Annotated[
         str | None, typer.Option(help="The strategy beside the pseudo-inverse; by default the first with leaves.")
     ] = None,
@@ -59,17 +62,41 @@ def export_web(
     loops = plan.cusp_loops() if cusps else []
     if cusps and not loops:
         show("no loop round a cusp was found, which is no proof that there is none")
-    file = plan.page(loops).save(out)
+    file = plan.page(loops).save(out or Path("out", f"{Path(name).stem}-web.html"))
     show(f"wrote {file}: {' and '.join(plan.strategies)}, {file.stat().st_size / 1000:.0f} kB")
 
 
 OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
-Folder = Annotated[Path, typer.Option(help="The folder to write.")]
-StrategyName = Annotated[str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")]
+Folder = Annotated[Path | None, typer.Option(help="The folder to write; by default one in out/, named like the job.")]
+StrategyName = Annotated[
+    str | None,
+    typer.Option(help="The strategy's name in the job; by default the advised one, else the first with leaves."),
+]
 Orientation = Annotated[
     str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
 ]
 Prefix = Annotated[str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")]
+
+
+def _opened(name: str, kind: str, out: Path | None) -> tuple[tuple[str, Job, Path], Path]:
+    """(a job, the folder of what is exported of it). Raises: as `open_one_job`; ArgumentError: not holokin's folder."""
+    from ..job import open_one_job
+
+    opened = open_one_job(name)
+    return opened, Path("out", f"{opened[0]}-{kind}") if out is None else out
+
+
+def _strategy(opened: tuple[str, Job, Path], label: str | None) -> str:
+    """The strategy that is exported; one that was chosen here is said. Raises: as `default_strategy`."""
+    from ..job import default_strategy
+
+    if label is not None:
+        return label
+    label, why = default_strategy(*opened[1:])
+    if why:
+        show(why)
+    return label
+
 
 exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -77,7 +104,7 @@ exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_he
 @exporting.command("c")
 def export_c(
     job: OneJob,
-    out: Folder,
+    out: Folder = None,
     strategy: StrategyName = None,
     orientation: Orientation = None,
     dt: Annotated[float, typer.Option(help="Step of the control loop in seconds, a default the C may change.")] = 1e-3,
@@ -90,9 +117,10 @@ def export_c(
     """
     from ...export import check as build_and_run
     from ...export import export_c as write_c
-    from ..job import exported_strategy, open_one_job
+    from ..job import exported_strategy
 
-    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    opened, out = _opened(job, "c", out)
+    law, given = exported_strategy(*opened, _strategy(opened, strategy), orientation=orientation, prefix=name)
     written = write_c(law, out, dt=dt, **given)
     for file in written.files:
         show(f"wrote {out / file}")
@@ -103,7 +131,7 @@ def export_c(
 @exporting.command("moveit")
 def export_moveit(
     job: OneJob,
-    out: Folder,
+    out: Folder = None,
     strategy: StrategyName = None,
     orientation: Orientation = None,
     name: Prefix = None,
@@ -117,9 +145,10 @@ def export_moveit(
     Exits 0 when all is written, 2 else.
     """
     from ...export import export_moveit as write_package
-    from ..job import exported_strategy, open_one_job
+    from ..job import exported_strategy
 
-    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    opened, out = _opened(job, "moveit", out)
+    law, given = exported_strategy(*opened, _strategy(opened, strategy), orientation=orientation, prefix=name)
     written = write_package(law, out, package=package, group=group, **given)
     for file in written.files:
         show(f"wrote {out / file}")
@@ -129,7 +158,7 @@ def export_moveit(
 @exporting.command("ros2-control")
 def export_ros2_control(
     job: OneJob,
-    out: Folder,
+    out: Folder = None,
     strategy: StrategyName = None,
     orientation: Orientation = None,
     name: Prefix = None,
@@ -142,9 +171,10 @@ def export_ros2_control(
     Exits 0 when all is written, 2 else.
     """
     from ...export import export_ros2_control as write_package
-    from ..job import exported_strategy, open_one_job
+    from ..job import exported_strategy
 
-    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    opened, out = _opened(job, "ros2-control", out)
+    law, given = exported_strategy(*opened, _strategy(opened, strategy), orientation=orientation, prefix=name)
     written = write_package(law, out, package=package, **given)
     for file in written.files:
         show(f"wrote {out / file}")
@@ -156,7 +186,7 @@ def _export_motion(language: str) -> Callable[..., None]:
 
     def command(
         job: OneJob,
-        out: Folder,
+        out: Folder = None,
         strategy: StrategyName = None,
         sheets: Annotated[
             bool, typer.Option("--sheets", help="The path over the job's [sheets], in place of a strategy.")
@@ -171,7 +201,7 @@ def _export_motion(language: str) -> Callable[..., None]:
         dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
         anyway: Annotated[bool, typer.Option("--anyway", help="Write it also where the job's [checks] fail.")] = False,
     ) -> None:
-        from ..job import open_one_job, program_of_job, program_of_paths, program_of_sheets
+        from ..job import program_of_job, program_of_paths, program_of_sheets
 
         # The job, with its limits as they are given.
         most: float | str | None = speed
@@ -181,8 +211,13 @@ def _export_motion(language: str) -> Callable[..., None]:
         changes = {key: value for key, value in given.items() if value is not None}
         if sheets and strategy is not None:
             raise ArgumentError("--strategy", strategy, "--sheets takes the place of a strategy: leave one out")
-        opened = open_one_job(job)
+        opened, out = _opened(job, language, out)
         units = opened[1].printed_units
+        if opened[1].timing is None and acceleration is profile is None:
+            changes["profile"] = "quintic"
+            show("no acceleration is given: a quintic profile, within the speeds of the joints alone")
+            show("the tool's speed then changes all along the path; with --acceleration 5 [rad/s^2] it can be steady")
+        strategy = None if sheets else _strategy(opened, strategy)
         # The program, and what the checks say of its motion.
         code = 0
         if opened[1].paths:
@@ -212,7 +247,8 @@ def _export_motion(language: str) -> Callable[..., None]:
             show(f"{program.targets} targets, even motion between them within {far}")
         else:
             show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
-        show("\n".join([*program.notes, timed.table(units)]))
+        joints = list(zip(timed.joint_names, timed.joint_units, strict=True))
+        show("\n".join([*(units.reworded(note, joints) for note in program.notes), timed.table(units)]))
         if code:
             raise typer.Exit(code)
 

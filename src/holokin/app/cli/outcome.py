@@ -16,11 +16,14 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ...base.errors import HolokinError, UnknownNameError, WriteError
+
+if TYPE_CHECKING:
+    from ...robot import Robot
 
 BAD_INPUT, UNEXPECTED, SIGNAL = 2, 3, 128
 """Exit codes, besides 0 and 1: input or a file that cannot be used; a fault of holokin itself; stopped by Ctrl-C, which
@@ -210,7 +213,7 @@ def show(text: str, *, newline: bool = True) -> None:
 
 
 def show_rich(draw: Callable[[Any], None]) -> None:
-    """Print what a function draws on a Rich console: in colour on a terminal, else 120 columns wide.
+    """Print what a function draws on a Rich console: in colour on a terminal, else as wide as COLUMNS says, or 120.
 
     Raises:
         WriteError: as `show`, which does the printing, since Rich itself ends the process when its reader goes.
@@ -218,7 +221,7 @@ def show_rich(draw: Callable[[Any], None]) -> None:
     from rich.console import Console
 
     screen, text = Console(), io.StringIO()
-    width = screen.width if screen.is_terminal else 120
+    width = screen.width if screen.is_terminal or os.environ.get("COLUMNS", "").isdigit() else 120
     draw(Console(file=text, force_terminal=screen.is_terminal, width=width))
     show(text.getvalue(), newline=False)
 
@@ -300,6 +303,22 @@ class TaskKind(StrEnum):
     POSITION = "position"
 
 
+def robot_of_option(name: str, tip: str | None = None, base: str | None = None, trust_units: bool = False) -> Robot:
+    """The robot of --robot: of the catalogue, of a file, or of a job. A tip chooses a chain of a model alone.
+
+    Raises:
+        as `load` and `robot_of_file`.
+    """
+    from ...robot import catalogue, is_model, load
+
+    tip = tip if is_model(name) else None
+    if is_model(name) or name in catalogue():
+        return load(name, tip=tip, base=base, trust_units=trust_units)
+    from ..job import robot_of_file  # the reader of job files takes 13 MB
+
+    return robot_of_file(name, tip, base, trust_units)
+
+
 RobotOrJob = Annotated[
     str,
     typer.Argument(metavar="ROBOT|JOB", help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file; or a job."),
@@ -312,6 +331,10 @@ Tilt = Annotated[
     float | None, typer.Option(min=0.0, max=180.0, help="With --box: how far the tool leans to all sides [degrees].")
 ]
 Tip = Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")]
+RobotName = Annotated[
+    str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file; or a job, whose robot it is.")
+]
+TipName = Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")]
 Base = Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")]
 TrustUnits = Annotated[
     bool, typer.Option("--trust-units", help="The robot's numbers are in rad and m, whatever they look like.")

@@ -8,8 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from .audit import Angles, Order
-from .check import RobotName, TipName
-from .outcome import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, TrustUnits, counts_of_words, ending, show
+from .outcome import (
+    Base,
+    Columns,
+    CountsTurns,
+    Degrees,
+    Offsets,
+    RobotName,
+    Scales,
+    Signs,
+    TipName,
+    TrustUnits,
+    counts_of_words,
+    ending,
+    robot_of_option,
+    show,
+)
 
 if TYPE_CHECKING:
     from ...analysis.audit.logs import Dataset
@@ -25,6 +39,7 @@ def retarget(
     ],
     out: Annotated[Path, typer.Option(help="The folder of the new dataset, which does not exist yet.")],
     tip: TipName = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
     q0: Annotated[
         str | None, typer.Option("--q0", help="The posture that the leaf goes through; by default the first frame.")
@@ -71,14 +86,13 @@ def retarget(
     from ...analysis.audit.logs import ACTION, STATE, read_dataset
     from ...base.errors import ArgumentError
     from ...motion.ik import ik
-    from ...robot import is_model, load
     from ..job import axis_of
     from ..job.strategy_tables import leaf_of_words
 
     # The dataset, its columns, and the leaf that they are put on.
     if skip_bad and nearest:
         raise ArgumentError("--nearest beside --skip-bad", True, "give one of them")
-    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
+    arm = robot_of_option(robot, tip, base, trust_units)
     data = read_dataset(dataset)
     read: dict[str, Any] = {"columns": columns, "degrees": degrees, "counts_turns": counts_turns}
     read |= counts_of_words(signs, offsets, scales)

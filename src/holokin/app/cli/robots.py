@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .outcome import TrustUnits, show
+from .outcome import Base, TrustUnits, show
 
 
 def robots(
@@ -20,6 +20,7 @@ def robots(
     tip: Annotated[
         list[str] | None, typer.Option(help="Of a model: describe the robot that ends here; may be given again.")
     ] = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
 ) -> None:
     """List the robots of the catalogue with joints and reach, the chains of a model, or what one robot is.
@@ -33,13 +34,13 @@ def robots(
 
     # The catalogue, the chains of a model, or one robot.
     if robot is None:
-        if tip:
-            raise ArgumentError("--tip", tip, "give the file of a model, too")
+        if tip or base:
+            raise ArgumentError("--tip or --base", tip or base, "give the file of a model, too")
         for name, source in catalogue().items():
             arm = load(name)
             show(f"{name:13} {arm.n:2} joints   reach {reach(arm):6.3f} m   {source}")
     elif is_model(robot) and not tip:
-        for end, joints in model_tips(robot).items():
+        for end, joints in model_tips(robot, base).items():
             show(f"{end}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
     else:
-        show(str(robot_section(robot_of_file(robot, tip, trust_units))))
+        show(str(robot_section(robot_of_file(robot, tip, base, trust_units))))

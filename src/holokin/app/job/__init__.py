@@ -9,7 +9,15 @@ from .runner import PAPER, expand, is_job, open_job, open_one_job, packaged_jobs
 from .schema import Job, read_job
 from .strategy_tables import KINDS, keys_of
 from .templates import new_job, new_job_for, packaged_text
-from .uses import certify_job, exported_strategy, job_strategy, program_of_job, program_of_paths, program_of_sheets
+from .uses import (
+    certify_job,
+    default_strategy,
+    exported_strategy,
+    job_strategy,
+    program_of_job,
+    program_of_paths,
+    program_of_sheets,
+)
 
 __all__ = [
     "KINDS",
@@ -17,6 +25,7 @@ __all__ = [
     "Job",
     "axis_of",
     "certify_job",
+    "default_strategy",
     "expand",
     "exported_strategy",
     "is_job",

@@ -139,7 +139,7 @@ def _typed_box(text: str, tilt: float, planar: bool) -> Workspace:
 # --- A job written again, with the best strategy of an advice before its own strategies.
 
 SAME = 1e-9  # difference of two start postures [joint units of the file] that are one
-NAME = "advised"  # what the strategy is called in the job
+ADVISED = "advised"  # what the strategy is called in the job
 
 
 def write_over(path: FilePath, advice: Advice, keys: Mapping[str, Any], file: FilePath) -> str:
@@ -157,8 +157,8 @@ def write_over(path: FilePath, advice: Advice, keys: Mapping[str, Any], file: Fi
     moved = _moved(keys, file, path)
     remark = _begin(advice, moved)
     # In TOML: plain keys, tables, the strategies, and what is expected of them.
-    strategies = {NAME: dict(advice.best.keys)} | {k: v for k, v in moved.pop("strategies").items() if k != NAME}
-    expect = {NAME: {"holonomic": True}} | {k: v for k, v in moved.pop("expect", {}).items() if k != NAME}
+    strategies = {ADVISED: dict(advice.best.keys)} | {k: v for k, v in moved.pop("strategies").items() if k != ADVISED}
+    expect = {ADVISED: {"holonomic": True}} | {k: v for k, v in moved.pop("expect", {}).items() if k != ADVISED}
     plain = [f"{key} = {toml(value)}" for key, value in moved.items() if not isinstance(value, Mapping)]
     parts = ["\n".join(plain) + "\n"]
     parts += [table(key, value) for key, value in moved.items() if isinstance(value, Mapping)]
@@ -211,7 +211,7 @@ def _trouble(text: str, path: FilePath) -> str:
     keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # it is known to be holonomic
     keys.pop("workspace", None)
     for part in ("strategies", "expect"):
-        keys[part] = {NAME: keys[part][NAME]}
+        keys[part] = {ADVISED: keys[part][ADVISED]}
     try:
         result = run_job(path.stem, Job.model_validate(keys), path).strategies[0]
     except HolokinError as problem:
@@ -296,9 +296,9 @@ def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:
     robot["name"] = robot_name(robot["name"], path) if FilePath(robot["name"]).suffix else robot["name"]
     tables = {
         **({"workspace": _workspace_keys(space)} if isinstance(space, PoseRange) else {}),
-        f"strategies.{NAME}": dict(best.keys),
+        f"strategies.{ADVISED}": dict(best.keys),
         "strategies.moore-penrose": {"kind": "moore-penrose"},
-        f"expect.{NAME}": {"holonomic": True, "drift_total": {"below": 1e-6}},
+        f"expect.{ADVISED}": {"holonomic": True, "drift_total": {"below": 1e-6}},
     }
     # The largest circle that the strategies follow: half as large each time.
     half = space.solid.half if isinstance(space, PoseRange) else np.array([LARGEST])

@@ -413,18 +413,17 @@ def build_entry(job: Job, strategy: Strategy, path: AnyPath, q0: Vector) -> Entr
 
 def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> tuple[str, CheckReport | None]:
     """A sentence on an entry, and what the job's [checks] find on it; an empty one where there is no entry."""
-    walk, robot, printed = entry.walk, strategy.task.robot, job.printed_units
+    walk, robot = entry.walk, strategy.task.robot
     if walk is None:
         return "", None
     motion = walk if job.timing is None else entry.timed(job.timing) or walk
     # How long it takes, where it leads, and the joint that moves most.
     moved = np.ptp(walk.q, axis=0)
-    most, units = int(np.argmax(moved)), [c.unit for c in robot.coordinates]
-    posture = posture_text(entry.q0 * printed.factors(units), robot.joint_names)
+    most, posture = int(np.argmax(moved)), posture_text(entry.q0, robot.joint_names)
     note = (
         f"{strategy.name} enters the path by {job.only_path.entry} in {motion.t[-1]:.3g} s, at {posture}; on this way "
     )
-    note += f"{robot.joint_names[most]} moves most, by {printed.said(moved[most], units[most], 3)}"
+    note += f"{robot.joint_names[most]} moves most, by {moved[most]:.3g} {robot.coordinates[most].unit}"
     # What [checks] find.
     if job.checks is None:
         return f"{note}. The way there is not checked: the job has no [checks].", None
@@ -432,5 +431,5 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
         report = job.checks.checked(motion, strategy.task)
     if report.passed:
         return f"{note}. [checks] find nothing on the way there.", report
-    trouble = report.findings[0].printed(printed) if report.findings else report.unread
+    trouble = report.findings[0] if report.findings else report.unread
     return f"{note}. [checks] find on the way there: {trouble}.", report

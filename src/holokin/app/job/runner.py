@@ -111,14 +111,16 @@ def is_job(name: str) -> bool:
         return False
 
 
-def robot_of_file(name: str, tip: Sequence[str] | None = None, trust_units: bool = False) -> Robot:
+def robot_of_file(
+    name: str, tip: str | Sequence[str] | None = None, base: str | None = None, trust_units: bool = False
+) -> Robot:
     """The robot of a job, or one by catalogue name or file. Raises: as `open_job` and `load`."""
     if is_job(name):
-        if tip:
-            raise ArgumentError("the tip", list(tip), "a job says it itself: leave it out")
+        if tip or base:
+            raise ArgumentError("the tip or the base", tip or base, "a job says it itself: leave it out")
         _, job, file = open_one_job(name)
         return build_robot(job, file)
-    return load(name, tip=tip or None, trust_units=trust_units)
+    return load(name, tip=tip or None, base=base, trust_units=trust_units)
 
 
 # --- [workspace] and [sheets] of a job.

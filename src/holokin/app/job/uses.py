@@ -36,6 +36,7 @@ from ...proof.certify_leaf import certify_cells
 from ...proof.proven_region import region_by_cells
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task
+from .advice_job import ADVISED
 from .job_parts import (
     build_begin,
     build_entry,
@@ -131,24 +132,48 @@ def certify_job(
 # --- A strategy of a job as C for a controller.
 
 
+def default_strategy(job: Job, file: FilePath) -> tuple[str, str]:
+    """(label, a sentence about it) of the strategy that is taken where none is named.
+
+    Of several it is the advised one, else the first with leaves that is not radial, else the first with leaves, else
+    the first. The sentence is empty where there is one alone.
+
+    Raises:
+        JobError: as `job_strategy`.
+    """
+    labels = list(job.strategies)
+    if len(labels) == 1:
+        return labels[0], ""
+    label, why = ADVISED, "the advised one"
+    if ADVISED not in labels:
+        radial_last = sorted(labels, key=lambda known: job.strategies[known].kind == "radial")
+        with_leaves = (known for known in radial_last if _has_leaves(job, file, known))
+        label, why = next(((known, "the first with leaves") for known in with_leaves), (labels[0], "none has leaves"))
+    others = ", ".join(known for known in labels if known != label)
+    return label, f"strategy {label}: {why}; --strategy takes another: {others}"
+
+
+def _has_leaves(job: Job, file: FilePath, label: str) -> bool:
+    try:
+        return isinstance(job_strategy(job, file, label)[1], HolonomicStrategy)
+    except HolokinError:  # one that cannot be built is none to choose
+        return False
+
+
 def job_strategy(
     job: Job, file: FilePath, label: str | None = None, orientation: str | None = None
 ) -> tuple[str, Strategy, Vector]:
     """(label, strategy, the posture it begins at) of a job.
 
     Args:
-        label: the strategy's name in the job; may be left out where there is only one.
+        label: the strategy's name in the job; by default that of `default_strategy`.
         orientation: one of the job's representations of orientation; by default its first.
 
     Raises:
-        UnknownNameError: no such strategy or orientation, or none named among several.
+        UnknownNameError: no such strategy or orientation.
     """
     _, start, tasks = build_tasks(job, file)
-    if label is None and len(job.strategies) == 1:
-        label = next(iter(job.strategies))
-    if label is None:
-        cure = f"say which one with --strategy: {', '.join(job.strategies)}"
-        raise ArgumentError("the number of strategies of the job", len(job.strategies), cure)
+    label = default_strategy(job, file)[0] if label is None else label
     if label not in job.strategies:
         raise UnknownNameError(f"strategy of {file.name}", label, tuple(job.strategies))
     known = tuple(str(task.orientation) for task in tasks)
@@ -198,7 +223,7 @@ def program_of_job(
 
     Args:
         language: one of LANGUAGES.
-        label: the strategy's name in the job; may be left out where there is only one.
+        label: the strategy's name in the job; by default that of `default_strategy`.
         short: the program's name; by default robot and strategy.
         changes: keys of [timing] to take instead of the job's.
 

@@ -123,7 +123,8 @@ def print_result(result: JobResult, console: Any) -> None:
         parts.append(Section(notes=[Note(f"{name}: {check.unmet}", "bad") for check in s.checks if not check.passed]))
     notes = [text for text in [paths_words(result)] if text]
     table = [[_cell(text) for text in row] for row in rows(result)]
-    Section(brief(result.title), notes, None, columns(result), table, remarks(result), parts=parts).rich(console)
+    whole = Section(brief(result.title), notes, None, columns(result), table, remarks(result), parts=parts)
+    whole.reworded(result.reworded).rich(console)
 
 
 # --- The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not tested.
@@ -362,12 +363,12 @@ def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
 ) -> str:
     # What was run.
-    robot, units = result.robot, [c.unit for c in result.robot.coordinates]
-    start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)
+    robot, units = result.robot, " or ".join(dict.fromkeys(c.unit for c in result.robot.coordinates))
+    start = posture_text(result.q0, robot.joint_names)
     facts = (
         f"{robot.name}, {robot.n} joints ({robot.source}); task: {result.task}; path "
         f"{result.units.said(result.path.length, 'm')} in {result.path.duration:.4g} s, {result.cycles} cycle(s); "
-        f"start: {start} [{' or '.join(map(result.units.name, dict.fromkeys(units)))}]. "
+        f"start: {start} {units}. "
         f"holokin {version}, {result.seconds:.1f} s."
     )
     # The figures, the films, the terms.
@@ -393,7 +394,8 @@ def _page(
         _measured_section(result),
         _expectations_section(result),
     ]
-    return page(result.title, parts)
+    told = [part.reworded(result.reworded) if isinstance(part, Section) else part for part in parts]
+    return page(result.title, told)
 
 
 def _verdict_section(result: JobResult) -> Section:

@@ -245,6 +245,10 @@ class JobResult:
         text = self.meanings[metric].replace("[joint]", f"[{self.joint_unit[0]}]")
         return text.replace("[m or rad]", f"[{self.row_unit[0]}]").replace("[m]", f"[{self.units.length}]")
 
+    def reworded(self, text: str) -> str:
+        """A text of these results in the units in which they are printed."""
+        return self.units.reworded(text, [(c.name, c.unit) for c in self.robot.coordinates])
+
     @cached_property
     def printed(self) -> JobResult:
         """The same with the motions of its strategies in the units in which it is printed: for figures of them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Any, Literal, final
 
@@ -37,6 +37,10 @@ Column = tuple[str, Literal["left", "right"]]
 
 WRAPPED = ("strategy", "joint")
 """Columns of names, which may have several lines in a terminal."""
+
+
+_WIDEST = 1_000
+"""Characters of a line at most, where no terminal is."""
 
 
 @final
@@ -98,6 +102,17 @@ class Section:
     points: Sequence[Words] = ()
     parts: Sequence[Section] = ()
 
+    def reworded(self, change: Callable[[str], str]) -> Section:
+        """The same with each sentence, caption and cell of the table changed, but for titles and headings."""
+
+        def each(listed: Sequence[Words]) -> list[Words]:
+            return [change(w) if isinstance(w, str) else _changed(w, change) for w in listed]
+
+        texts = {part: each(getattr(self, part)) for part in ("notes", "remarks", "points")}
+        parts = [part.reworded(change) for part in self.parts]
+        figure = self.figure and replace(self.figure, caption=change(self.figure.caption))
+        return replace(self, figure=figure, rows=[each(row) for row in self.rows], parts=parts, **texts)
+
     @property
     def columns(self) -> list[Column]:
         """Heading and alignment of each column."""
@@ -151,7 +166,13 @@ class Section:
                 table.add_column()
             for row in self.rows:
                 table.add_row(*(Text(brief(_plain(cell)), style=_color(cell) or "") for cell in row))
+            # Columns are not cut where nothing but the console says how wide a line is, as in a pipe.
+            width = console.width
+            if not console.is_terminal:
+                whole = console.measure(table, options=console.options.update(width=_WIDEST)).maximum
+                console.width = max(width, whole)
             console.print(table)
+            console.width = width
         elif self.title:
             console.print(f"{indent}{self.title}", markup=False, highlight=False)
         # The sentences and the sections below it, indented.
@@ -173,6 +194,10 @@ class Section:
         lines += map(_plain, (*self.remarks, *self.points))
         lines += [f"  {line}" for part in self.parts for line in str(part).splitlines()]
         return "\n".join(lines)
+
+
+def _changed(note: Note, change: Callable[[str], str]) -> Note:
+    return replace(note, text=change(note.text), then=change(note.then), detail=change(note.detail))
 
 
 def _plain(words: Words) -> str:
