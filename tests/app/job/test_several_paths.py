@@ -116,7 +116,7 @@ def at(degrees: float, reach: float = 0.6) -> list[float]:
 
 
 def elbow_job(folder: Path, angles: dict[str, float], order: str = "given") -> Path:
-    """Short paths outwards, at angles from the x axis: near +-100 degrees one elbow alone keeps the shoulder's limit."""
+    """Short paths outwards, at angles from the x axis: near +-100 degrees one elbow alone keeps the limits."""
     (folder / "two.toml").write_text(TWO)
     text = ELBOW + f'[air]\norder = "{order}"\n'
     for name, angle in angles.items():
