@@ -2,7 +2,8 @@
 
 The grammars are those of public documents: CATIA V5, "Syntaxes Interpreted by APT Import"; NX, cutter location source
 files; Creo, CL data files; LinuxCNC and FANUC G-code, and Siemens 840D's TRAORI. DXF is written by ezdxf. What is
-expected is worked out by hand, and the angles of makers from turns about single axes.
+expected is worked out by hand, and the angles of makers from turns about single axes, multiplied as in Basler's pages
+on pose formats, and for Comau and Staubli in RoboDK's robomath.py.
 """
 
 from __future__ import annotations
@@ -170,7 +171,7 @@ H = np.sqrt(0.75)
 FILES: dict[str, tuple[str, str, dict[str, Any], list[dict[str, Any]]]] = {
     "table, axes i, j, k": (
         "table",
-        f"{XYZ},i,j,k,feed_mm_min\n0,0,0,0,0,-1,480\n10,0,0,0,0.6,-0.8,480\n",
+        f"{XYZ},i,j,k,feed_mm_min\n0,0,0,0,0,-1,240\n10,0,0,0,0.6,-0.8,480\n",
         {},
         [path([[0, 0, 0], [10, 0, 0]], [DOWN, [0, 0.6, -0.8]], [8])],
     ),
@@ -345,12 +346,9 @@ def turn(axis: str, degrees: float) -> np.ndarray:
 
 MAKERS = {
     "FANUC": ("w,p,r", "", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
-    "ABB": ("ez,ey,ex", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("x", c)),
     "Kawasaki": ("o,a,t", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
     "Comau": ("a,e,r", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
-    "Epson": ("u,v,w", "", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("x", c)),
     "Mitsubishi": ("a,b,c", "Mitsubishi", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
-    "Doosan": ("a,b,c", "Doosan", lambda a, b, c: turn("z", a) @ turn("y", b) @ turn("z", c)),
     "Yaskawa": ("rx,ry,rz", "Yaskawa", lambda a, b, c: turn("z", c) @ turn("y", b) @ turn("x", a)),
     "Staubli": ("rx,ry,rz", "Staubli", lambda a, b, c: turn("x", a) @ turn("y", b) @ turn("z", c)),
 }
@@ -380,13 +378,14 @@ def drawing(file: Path, version: str, units: int) -> None:
     model.add_circle((0, 100, 5), 30, dxfattribs={"layer": "CUT"})
     model.add_text("WELD HERE")
     if version == "R12":
-        model.add_polyline2d([(0, 0, 1), (10, 0, 0), (10, 10, 0)], format="xyb", dxfattribs={"layer": "BULGE"})
+        model.add_polyline2d([(0, 0, 0.5), (10, 0, 0), (10, 10, 0)], format="xyb", dxfattribs={"layer": "BULGE"})
         model.add_polyline3d([(0, 0, 0), (1, 2, 3), (4, 4, 4)], dxfattribs={"layer": "SPACE"})
     else:
-        model.add_lwpolyline([(0, 0, 0, 0, 1), (10, 0, 0, 0, 0), (10, 10)], dxfattribs={"layer": "BULGE"})
+        model.add_lwpolyline([(0, 0, 0, 0, 0.5), (10, 0, 0, 0, 0), (10, 10)], dxfattribs={"layer": "BULGE"})
         model.add_ellipse((0, 0), (40, 0), 0.5, 0, np.pi / 2, dxfattribs={"layer": "ELLIPSE"})
         weights = [1, np.sqrt(0.5), 1]
         model.add_rational_spline([(10, 0), (10, 10), (0, 10)], weights, degree=2, dxfattribs={"layer": "NURBS"})
+        model.add_arc((5, 0), 10, 0, 90, dxfattribs={"layer": "MIRROR", "extrusion": (0, 0, -1)})
         block = document.blocks.new("B")
         block.add_line((0, 0), (1, 0))
         model.add_blockref("B", (5, 5), dxfattribs={"xscale": 10, "rotation": 90, "layer": "0"})
@@ -411,8 +410,8 @@ def test_a_drawing_of_ezdxf_has_its_lines_arcs_and_curves(
     assert circle.closed and 1e3 * circle.length == pytest.approx(scale * 60 * np.pi)
     assert 1e3 * circle.start == pytest.approx(scale * np.array([30, 100, 5]))
     bulge = read.named("BULGE").path()
-    assert 1e3 * bulge.length == pytest.approx(scale * (5 * np.pi + 10))
-    assert 1e3 * bulge.segments[0].position(np.array([0.5]))[0] == pytest.approx(scale * np.array([5, -5, 0]))
+    assert 1e3 * bulge.length == pytest.approx(scale * (25 * np.arctan(0.5) + 10))
+    assert 1e3 * bulge.segments[0].position(np.array([0.5]))[0] == pytest.approx(scale * np.array([5, -2.5, 0]))
     assert "left out: 1 TEXT" in read.notes
     assert any("joined" in note and "1 of them turned round" in note for note in read.notes)
     if version == "R12":
@@ -421,6 +420,7 @@ def test_a_drawing_of_ezdxf_has_its_lines_arcs_and_curves(
     assert 1e3 * read.named("ELLIPSE").path().length == pytest.approx(scale * 40 * ellipe(0.75), rel=1e-4)
     quarter = read.named("NURBS").path().at(np.linspace(0, 0.1 * scale / 1e3, 9)).position
     assert 1e3 * np.linalg.norm(quarter, axis=1) == pytest.approx(np.full(9, 10 * scale), abs=0.02)
+    check(read.named("MIRROR"), path(scale * np.array([[-15, 0, 0], [-5, 10, 0]]), length=scale * QUARTER))
     check(read.paths[-1], path(scale * np.array([[5, 5, 0], [5, 15, 0]])))
 
 
@@ -522,6 +522,7 @@ SPOILT: dict[str, tuple[str, dict[str, Any], str]] = {
         "line 3 turns A, and nothing says how the machine is built",
     ),
     "G-code with an unknown word": (f"{HEAD}\nG1 X1. W5.\n", {}, "line 3 has the word W5., which is not understood"),
+    "G-code with the turns of an arc": (f"{HEAD}\nG2 Z-5. I5. J0. P3\n", {}, "line 3 has P beside an arc"),
     "G-code that skips": (f"{HEAD}\n/G1 X1.\n", {}, "line 3 begins with /"),
     "G-code without a center": (f"{HEAD}\nG2 X1. Y1.\n", {}, "line 3 has an arc without center or radius"),
 }
@@ -561,6 +562,25 @@ def test_a_drawing_in_no_unit_with_a_face_or_a_broken_number_is_refused(tmp_path
         hk.read_paths(file, units="in")
 
 
+def test_a_table_whose_points_are_called_like_words_is_a_table(tmp_path: Path) -> None:
+    file = tmp_path / "w.csv"
+    for mark in ",;\t":
+        file.write_text("\n".join([f"name,{XYZ}", "G1,0,0,0", "G2,5,0,0"]).replace(",", mark))
+        read = hk.read_paths(file)
+        assert read.kind == "table" and read.paths[0].points[1] == pytest.approx([0.005, 0, 0])
+
+
+def test_the_times_of_a_table_are_those_of_its_path(tmp_path: Path) -> None:
+    file = tmp_path / "w.csv"
+    file.write_text(f"{XYZ},t\n0,0,0,0\n10,0,0,1\n10,0,0,3\n20,0,0,4\n")
+    rests = hk.read_paths(file).paths[0].path()
+    assert rests.durations == pytest.approx([1, 2, 1])
+    assert 1e3 * rests.at([0.5, 2, 3.5]).position[:, 0] == pytest.approx([5, 10, 15])
+    file.write_text(f"{XYZ},t,speed_mm_s\n0,0,0,0,8\n10,0,0,1,8\n")
+    with pytest.raises(FileError, match="has times and speeds, t, speed_mm_s; leave one of them out"):
+        hk.read_paths(file)
+
+
 def test_what_is_assumed_is_noted(tmp_path: Path) -> None:
     file = tmp_path / "a.txt"
 
@@ -572,6 +592,8 @@ def test_what_is_assumed_is_noted(tmp_path: Path) -> None:
     assert "read as the direction in which the tool's z axis points" in notes(FILES["table, axes i, j, k"][1])
     assert "counter-clockwise about the axis" in notes(NX, units="mm")
     assert "nothing says G90 or G91" in notes("G21\nG0 X0. Y0. Z0.\nG1 X1.\n")
+    first = "UNITS/MM\nRAPID\nGOTO/0,0,0\nGOTO/1,0,0\nGOTO/2,0,0,0,0.6,0.8\n"
+    assert "2 points before the first tool axis: the tool is read as along z of the file, down" in notes(first)
     assert "no line has Z: read as 0" in notes("G21 G90\nG0 X0. Y0.\nG1 X1.\n")
     assert "line 3 has a number without a decimal point: read as whole mm" in notes("G21 G90\nG0 X0 Y0 Z0\nG1 X10\n")
     assert "read as that of X and Y, G17" in notes("G21 G90\nG0 X0. Y0. Z0.\nG2 X2. I1.\n")
@@ -647,3 +669,62 @@ def test_arcs_in_every_plane_unit_and_mode_lie_on_their_circles(seed: int, tmp_p
             expected[[a, b]] += radius * np.array([np.cos(first + u * angle), np.sin(first + u * angle)])
             assert segment.position(np.array([u]))[0] / scale == pytest.approx(expected, abs=2e-5 * radius)
         assert c not in (a, b)
+
+
+def test_the_speeds_comments_and_axes_of_a_file_arrive_in_a_job(tmp_path: Path) -> None:
+    from holokin.app.job.runner import open_job, run_job
+    from holokin.base.errors import JobError
+
+    (tmp_path / "weld.cls").write_text(NX.replace("$$ centerline data", "PPRINT ROOT PASS"))
+    job = """title = "t"
+[robot]
+name = "panda"
+[task]
+kind = "pose"
+orientation = "axis"
+[start]
+q = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+[strategies.l]
+kind = "lock"
+joints = ["panda_joint7", "panda_joint3"]
+[path]
+kind = "file"
+file = "weld.cls"
+units = "mm"
+frame = { xyz = [0.42, 0.1, 0.4] }
+entry = "joints"
+samples = 100
+"""
+
+    def run(keys: str) -> Any:
+        (tmp_path / "job.toml").write_text(job + keys)
+        return run_job(*open_job(str(tmp_path / "job.toml")))
+
+    result = run('only = "WELD_1"\n')
+    assert result.path.durations == pytest.approx([50 / 10, 100 / 8, 10 * np.pi / 8])
+    assert result.path.start == pytest.approx([0.42, 0.1, 0.45])
+    assert (
+        "a comment of line 4: ROOT PASS" in result.about
+        and "the rapid moves to its start are left out (1)" in result.about
+    )
+    (law,) = result.strategies
+    assert law.status is hk.motion.Status.COMPLETE and law.metrics["tracking"] < 1e-10
+    tool = hk.load("panda").pose(law.cycles.q[-1])
+    assert 1e3 * (tool[:3, 3] - [0.42, 0.1, 0.4]) == pytest.approx([120, 20, 0], abs=1e-6)
+    assert tool[:3, 2] == pytest.approx([0, -0.6, -0.8], abs=1e-9)
+    assert run("only = 2\nspeed = 0.02\n").path.duration == pytest.approx(0.05 / 0.02)
+    for keys, words in {
+        "": "names none of the 2 paths .'WELD_1': 0.181 m, 'WELD_2': 0.05 m.; say which one",
+        'only = "X"\n': "is 'X'; it has WELD_1, WELD_2",
+        "only = 1\nclosed = true\n": "path.closed. is of points, and the file has arcs",
+    }.items():
+        with pytest.raises(JobError, match=words):
+            run(keys)
+
+
+def test_directions_alone_make_no_workspace(tmp_path: Path) -> None:
+    """Whether they point into the work or out of it a workspace could not say, and has no notes to say what it took."""
+    file = tmp_path / "w.csv"
+    file.write_text(f"{XYZ},i,j,k\n0,0,0,0,0,1\n10,0,0,0,0,1\n")
+    with pytest.raises(FileError, match="its column 'i' is neither a position"):
+        hk.path.read_workspace(file)

@@ -365,10 +365,8 @@ NAMED = {
     "vector": ("rx", "ry", "rz"),
     "KUKA": ("a", "b", "c"),
     "FANUC": ("w", "p", "r"),
-    "ABB": ("ez", "ey", "ex"),
     "Kawasaki": ("o", "a", "t"),
     "Comau": ("a", "e", "r"),
-    "Epson": ("u", "v", "w"),
 }
 AXES = ("axis", "normal")
 """Columns of the direction of the tool's z axis."""
@@ -377,18 +375,16 @@ EULER = {
     "angles": "xyz",
     "KUKA": "ZYX",
     "FANUC": "xyz",
-    "ABB": "ZYX",
     "Kawasaki": "ZYZ",
     "Comau": "ZYZ",
-    "Epson": "ZYX",
     "Mitsubishi": "xyz",
-    "Doosan": "ZYZ",
     "Yaskawa": "xyz",
     "Staubli": "XYZ",
 }
-"""Axes of three angles in the order of their columns: capitals turn with the tool, small letters stand still."""
+"""Axes of three angles in the order of their columns: capitals turn with the tool, small letters stand still. Those of
+makers are as Basler's pages on pose formats have them; of Comau and Staubli as in RoboDK's robomath.py."""
 
-OF_MAKERS = {"KUKA": ("KUKA", "Mitsubishi", "Doosan"), "vector": ("UR", "Yaskawa", "Staubli")}
+OF_MAKERS = {"KUKA": ("KUKA", "Mitsubishi"), "vector": ("UR", "Yaskawa", "Staubli")}
 """Names of columns that several makers use in ways of their own: the first one is taken where nobody says another."""
 
 MAKERS = sorted({*EULER, "UR"} - {"angles"}, key=str.lower)
@@ -439,10 +435,10 @@ _NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|m|inch|in|d
 class Units:
     """What the caller says of a file; None where its header must say it.
 
-    With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, and times
-    are left out. Columns that `ignore` names, or fits with a *, are not there. `columns` names those of a file without
-    a header. `maker` says whose angles they are, `into` whether axes i, j, k point into the work, as the tool's z axis
-    does. `place` is what messages call a row.
+    With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, directions
+    are refused, and times are left out. Columns that `ignore` names, or fits with a *, are not there. `columns` names
+    those of a file without a header. `maker` says whose angles they are, `into` whether axes i, j, k point into the
+    work, as the tool's z axis does. `place` is what messages call a row.
     """
 
     units: str | None
@@ -646,6 +642,10 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
             raise FileError(file, fact, cure)
     if units.assumed:
         time = speed = path = None
+    if time is not None and speed is not None:
+        names = [header[time.places[0]], header[speed[0]]]
+        cure = f"leave one of them out, as in ignore={[shown(names[1])]}"
+        raise FileError(file, f"has times and speeds, {listed(names)}", cure)
     found = [places[n] for n in where], [places[n] for n in names]
     return PoseColumns(*found, kind, time, np.array(scales), speed, path)
 
@@ -677,7 +677,8 @@ def _orientation(
     file: Path, known: Mapping[str, object], header: Sequence[str], units: Units
 ) -> tuple[str, tuple[str, ...]]:
     """(kind, names of the columns) of the orientation; ("", ()) where there is none."""
-    there = [(kind, names) for kind, names in NAMED.items() if all(name in known for name in names)]
+    whole = {kind: names for kind, names in NAMED.items() if not (units.assumed and kind in AXES)}
+    there = [(kind, names) for kind, names in whole.items() if all(name in known for name in names)]
     if units.maker is not None and len(there) == 1:
         there = [(_of_maker(file, there[0][0], units.maker), there[0][1])]
     if not there and (units.order is not None or not units.assumed):
@@ -686,7 +687,7 @@ def _orientation(
         fact = f"its columns hold more than one orientation: {listed(there[0][1])} and {listed(there[1][1])}"
         raise FileError(file, fact, "keep one of them")
     if not there:
-        some = [n for names in (*NAMED.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
+        some = [n for names in (*whole.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
         some = [n for n in some if n in known and n not in TIMES]
         if some:
             fact = f"its column {some[0]!r} alone is no orientation"

@@ -28,12 +28,12 @@ from .path import (
     arc_segment,
     as_point,
     as_poses,
-    at_speeds,
     cubic_segment,
     distinct,
     join,
     line_segment,
     meets,
+    paced,
     returned,
     sure_turns,
     turn_between,
@@ -123,8 +123,9 @@ def polyline(
     notes_of_file = points.notes if isinstance(points, Waypoints) else ()
     path = Path(tuple(segments), speed, rotation=first, notes=(*notes_of_file, *notes))
     if isinstance(points, Waypoints) and points.speeds is not None:
-        own = np.append(points.speeds, np.nan)[index[1:] - 1]
-        return replace(path, segments=tuple(at_speeds(segments, own, speed)))
+        kept = index[index < len(points)]  # without the line back
+        seconds = np.append(points.seconds(segments, kept), np.full(len(index) - len(kept), np.nan))
+        return replace(path, segments=tuple(paced(segments, seconds, speed)))
     return path
 
 

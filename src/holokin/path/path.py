@@ -728,16 +728,11 @@ class Waypoints(Value):
     def __len__(self) -> int:
         return len(self.points)
 
-    @property
-    def targets(self) -> Array:
-        """Poses (k, 4, 4); points (k, 3) where there are no rotations."""
-        return self.points if self.rotations is None else pose_from(self.points, self.rotations)
-
     @typed
     def path(self, speed: float = 0.1, angular_speed: float = 0.5) -> Path:
         """The path along the moves as the file draws them, straight from point to point where it says no more.
 
-        They have the speeds of the file, the greatest of which is that of the path.
+        It has the times of the file, or its speeds, the greatest of which is that of the path.
 
         Args:
             speed, angular_speed: [m/s] and [rad/s], where the file states no speed, or the tool turns on the spot.
@@ -748,19 +743,27 @@ class Waypoints(Value):
         turns = np.zeros((len(self) - 1, 3)) if self.rotations is None else sure_turns(self.rotations)
         moves = self.moves or [line_segment(a, b, np.zeros(3)) for a, b in pairwise(self.points)]
         segments = [move.evenly(turn) for move, turn in zip(moves, turns, strict=True)]
-        if self.speeds is not None:
-            segments = at_speeds(segments, self.speeds, speed)
         first = None if self.rotations is None else self.rotations[0]
-        path = Path(tuple(segments), speed, angular_speed, first, self.notes)
+        path = Path(tuple(paced(segments, self.seconds(segments), speed)), speed, angular_speed, first, self.notes)
         stated = self.speeds is not None and not np.isnan(self.speeds).any()
         return path.at_pace(float(np.max(self.speeds))) if stated else path  # type: ignore[arg-type]
 
+    def seconds(self, moves: Sequence[Segment], index: Indices | None = None) -> Vector:
+        """Seconds (k - 1,) of moves between its points, or some of them, by its times or speeds; NaN without these."""
+        rows = np.arange(len(self)) if index is None else index
+        if self.times is not None:
+            return np.diff(self.times[rows])
+        if self.speeds is None:
+            return np.full(len(rows) - 1, np.nan)
+        lengths = np.array([move.length for move in moves[: len(rows) - 1]])
+        return np.where(lengths > 0.0, lengths / self.speeds[rows[1:] - 1], np.nan)
 
-def at_speeds(segments: Sequence[Segment], speeds: Vector, speed: float) -> list[Segment]:
-    """Segments of a path at `speed` [m/s] that each have a speed of their own (k,), where that is not NaN."""
+
+def paced(segments: Sequence[Segment], seconds: Vector, speed: float) -> list[Segment]:
+    """Segments of a path at `speed` [m/s] that take their own seconds (k,), where these are not NaN."""
     return [
-        segment if np.isnan(own) or segment.length == 0.0 else replace(segment, nominal=segment.length * speed / own)
-        for segment, own in zip(segments, speeds.tolist(), strict=True)
+        segment if np.isnan(own) else replace(segment, nominal=own * speed)
+        for segment, own in zip(segments, seconds.tolist(), strict=True)
     ]
 
 
@@ -770,15 +773,14 @@ def rotations_along(axes: Matrix) -> Array:
     The x axis of the first one is as near to x as can be; each other one is the one before, turned about the line that
     is perpendicular to both directions. For opposite directions there is no such line, and the result means nothing.
     """
-    out = np.empty((len(axes), 3, 3))
     start = np.array([1.0, 0.0, 0.0]) if abs(axes[0][0]) < NEARLY_X else np.array([0.0, 1.0, 0.0])
-    x, last = start - (start @ axes[0]) * axes[0], axes[0]
+    x, last, along = start - (start @ axes[0]) * axes[0], axes[0], np.empty((len(axes), 3))
     for i, axis in enumerate(axes):
         x = x - (x @ axis) / max(1.0 + float(last @ axis), 1e-12) * (last + axis) if i else x
         x = x - (x @ axis) * axis
-        x, last = x / np.linalg.norm(x), axis
-        out[i] = np.column_stack([x, np.cross(axis, x), axis])
-    return out
+        x, last = x / sqrt(x @ x), axis
+        along[i] = x
+    return np.stack([along, np.cross(axes, along), axes], axis=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,7 +168,7 @@ NO_QUESTION = {
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer", "SheetPostures",
-    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
+    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path", "PathFile",
     "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotionCurve",
     "SelfMotionArc", "ArcEnd", "EndKind", "LevelInterval",
     "FrameTask", "StackedTask", "Segment", "Samples",

@@ -25,12 +25,15 @@ _FIRST = re.compile(
 _IDLE = re.compile(
     "PARTNO.*|MACHIN|SPINDL|COOLNT|LOADTL|LOAD|SELECT|TOOLNO|CUTTER|TLDATA|PAINT|END-OF-PATH|FINI|STOP|OPSTOP|END|TOLER"
     "|INTOL|OUTTOL|CLRSRF|REWIND|SEQNO|PREFUN|AUXFUN|MODE|HEAD|ARCSLP|DISPLY|SET|CLAMP|LINTOL|NOPOST|CLPRNT|MULTAX"
-    "|AUTOPS|PSIS|DELAY|OFSTNO|LEADER"
+    "|AUTOPS|PSIS|OFSTNO|LEADER"
 )
 """Words that move no tool. What they do is the process's to say."""
 
 FEEDS = {"MMPM": 1e-3 / 60, "IPM": 0.0254 / 60}
 """Units of feed -> m/s; PERMIN has the units of the points."""
+
+LARGEST = 1e9
+"""Size of the numbers of a statement at most: more than any length, in any unit."""
 
 AXIS = 1e-3
 """How far the length of a tool axis may be from 1."""
@@ -45,7 +48,8 @@ REFUSED = {
     "INSERT": "has text for a controller, which may move: write it as GOTO",
 }
 
-_NAMES = ("POINT", "LINE", "PLANE", "CIRCLE", "CYLNDR", "VECTOR")
+_CURVES = ("POINT", "LINE", "CIRCLE", "CYLNDR")
+"""What the arcs of CATIA are made of."""
 
 
 def is_apt(text: str) -> bool:
@@ -64,7 +68,9 @@ class _Statement:
         """Its arguments as numbers. Raises: FileError: text, or not as many as asked for."""
         values = [number_in(argument) for argument in self.arguments]
         bad = [
-            text for text, value in zip(self.arguments, values, strict=True) if value is None or not np.isfinite(value)
+            text
+            for text, value in zip(self.arguments, values, strict=True)
+            if value is None or not abs(value) <= LARGEST
         ]
         if bad:
             raise line_error(file, self.line, f"has {shown(bad[0])!r} where a number belongs", "write numbers")
@@ -141,6 +147,11 @@ class _Reader:
             self._goto(statement)
         elif word == "RAPID":
             state.rapid = True
+        elif word == "GOHOME":  # where that is the file need not say
+            self.moves.end()
+            self.moves.point = None
+        elif word == "DELAY":
+            self.moves.notes.append(f"line {statement.line} waits, which is left out")
         elif word == "FEDRAT":
             self._feed(statement)
         elif word == "UNITS":
@@ -168,9 +179,10 @@ class _Reader:
             )
 
     def _only_off(self, statement: _Statement) -> None:
-        """Raises: FileError: a cycle, a compensation or another origin."""
-        off = all(cell.upper() in ("OFF", "NOMORE") or number_in(cell) == 0.0 for cell in statement.arguments)
-        if not off:
+        """Raises: FileError: a cycle, a compensation or another origin than the one that there is."""
+        values = [number_in(cell) for cell in statement.arguments]
+        same = statement.word == "ORIGIN" and values in ([0, 0, 0], [0, 0, 0, 1, 0, 0, 0, 0, 1])
+        if not same and not all(cell.upper() in ("OFF", "NOMORE") for cell in statement.arguments):
             what = {"ORIGIN": "another origin", "CUTCOM": "a compensation of the cutter", "CYCLE": "a cycle"}
             cure = "let the CAM system write plain GOTO in one frame"
             raise self._error(statement, f"turns on {what[statement.word]}, {shown(statement.text)!r}", cure)
@@ -278,10 +290,11 @@ class _Reader:
     def _on_circle(self, statement: _Statement) -> None:
         """CATIA's arcs: TLON,GOFWD/(CIRCLE/center, radius),ON,(LINE/center, end), or about a CYLNDR to a POINT."""
         text = re.sub(r"\s+", "", statement.text.upper())
-        found = {name: re.findall(rf"\({name}/([-+.,\dE]+)\)", text) for name in _NAMES}
+        found = {name: re.findall(rf"\({name}/([-+.,\dE]+)\)", text) for name in _CURVES}
         ahead, behind = found["CIRCLE"] or found["CYLNDR"] or [""], found["LINE"] or found["POINT"] or [""]
         circle, end = ([number_in(text) for text in part.split(",")] for part in (ahead[0], behind[-1]))
-        if len(circle) not in (4, 7) or len(end) not in (3, 6) or None in circle or None in end:
+        far = [value for value in circle + end if value is None or not abs(value) <= LARGEST]
+        if len(circle) not in (4, 7) or len(end) not in (3, 6) or far:
             fact = f"has a move along a curve that is not understood, {shown(statement.text)!r}"
             raise self._error(statement, fact, "let the CAM system write GOTO or circles")
         numbers = np.array(circle, dtype=float)

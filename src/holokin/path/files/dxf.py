@@ -69,9 +69,15 @@ def read_dxf(file: Path, text: str, units: str | None, tolerance: float) -> tupl
     notes: list[str] = []
     scale = _scale(file, text, document, units)
     left_out: Counter[str] = Counter()
-    chains = [
-        chain for thing in document.modelspace() for chain in _chains(file, text, document, thing, scale, left_out)
-    ]
+    chains: list[_Chain] = []
+    for thing in document.modelspace():
+        try:
+            chains += _chains(file, text, document, thing, scale, left_out)
+        except FileError:
+            raise
+        except Exception as problem:  # noqa: BLE001  of numbers that make no curve, or of a block that is not there
+            fact = f"has a {thing.dxftype()} that cannot be drawn ({shown(str(problem) or type(problem).__name__)})"
+            raise line_error(file, _line_of(text, thing), fact, "draw it again") from None
     if through := sum(1 for thing in document.modelspace().query("SPLINE") if not thing.control_point_count()):
         notes.append(
             f"splines that are given by points alone, {through}, are read as the cubics through them that CAD draws"
@@ -99,7 +105,7 @@ def _scale(file: Path, text: str, document: Any, units: str | None) -> float:
 
 def _chains(file: Path, text: str, document: Any, thing: Any, scale: float, left_out: Counter[str]) -> Iterator[_Chain]:
     """The pieces of a thing in a drawing. Raises: FileError: it is not read."""
-    kind, layer = thing.dxftype(), str(thing.dxf.layer)
+    kind, layer = thing.dxftype(), str(thing.dxf.get("layer", "0"))
     known = document.layers.get(layer) if layer in document.layers else None
     if known is not None and (known.is_off() or known.is_frozen()):
         left_out[f"on the hidden layer {shown(layer)!r}"] += 1
@@ -109,11 +115,7 @@ def _chains(file: Path, text: str, document: Any, thing: Any, scale: float, left
         for part in thing.virtual_entities():
             yield from _chains(file, text, document, part, scale, left_out)
     else:
-        try:
-            pieces = _pieces(thing, kind, scale)
-        except Exception as problem:  # noqa: BLE001  of numbers that make no curve
-            fact = f"has a {kind} that cannot be drawn ({shown(str(problem) or type(problem).__name__)})"
-            raise line_error(file, _line_of(text, thing), fact, "draw it again") from None
+        pieces = _pieces(thing, kind, scale)
         if pieces is None:
             fact = f"has a {kind}, which is no line, arc, circle, ellipse, polyline or spline"
             raise line_error(file, _line_of(text, thing), fact, "explode or delete it")

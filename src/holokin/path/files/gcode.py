@@ -30,9 +30,9 @@ PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 
 UNITS = {20: "in", 21: "mm", 70: "in", 71: "mm", 700: "in", 710: "mm"}
 
-IDLE = {4, 9, 40, 43, 49, 60, 61, 61.1, 64, 80, 94, 98, 99, 500, 601, 602, 641, 642, 643, 644, 645}
+IDLE = {4, 5.1, 9, 15, 40, 43, 49, 60, 61, 61.1, 64, 69, 80, 94, 98, 99, 500, 601, 602, 641, 642, 643, 644, 645}
 """Words G that change no point: a dwell, no compensation of the radius, that of the length, feed per minute, how
-exactly the points are met, no cycle."""
+exactly the points are met, no cycle, no polar or turned coordinates."""
 
 REFUSED = {
     **dict.fromkeys((41, 42), "turns on the compensation of the tool's radius: write the path of the tool's center"),
@@ -41,8 +41,10 @@ REFUSED = {
     **dict.fromkeys((65, 66, 67), "calls a macro: let the postprocessor write moves"),
 }
 OFFSETS = {54, 55, 56, 57, 58, 59}
+"""Words G of the frames of workpieces."""
 
-CALLS = {97: "a subprogram", 98: "a subprogram", 99: "a subprogram"}
+CALLS = (97, 98, 99)
+"""Words M that call a subprogram or end one."""
 
 _ROTARY = re.compile(r"(?:-?[ABC]){1,3}")
 
@@ -54,7 +56,7 @@ def is_gcode(text: str) -> bool:
 
 @dataclass
 class _Word:
-    """A word of a line: address, number, as it is written, and whether it counts from the origin (AC) or not (IC)."""
+    """A word of a line: address, number, how it is written, and "AC" or "IC" where it says from where it counts."""
 
     address: str
     value: float
@@ -88,7 +90,7 @@ def read_gcode(file: Path, text: str, moves: Moves, units: str | None, rotary: s
     for letter in "XYZABC":
         if letter not in used:
             state.at[letter] = 0.0
-    if missing := [letter for letter in "XYZ" if letter not in used]:
+    if missing := [letter for letter in ("X", "Y", "Z", *dict(kinematics)) if letter not in used]:
         moves.notes.append(f"no line has {' or '.join(missing)}: read as 0 everywhere")
     reader = _Reader(file, moves, state, kinematics, into, units)
     for line, words in lines:
@@ -176,6 +178,8 @@ class _Reader:
             self._home(coordinates)
             return ends
         # A move.
+        if self.state.motion in (2, 3) and any(word.address == "P" for word in words):
+            raise self._error(line, "has P beside an arc, which may be its turns", "write one turn a line")
         if coordinates.keys() & set("XYZABCIJK") or coordinates.keys() & {"A3", "B3", "C3"}:
             self._move(line, coordinates)
         elif coordinates:
@@ -191,7 +195,7 @@ class _Reader:
             self._code(line, round(value, 1))
         elif address == "M":
             if value in CALLS:
-                raise self._error(line, f"calls {CALLS[int(value)]}, M{value:g}", "write its moves in its place")
+                raise self._error(line, f"calls a subprogram, M{value:g}", "write its moves in its place")
             state.tip |= value == 128
             self.left_out |= {f"M{value:g}"} - {"M2", "M30", "M128"}
         elif address in ("TRAORI", "TRAFOO"):
@@ -207,7 +211,7 @@ class _Reader:
             coordinates[address] = word
             if address in "XYZIJKR" and "." not in word.text and value != 0 and not self.whole:
                 self.whole = line
-        elif address in ("S", "T", "D", "H", "P"):
+        elif address in ("S", "T", "D", "H", "P", "Q"):
             self.left_out.add(address)
         elif address != "N":
             fact = f"has the word {address}{word.text}, which is not understood"
@@ -236,7 +240,7 @@ class _Reader:
                 fact = f"changes the frame of the workpiece from G{state.offset} to G{code:g}"
                 raise self._error(line, fact, "write the paths of one frame into one file")
             state.offset = int(code)
-        elif code in (43.4, 43.5):
+        elif code in (43.4, 43.5, 234):  # FANUC's and Haas'
             state.tip, state.axis_words = True, code == 43.5
         elif code in REFUSED:
             fact, _, cure = REFUSED[int(code)].partition(": ")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,7 @@ class Moves:
     short: int = 0
     _points: list[Vector] = field(default_factory=list)
     _axes: list[Vector | None] = field(default_factory=list)
-    _moves: list[Segment] = field(default_factory=list)
+    _moves: list[Segment | None] = field(default_factory=list)
     _speeds: list[float] = field(default_factory=list)
     _lines: list[int] = field(default_factory=list)
 
@@ -85,11 +86,11 @@ class Moves:
         if not curve and np.linalg.norm(point - self.point) <= SAME and turned <= SAME:
             self.short += len(self._points) > 1 or len(self._moves) > 0
             return
-        moves = list(curve) or [line_segment(self.point, point, np.zeros(3))]
+        moves = list(curve) or [None]
         for i, move in enumerate(moves, 1):
             self._moves.append(move)
             self._speeds.append(np.nan if speed is None else speed)
-            end, last = move.position(np.ones(1))[0], i == len(moves)
+            end, last = point if move is None else move.position(np.ones(1))[0], i == len(moves)
             close = last and np.linalg.norm(end - point) <= ROUND_OFF
             self._put(point if close else end, axis if last else self.axis, line)
         self.point, self.axis = self._points[-1], axis
@@ -125,8 +126,12 @@ class Moves:
 
     def _path(self) -> Waypoints:
         axes = self._axes_of_all()
-        straight = all(move.angle == 0.0 and not move.along[1:].any() for move in self._moves)
+        curved = any(move is not None for move in self._moves)
+        moves = zip(self._moves, pairwise(self._points), strict=True)
+        whole = tuple(move or line_segment(*ends, np.zeros(3)) for move, ends in moves) if curved else None
         notes = (f"{self.short} moves of no length left out",) * (self.short > 0)
+        if axes is not None and (missing := sum(axis is None for axis in self._axes)):
+            notes += (f"{missing} points before the first tool axis: the tool is read as along z of the file, down",)
         self.short = 0
         return Waypoints(
             np.array(self._points),
@@ -136,7 +141,7 @@ class Moves:
             name=self.name,
             axes=axes,
             speeds=None if np.isnan(self._speeds).all() else np.array(self._speeds),
-            moves=None if straight else tuple(self._moves),
+            moves=whole,
             approach=np.array(self.approach) if self.approach else None,
             comments=tuple(self.comments),
         )

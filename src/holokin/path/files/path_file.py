@@ -82,11 +82,11 @@ def read_paths(
     A table names its columns in its first line, in any order, with a unit behind a name, as in x_mm, "x [in]" or
     roll_deg: x, y, z; for the tool's direction i, j, k or nx, ny, nz; or for its orientation qx, qy, qz, qw, or q1 to
     q4 or q0 to q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in this order), or rx,
-    ry, rz, a rotation vector, or a, b, c of KUKA, w, p, r of FANUC, ez, ey, ex of ABB, o, a, t of Kawasaki, a, e, r of
-    Comau, u, v, w of Epson; or T00, T01, ..., T23, the first three rows of the pose's matrix; for times t, time, stamp,
-    timestamp, sec or seconds, or sec and nanosec; for speeds speed_mm_s or feed_mm_min; path, seam or operation for
-    the name of a row's path. Columns named name, label, comment, remark, note, id, index, number, point, line or row
-    are passed over; any other is refused.
+    ry, rz, a rotation vector, or a, b, c of KUKA, w, p, r of FANUC, o, a, t of Kawasaki, a, e, r of Comau; or T00, T01,
+    ..., T23, the first three rows of the pose's matrix; for times t, time, stamp, timestamp, sec or seconds, or sec and
+    nanosec; for the speed of the move to a row speed_mm_s or feed_mm_min; path, seam or operation for the name of a
+    row's path. Columns named name, label, comment, remark, note, id, index, number, point, line or row are passed over;
+    any other is refused.
 
     In a program a rapid move ends a path and leads to the next one.
 
@@ -95,7 +95,7 @@ def read_paths(
         columns: names of the columns of a table without a header.
         angles: of the columns of a table where their names do not say it.
         order: of the numbers of a quaternion in columns q1 to q4 or q0 to q3.
-        maker: whose angles a, b, c are ("KUKA", "Mitsubishi", "Doosan") or rx, ry, rz ("UR", "Yaskawa", "Staubli").
+        maker: whose angles a, b, c are ("KUKA", "Mitsubishi") or rx, ry, rz ("UR", "Yaskawa", "Staubli").
         ignore: columns to leave out, by their names in the header, or patterns with *, as in ["tool_*"].
         axis: whether a direction of the tool in the file points "into" the work or "out" of it, from the tool's tip to
             its holder. By default "out" in programs, as APT has it, and "into" in tables, with a note.

@@ -87,8 +87,9 @@ def read_workspace(
 ) -> PoseCloud:
     """A workspace of the tool poses in a CSV file, a line each, in the frame of the robot's base.
 
-    The columns are those of `read_paths`; without a unit they are in m and rad. With x, y, z alone the tool points
-    down everywhere, as in `hk.workspace`, or as `rotation` says; a task of positions looks at the positions alone.
+    The columns are those of `read_paths`, but for directions of the tool, which are no whole orientations; without a
+    unit they are in m and rad. With x, y, z alone the tool points down everywhere, as in `hk.workspace`, or as
+    `rotation` says; a task of positions looks at the positions alone.
 
     Args:
         units, angles, order: as of `read_paths`, where the header does not say it.
@@ -104,15 +105,10 @@ def read_workspace(
         rotation = finite("the rotation", rotation, (3, 3))
         check_rotation("the rotation", rotation)
     read = pose_rows(Path(path), "pose", Units(units, angles, order, True, tuple(ignore)))
-    if rotation is not None and (read.rotations is not None or read.axes is not None):
-        raise ArgumentError(
-            "rotation", rotation.tolist(), f"leave it out: {path} has a direction of the tool for each point"
-        )
-    rotations = read.rotations
-    if read.axes is not None:
-        rotations = np.array([rotations_along(axis[None])[0] for axis in read.axes])
-    if rotations is not None:
-        return pose_cloud(pose_from(read.points, rotations), str(path))
+    if rotation is not None and read.rotations is not None:
+        raise ArgumentError("rotation", rotation.tolist(), f"leave it out: {path} has a rotation for each pose")
+    if read.rotations is not None:
+        return pose_cloud(pose_from(read.points, read.rotations), str(path))
     source = f"{path} with the tool down" if rotation is None else f"{path} with one rotation"
     return pose_cloud(pose_from(read.points, TOOL_DOWN if rotation is None else rotation), source)
 

@@ -17,7 +17,7 @@ from ....base.errors import ArgumentError, FileError, UnknownNameError
 from ....base.extra_module import extra_module
 from ....base.files import listed, shown
 from ....base.poses import QuaternionOrder
-from ....base.tables import AXES, PoseColumns, Units, columns_of_poses, poses_of
+from ....base.tables import PoseColumns, Units, columns_of_poses, poses_of
 from ....base.types import Array, Indices, Matrix, Shown, Value, Vector
 from ....robot import Robot
 from .bag import record_batches
@@ -527,7 +527,7 @@ def pose_feature(
     numbered = [name for name in plain if re.fullmatch(r"q[0-4]", name)]
     entries = [(i, name) for i, name in enumerate(plain) if name and (order is not None or name not in numbered)]
     columns = columns_of_poses(dataset.folder / INFO, [name for _, name in entries], units)
-    if not columns.kind or columns.kind in AXES:
+    if not columns.kind:
         fact = f"{feature} has a position, but no orientation: its entries are {listed(names)}"
         cure = "name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz"
         if numbered:
