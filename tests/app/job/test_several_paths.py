@@ -90,7 +90,6 @@ kind = "moore-penrose"
 [timing]
 acceleration = 5.0
 dt = 0.01
-{more}
 """
 TWO = """
 name = "two"
@@ -116,12 +115,12 @@ def at(degrees: float, reach: float = 0.6) -> list[float]:
     return [round(reach * float(f(np.deg2rad(degrees))), 9) for f in (np.cos, np.sin)]
 
 
-def elbow_job(folder: Path, angles: dict[str, float], order: str = "given", reach: float = 0.6, more: str = "") -> Path:
-    """Short paths outwards, at angles from the x axis: near +-100 degrees one elbow alone keeps the shoulder's limit."""
+def elbow_job(folder: Path, angles: dict[str, float], order: str = "given") -> Path:
+    """Short paths outwards, at angles from the x axis: near +-100 degrees one elbow alone keeps the limits."""
     (folder / "two.toml").write_text(TWO)
-    text = ELBOW.format(more=more) + f'[air]\norder = "{order}"\n'
+    text = ELBOW + f'[air]\norder = "{order}"\n'
     for name, angle in angles.items():
-        points = [at(angle, reach), at(angle, reach + 0.05)]
+        points = [at(angle), at(angle, 0.65)]
         text += f'[[path]]\nname = "{name}"\nkind = "polyline"\npoints = {points}\nsamples = 50\n'
     (folder / "job.toml").write_text(text, encoding="utf-8")
     return folder / "job.toml"

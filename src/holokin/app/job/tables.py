@@ -316,9 +316,9 @@ class ObstacleTable(KindTable, FrameTable):
             return given
         more: dict[str, Any] = {}
         if isinstance(given.get("file"), str):
-            more["file"] = from_folder(given["file"], info)
+            more["file"] = _from_folder(given["file"], info)
         if isinstance(pieces := given.get("pieces"), list):
-            more["pieces"] = [from_folder(piece, info) if isinstance(piece, str) else piece for piece in pieces]
+            more["pieces"] = [_from_folder(piece, info) if isinstance(piece, str) else piece for piece in pieces]
         return given | more
 
     @model_validator(mode="after")
@@ -363,7 +363,7 @@ class ObstacleTable(KindTable, FrameTable):
         return tuple(Mesh(Path(piece), scale).hull for piece in self.pieces)
 
 
-def from_folder(name: str, info: ValidationInfo) -> str:
+def _from_folder(name: str, info: ValidationInfo) -> str:
     """A file's name, which counts from the folder of the job file where that is known."""
     return str(Path(info.context["folder"]) / name) if info.context else name
 
@@ -388,7 +388,7 @@ class ChecksTable(Table):
     def _beside(cls, given: Any, info: ValidationInfo) -> Any:
         """The SRDF counts from the folder of the job file."""
         if isinstance(given, dict) and isinstance(given.get("srdf"), str):
-            return given | {"srdf": from_folder(given["srdf"], info)}
+            return given | {"srdf": _from_folder(given["srdf"], info)}
         return given
 
     @cached_property

@@ -117,8 +117,12 @@ MOST_LINKS = 20_000
 
 _GEOMETRIES = ("box", "cylinder", "sphere", "mesh")
 _SINGLE = "link joint joint/safety_controller material material/color link/visual/material link/visual/material/color"
+SRDF_TAGS = ("disable_collisions", "disable_default_collisions", "enable_collisions")
+"""Elements of an SRDF that say which pairs of links are looked at."""
+
 _WANTED = {
     *_SINGLE.split(),
+    *SRDF_TAGS,
     *(f"link/inertial{part}" for part in ("", "/origin", "/mass", "/inertia")),
     *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
     *(f"link/{shape}{part}" for shape in ("collision", "visual") for part in ("", "/origin", "/geometry")),
