@@ -22,7 +22,6 @@ PARTS = {
     "league": "benchmarks.league.league_page",
     "rivals": "benchmarks.rivals",
     "inverse": "benchmarks.inverse",
-    "choices": "benchmarks.choices",
     "survey": "benchmarks.survey",
     "cusps": "benchmarks.cusps",
     "accuracy": "benchmarks.accuracy",
