@@ -305,6 +305,10 @@ def test_millimetres_are_told_from_what_is_only_out_of_reach(panda: hk.Robot) ->
         far[:3, 3] *= distance / np.linalg.norm(far[:3, 3])
         with pytest.raises(OutOfReachError, match=said):
             hk.ik(G, PANDA_START)(far)
+    too_near = pose.copy()  # within the base, where "nearer" is no cure
+    too_near[:3, 3] = [0.02, 0.0, 0.1]
+    with pytest.raises(OutOfReachError, match="nearer or farther away"):
+        hk.ik(G, PANDA_START)(too_near)
     round_trip = hk.circle(1000 * pose[:3, 3], 1000 * pose[:3, 3] - [100, 0, 0])
     with pytest.raises(StartError, match="give metres"):
         hk.follow(G, round_trip, PANDA_START)

@@ -309,10 +309,7 @@ class SingularityKind(Enum):
     """Why a strategy has no value at a posture."""
 
     KINEMATIC = "the task Jacobian J loses rank: the tool cannot move in every direction of the task"
-    ALGORITHMIC = (
-        "J has full rank, but the strategy does not determine the joint rates: a self-motion obeys it, too "
-        "(H = [N_G N], or [J; J_g], is singular)"
-    )
+    ALGORITHMIC = "the arm could move the tool in every direction of the task, but not by this strategy"
     REPRESENTATION = (
         "a representation that the task or the constraint uses is singular or ends: its rates are not defined"
     )
@@ -323,7 +320,7 @@ class SingularityError(HolokinError):
 
     _cure: ClassVar[dict[SingularityKind, str]] = {
         SingularityKind.KINEMATIC: "keep the path away from this posture, or drop task rows",
-        SingularityKind.ALGORITHMIC: "choose another constraint or N_G there, or another leaf (start posture)",
+        SingularityKind.ALGORITHMIC: "choose another strategy for this posture, or another start posture",
         SingularityKind.REPRESENTATION: "choose another orientation=, 'twist' has no such singularity, or another "
         "constraint; for a radial law a start nearer by, or more steps",
     }
@@ -334,11 +331,11 @@ class SingularityError(HolokinError):
         SingularityKind.REPRESENTATION: "distance from the singularity",
     }
 
-    def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, measure: float) -> None:
+    def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, measure: float, why: str = "") -> None:
         self.kind, self.q, self.measure = kind, tuple(float(v) for v in q), float(measure)
         super().__init__(
             f"{kind.name.lower()} singularity of {what} at q = {posture_text(self.q)} "
-            f"({self._measure[kind]} {measure:.2e}): {kind.value}; {self._cure[kind]}"
+            f"({self._measure[kind]} {measure:.2e}): {why or kind.value}; {self._cure[kind]}"
         )
 
 

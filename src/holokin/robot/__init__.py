@@ -7,6 +7,7 @@ from .chains import GIVE_SPEEDS as GIVE_SPEEDS
 from .chains import Part, compose, ordered, with_base_pose, with_limits, with_tool
 from .chains import check_metres as check_metres
 from .chains import doubtful_unit as doubtful_unit
+from .chains import nearer_or_other as nearer_or_other
 from .chains import speed_limits as speed_limits
 from .chains import without_speed_limit as without_speed_limit
 from .formats.dh import DHRow, from_dh

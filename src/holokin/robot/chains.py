@@ -201,6 +201,18 @@ def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
     return f"at least {nearest:.4g} m from the base, where {robot.name} reaches {reach:.3g} m: give metres"
 
 
+def nearer_or_other(robot: Robot, place: Vector, tip: str | None = None) -> str:
+    """What to do about a place (3,) of a tip that no posture of the arm has: where it is too far, by how much."""
+    away = float(np.linalg.norm(place - foot_of(robot.joints, robot._find_tip(tip).joint)))
+    reach = longest_reach(robot, tip)
+    if doubt := doubtful_unit(robot, place[None], tip):
+        return doubt
+    if away > reach:
+        return f"it is {away:.3g} m from the base, and the arm reaches {reach:.3g} m: give a pose nearer to the base"
+    within = f"it is {away:.3g} m from the base, within the arm's length of {reach:.3g} m"
+    return f"{within}: turn the tool another way there, or move it nearer or farther away"
+
+
 def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
     """Raises: ArgumentError where the poses (k, 4, 4) of a workspace are too far away to be in metres."""
     if doubt := doubtful_unit(robot, poses[:, :3, 3], tip):

@@ -241,7 +241,14 @@ class Strategy(Made, ByValue, ABC):
         """As `check_solved`, which calls it."""
         if margin > TOLERANCES.representation and not rcond > TOLERANCES.singular:
             self._check_finite(q)
-        check_regular(self.task, self.name, q, rcond, margin, least)
+        check_regular(self.task, self.name, q, rcond, margin, least, self._allowed)
+
+    def _allowed(self, q: Vector) -> tuple[Matrix, Vector] | None:
+        """(joint motions (n, m) that the strategy allows at q, which joints (n,) it holds); None if that is not known.
+
+        At a singular posture G is not defined, but these are.
+        """
+        return None
 
     # --- expressions and the functions built from them, once --------------------------------------------------
 
@@ -330,17 +337,55 @@ def check_solved(
 
 
 def check_regular(
-    task: Task, name: str, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular
+    task: Task,
+    name: str,
+    q: Vector,
+    rcond: float,
+    margin: float,
+    least: float = TOLERANCES.singular,
+    allowed: Callable[[Vector], tuple[Matrix, Vector] | None] = lambda _q: None,
 ) -> None:
-    """Raises: SingularityError of a strategy at q, saying of which kind, unless rcond > least and margin suffices."""
+    """Raises: SingularityError of a strategy at q, saying of which kind, unless rcond > least and margin suffices.
+
+    Args:
+        allowed: what the strategy allows at a posture, as of `Strategy._allowed`.
+    """
     if not margin > TOLERANCES.representation:
         raise SingularityError(SingularityKind.REPRESENTATION, q, f"{name} ({task.name})", margin)
     if rcond > least:
         return
-    s = np.linalg.svd(task.jacobian(q), compute_uv=False)
+    J = task.jacobian(q)
+    s = np.linalg.svd(J, compute_uv=False)
     kinematic = s[-1] <= max(TOLERANCES.rank, least) * s[0]
     kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
-    raise SingularityError(kind, q, f"{name} ({task.name})", s[-1] if kinematic else rcond)
+    known = None if kinematic else allowed(q)
+    why = "" if known is None else _impossible(task, J, *known)
+    raise SingularityError(kind, q, f"{name} ({task.name})", s[-1] if kinematic else rcond, why)
+
+
+HELD = 1e-9
+"""Largest rate of a joint that a strategy holds, in motions of length 1."""
+
+ALONG = 0.99
+"""Share of a direction of the tool that is along one axis, to be called so."""
+
+
+def _impossible(task: Task, J: Matrix, N: Matrix, held: Vector) -> str:
+    """How the joint motions N (n, m) of a strategy cannot move the tool, in words of who sees the machine."""
+    names = [name for name, still in zip(task.robot.joint_names, held, strict=True) if still]
+    who = f"with {' and '.join(names)} held, the other joints" if names else "by this strategy the joints"
+    U, sigma, _ = np.linalg.svd(J @ np.linalg.qr(N)[0])
+    lost = np.flatnonzero(sigma <= 10 * TOLERANCES.rank * sigma[0])
+    i = int(np.argmax(np.abs(U[:, -1])))
+    row = task.row_names[i]
+    if len(lost) > 1:
+        return f"{who} cannot move the tool in {len(lost)} of its {task.m} directions"
+    if not abs(U[i, -1]) >= ALONG:
+        parts = [name for name, share in zip(task.row_names, U[:, -1], strict=True) if abs(share) > 1 - ALONG]
+        return f"{who} cannot move the tool in one direction, which is made of {', '.join(parts)}"
+    if row in ("x", "y", "z"):
+        return f"{who} cannot move the tool along {row}"
+    return f"{who} cannot turn the tool about {row[1:]}" if row[1:] in ("x", "y", "z") else f"{who} cannot change {row}"
 
 
 def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:
@@ -373,6 +418,10 @@ class FrameStrategy(Strategy):
         """The expressions over one symbol q; `planes` is B."""
         return FrameExpressions(*self._written("the frame N_G", self.frame, (self.task.n, self.task.m)))
 
+    def _allowed(self, q: Vector) -> tuple[Matrix, Vector] | None:
+        B = self.distribution(q)
+        return B, ~B.any(axis=1)
+
     def distribution(self, q: ArrayLike) -> Matrix:
         """N_G = B (n, m) as it was given."""
         return np.reshape(self._planes(self.task.robot.checked(q)), (self.task.n, self.task.m))
@@ -391,6 +440,14 @@ class KernelStrategy(Strategy):
         """The expressions over one symbol q; `planes` is A."""
         shape = (self.task.n - self.task.m, self.task.n)
         return RowExpressions(*self._written("the constraint rows", self.field(), shape))
+
+    def _allowed(self, q: Vector) -> tuple[Matrix, Vector] | None:
+        A = np.reshape(self._planes(q), (self.task.n - self.task.m, self.task.n))
+        _, sigma, V = np.linalg.svd(A)
+        if not len(sigma) or not sigma[-1] > TOLERANCES.rank * sigma[0]:
+            return None
+        N = V[len(A) :].T
+        return N, np.abs(N).max(axis=1) < HELD
 
     def distribution(self, q: ArrayLike) -> Matrix:
         """G (n, m), the canonical frame (theory 1.4)."""

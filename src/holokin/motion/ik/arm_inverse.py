@@ -12,7 +12,7 @@ import numpy as np
 from ...base.errors import BranchError, HolokinError, JointLimitError, OutOfReachError, posture_text
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, tool_pose
-from ...robot import Robot
+from ...robot import Robot, nearer_or_other
 from ...strategies.tasks.task import Task
 from ...symbolic.native import engine, weak
 from .arm_map import CLOSER, HOPE, LAST_HOPE, ON_SHEET, TIE, TRIES, ArmMap
@@ -419,7 +419,7 @@ class ArmInverse(Value):
         q, share, within = self._arcs(T) if self._whole is None else self._whole._arcs_of(self._spins(T))
         if not (share > 0).any():
             fact = f"{where} is out of reach of {robot.name!r}: no posture has it"
-            return "out of reach", OutOfReachError(fact, "give a pose nearer to the base", position=p)
+            return "out of reach", OutOfReachError(fact, nearer_or_other(robot, p, self.task.tip), position=p)
         kept = q[(share > 0) & (within >= 0)]
         if not len(kept):
             best = q[int(np.where(share > 0, within, -np.inf).argmax())]

@@ -12,7 +12,7 @@ from ...base.errors import BranchError, HolokinError, OutOfReachError
 from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import ROTATION, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen, kept
-from ...robot import Kinematics
+from ...robot import Kinematics, nearer_or_other
 from ...robot.closed_form import ArmClass, ClosedInverse, Held, NoClass, arm_class
 from ...robot.closed_form.closed_inverse import DOUBT
 from ...robot.closed_form.six_hinges import COLUMNS, answer
@@ -322,4 +322,5 @@ class ClosedBranch(Value):
             fact = f"no posture of the start's branch has the tool pose{held}; {others} of other branches have it"
             return BranchError(fact, "take one of ik.all(pose) as the start, or another pose")
         fact = f"the pose is out of reach of {arm.robot.name!r}{held}: no posture has the pose"
-        return OutOfReachError(fact, "give a pose nearer to the base" + (", or another level" if names else ""))
+        cure = nearer_or_other(arm.robot, p, arm.tip)
+        return OutOfReachError(fact, f"{cure}, or take another level" if names else cure)

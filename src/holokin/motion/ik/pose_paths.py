@@ -14,6 +14,7 @@ from ...base.errors import BranchError, OutOfReachError, posture_text
 from ...base.poses import pose_from
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
+from ...robot import nearer_or_other
 from ...strategies import HolonomicStrategy, Jump, first_jump, jump_near, may_jump
 from ...strategies.jumps import states
 from ...symbolic.native import InverseKernel
@@ -35,7 +36,7 @@ from .leaf import (
     leaf_walk,
     straight_path,
 )
-from .plan import Plan, doubtful_target
+from .plan import Plan
 from .solutions import InverseStatus, beyond_limits, in_rows
 
 # --- Can the tool get there at all? Asked only after following has failed.
@@ -99,7 +100,10 @@ class PosePaths(Value):
         """
         strategy, (q, status) = self.strategy, self.go(p, R, begin)
         if status is InverseStatus.LEAF_ENDS and begin is self.q0 and self.closed is not None and q is begin:
-            raise self.closed.problem(p, R)
+            problem = self.closed.problem(p, R)
+            if search and isinstance(problem, OutOfReachError) and obstacle_at(strategy.task, p, R, q, False)[0]:
+                raise self.out_of_reach(p)  # whatever joints are held
+            raise problem
         if np.isnan(q).any():
             raise self.out_of_reach(p)
         if (jump := self.jump(p, R, begin, q, status)) is not None:
@@ -119,8 +123,9 @@ class PosePaths(Value):
 
     def out_of_reach(self, p: Vector, why: str = "no posture has the pose") -> OutOfReachError:
         """What is said of a pose at p (3,) that no posture of the arm has."""
-        cure = doubtful_target(self.strategy.task, p) or "give a pose nearer to the base"
-        return OutOfReachError(f"the pose is out of reach of {self.strategy.task.robot.name!r}: {why}", cure)
+        task = self.strategy.task
+        cure = nearer_or_other(task.robot, p[:3], task.tip)
+        return OutOfReachError(f"the pose is out of reach of {task.robot.name!r}: {why}", cure)
 
     def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the path from a posture was gone, what became of it); a closed form goes none."""
