@@ -360,3 +360,12 @@ def test_what_it_costs_is_said_without_signs() -> None:
     words = {1.1: "10% more joint speed than", 0.96: "4% less joint speed than", 1.001: "no more joint speed than"}
     assert {ratio: more_speed(ratio) for ratio in words} == words
     assert more_speed(2.5) == "2.5 times as much joint speed as"
+
+
+@pytest.mark.campaign
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("name", ["fr3", "panda", "iiwa14", "xarm7"])
+def test_a_level_that_stands_still_along_a_self_motion_is_no_stretch_of_it(name: str) -> None:
+    """On some self-motions a joint does not move: its level changes by round-off there, and no posture is beside it."""
+    found = hk.advise(hk.pose(hk.load(name)))
+    assert found.best.served > 0.9

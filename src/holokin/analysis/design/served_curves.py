@@ -75,6 +75,10 @@ UNSURE = 10.0
 FASTEST = 1e6
 """Greatest |dq/dg|^2 that is told: where it is infinite the strategy is singular."""
 
+STILL = 1e-12
+"""Change of a level [its unit] between two postures that is round-off: there the level stands still, as that of a held
+joint does where the self-motion does not move it."""
+
 CLOSER = 5
 """Steps by which the row next to a level is looked for, as by Newton's method."""
 
@@ -290,7 +294,7 @@ def pieces_of(curves: ServedCurves, candidate: Candidate, g: Vector) -> Pieces:
     step[:-1] = np.diff(g)
     if angular:
         step = (step + np.pi) % (2 * np.pi) - np.pi
-    side = np.where(curves.linked & np.isfinite(step), np.sign(step) * curves.sign, 0.0)
+    side = np.where(curves.linked & (np.abs(step) > STILL), np.sign(step) * curves.sign, 0.0)
     # Runs of rows that are linked to the next one, with one side
     begins = np.flatnonzero((side != 0) & np.concatenate([[True], (side[1:] != side[:-1]) | ~curves.linked[:-1]]))
     ends = np.flatnonzero((side != 0) & np.concatenate([(side[1:] != side[:-1]) | ~curves.linked[1:], [True]])) + 1
