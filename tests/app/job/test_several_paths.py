@@ -157,6 +157,20 @@ def test_a_path_out_of_reach_is_left_out_and_the_others_are_done(tmp_path: Path,
     assert "left out" in done.out
 
 
+def test_a_file_of_several_paths_stands_for_all_of_them(tmp_path: Path) -> None:
+    file = elbow_job(tmp_path, {"one": 10.0})
+    rows = [(*at(angle, reach), name) for name, angle in (("a", 20.0), ("b", -20.0)) for reach in (0.6, 0.65, 0.7)]
+    lines = ["x [m],y [m],z [m],path", *(f"{x},{y},0,{name}" for x, y, name in rows)]
+    (tmp_path / "seams.csv").write_text("\n".join(lines))
+    text = file.read_text() + '[[path]]\nname = "file"\nkind = "file"\nfile = "seams.csv"\nsamples = 50\n'
+    file.write_text(text)
+    (rule,) = result_of(file).rules
+    assert [row.name for row in rule.rows] == ["one", "file a", "file b", "home"]
+    assert [round(row.length, 6) for row in rule.rows] == [0.05, 0.1, 0.1, 0.0]
+    file.write_text(text + 'only = "b"\n')
+    assert [row.name for row in result_of(file).rules[0].rows] == ["one", "file", "home"]
+
+
 def test_two_paths_of_one_name_and_keys_of_one_path_are_refused(tmp_path: Path) -> None:
     file = elbow_job(tmp_path, {"one": 10.0, "two": 20.0})
     text = file.read_text()
