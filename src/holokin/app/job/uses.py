@@ -101,7 +101,7 @@ def certify_job(
             with naming(file, "strategies", label):
                 strategy = build_strategy(job, label, task, start, title)
                 if not isinstance(strategy, HolonomicStrategy):
-                    raise NoProofError(title, f"it has no leaves: {HolonomicStrategy.cure}")
+                    raise NoProofError(title, f"it has no leaves; {HolonomicStrategy.cure}")
                 if domain is None:
                     yield title, certify(strategy)
                     continue
