@@ -662,7 +662,8 @@ def test_the_advised_strategy_is_exported_before_others(tmp_path: Path) -> None:
     ("language", "old", "new", "words"),
     [
         ("rapid", '"tTorch"', '"my torch"', "a letter, then letters"),
-        ("krl", "tool = 3", 'tool = "tTorch"', "tool"),
+        ("krl", "tool = 3", 'tool = "tTorch"', "krl knows it by its number"),
+        ("rapid", '"tTorch"', "3", "rapid knows it by its name"),
         ("krl", "tool = 3", "tool = 99", "0 to 16"),
         ("krl", "tool = 3\n", "", "the tool that the controller has"),
         ("krl", "tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}", "tolerance = 0.01", "tolerance of the tool"),

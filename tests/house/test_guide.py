@@ -84,7 +84,7 @@ def test_the_numbers_of_the_readme_beside_other_libraries_are_rounded_from_the_p
     compared = 0
     for cells in (row.split("|")[1:-1] for row in rows if "measured.md" in row):
         for library, cell in zip(map(str.strip, head.split("|")[2:-1]), cells[1:], strict=True):
-            lines = [line for line in measured if line.startswith(f"| {library}")]
+            lines = [line for line in measured if line.lstrip("| ").startswith(library)]
             there = [float(number.replace(",", "")) for line in lines for number in NUMBER.findall(line)]
             for shown in NUMBER.findall(cell):
                 rounded = {float(f"{number:.{digits(shown)}g}") for number in there}

@@ -640,7 +640,7 @@ def provable(strategy: Strategy) -> HolonomicStrategy:
     if strategy.task.n == strategy.task.m:
         strategy = with_leaves(strategy)
     if not isinstance(strategy, HolonomicStrategy):
-        raise NoProofError(strategy.name, f"it has no leaves: {HolonomicStrategy.cure}")
+        raise NoProofError(strategy.name, f"it has no leaves; {HolonomicStrategy.cure}")
     if strategy.constraint.looped is not None:
         cure = "a differential equation carries its leaves: certify the polynomial hk.strategies.fitted(strategy, Q)"
         raise NoProofError(strategy.name, cure)

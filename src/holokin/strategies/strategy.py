@@ -18,7 +18,7 @@ import numpy as np
 from ..base.arguments import Made, typed
 from ..base.errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, ByValue, Matrix, Vector
+from ..base.types import Array, ArrayLike, ByValue, Flags, Matrix, Vector
 from ..robot import Kinematics
 from ..symbolic import (
     SX,
@@ -243,7 +243,7 @@ class Strategy(Made, ByValue, ABC):
             self._check_finite(q)
         check_regular(self.task, self.name, q, rcond, margin, least, self._allowed)
 
-    def _allowed(self, q: Vector) -> tuple[Matrix, Vector] | None:
+    def _allowed(self, q: Vector) -> tuple[Matrix, Flags] | None:
         """(joint motions (n, m) that the strategy allows at q, which joints (n,) it holds); None if that is not known.
 
         At a singular posture G is not defined, but these are.
@@ -343,7 +343,7 @@ def check_regular(
     rcond: float,
     margin: float,
     least: float = TOLERANCES.singular,
-    allowed: Callable[[Vector], tuple[Matrix, Vector] | None] = lambda _q: None,
+    allowed: Callable[[Vector], tuple[Matrix, Flags] | None] = lambda _q: None,
 ) -> None:
     """Raises: SingularityError of a strategy at q, saying of which kind, unless rcond > least and margin suffices.
 
@@ -370,7 +370,7 @@ ALONG = 0.99
 """Share of a direction of the tool that is along one axis, to be called so."""
 
 
-def _impossible(task: Task, J: Matrix, N: Matrix, held: Vector) -> str:
+def _impossible(task: Task, J: Matrix, N: Matrix, held: Flags) -> str:
     """How the joint motions N (n, m) of a strategy cannot move the tool, in words of who sees the machine."""
     names = [name for name, still in zip(task.robot.joint_names, held, strict=True) if still]
     who = f"with {' and '.join(names)} held, the other joints" if names else "by this strategy the joints"
@@ -418,9 +418,9 @@ class FrameStrategy(Strategy):
         """The expressions over one symbol q; `planes` is B."""
         return FrameExpressions(*self._written("the frame N_G", self.frame, (self.task.n, self.task.m)))
 
-    def _allowed(self, q: Vector) -> tuple[Matrix, Vector] | None:
+    def _allowed(self, q: Vector) -> tuple[Matrix, Flags] | None:
         B = self.distribution(q)
-        return B, ~B.any(axis=1)
+        return B, np.abs(B).max(axis=1) == 0.0
 
     def distribution(self, q: ArrayLike) -> Matrix:
         """N_G = B (n, m) as it was given."""
@@ -441,7 +441,7 @@ class KernelStrategy(Strategy):
         shape = (self.task.n - self.task.m, self.task.n)
         return RowExpressions(*self._written("the constraint rows", self.field(), shape))
 
-    def _allowed(self, q: Vector) -> tuple[Matrix, Vector] | None:
+    def _allowed(self, q: Vector) -> tuple[Matrix, Flags] | None:
         A = np.reshape(self._planes(q), (self.task.n - self.task.m, self.task.n))
         _, sigma, V = np.linalg.svd(A)
         if not len(sigma) or not sigma[-1] > TOLERANCES.rank * sigma[0]:

@@ -343,7 +343,7 @@ def test_of_strategies_alike_that_which_is_proven_comes_first_and_what_it_costs_
     plain, proven = rated("lock 3", 2, 1.0, 1.0), rated("lock 7", 6, 1.0, 1.21)
     assert [entry.name for entry in ranked([plain, proven])] == ["lock 7", "lock 3"]
     told = lines([proven, plain], {}, [], None)
-    assert any(text.startswith("It is one function of the tool pose on the whole arm, proven") for text in told)
+    assert any(text.startswith("Equal tool poses have equal joints on the whole arm: proven") for text in told)
     assert "joint speed counts more than that proof: it serves 100.0% and needs 9% less joint speed" in told[-1]
     far, less = rated("lock 7", 6, 1.0, 1.4), rated("lock 7", 6, 0.6, 1.0)
     assert [ranked([plain, other])[0].name for other in (far, less)] == ["lock 3", "lock 3"]

@@ -261,7 +261,7 @@ def test_procedures_are_read_back_and_each_begins_where_the_one_before_ended(wel
         read = [urscript(f"{part}{part.split('(')[0][4:]}()") for part in parts]
         called = [line.strip()[:-2] for line in main.splitlines() if line.startswith("  ") and "#" not in line]
     elif language == "rapid":
-        head, *parts = first.replace("ENDMODULE", "").split("  PROC ")
+        _, *parts = first.replace("ENDMODULE", "").split("  PROC ")
         called = [line.strip()[:-3] if line.endswith("();") else line.strip()[:-1] for line in parts[0].splitlines()]
         called = [name for name in called[1:] if name and name != "ENDPRO"]
         read = []
@@ -324,7 +324,7 @@ def test_a_pocket_stays_open_for_a_thin_torch_and_one_that_is_smaller_is_told(tm
     assert list(rule.left_out) == ["loop"]
     assert "box" in rule.left_out["loop"]
     file.write_text(WELD.format(torch=0.006, box=mesh.replace("\nscale = 0.001", ""), loop=inside), encoding="utf-8")
-    with pytest.raises(JobError, match="scale = 0.001"):
+    with pytest.raises(JobError, match=r"scale = 0\.001"):
         result_of(file)
 
 

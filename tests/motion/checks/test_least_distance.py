@@ -69,7 +69,7 @@ def least_of(report: CheckReport, Q: np.ndarray, far: Referee) -> None:
     assert near.least == report.clearance == pytest.approx(far(near.pair, q), abs=1e-6)
     assert all(near.least <= one.least for one in judged) and report.bound >= near.least - 1.1e-3
     (line,) = [text for text in report.notes() if text.startswith("least distance")]
-    assert line.startswith(f"least distance {near.least:.4f} m, {' and '.join(near.pair)} at")
+    assert line.startswith(f"least distance {near.least:.4f} m, between {' and '.join(near.pair)} at")
     if report.passed:
         assert near in judged and near.least >= report.wanted
         seen = min(far(one.pair, q) for one in judged for q in Q[::7])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +24,7 @@ SRDF = '<robot name="{robot}"><disable_collisions link1="{one}" link2="{other}" 
 def arm(tmp_path_factory: pytest.TempPathFactory) -> hk.Robot:
     """Four boxes in a row, one after the other."""
     names = ["one", "two", "three", "four"]
-    joints = [
-        JOINT.format(name=f"j{i}", parent=a, child=b) for i, (a, b) in enumerate(zip(names, names[1:], strict=False))
-    ]
+    joints = [JOINT.format(name=f"j{i}", parent=a, child=b) for i, (a, b) in enumerate(pairwise(names))]
     text = f'<robot name="row">{"".join(LINK.format(name=name) for name in names)}{"".join(joints)}</robot>'
     file = tmp_path_factory.mktemp("arm") / "row.urdf"
     file.write_text(text)

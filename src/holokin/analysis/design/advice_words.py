@@ -43,12 +43,12 @@ def lines(
 
 def _code(best: RatedStrategy) -> str:
     """The line of code that makes it."""
-    keys, where = best.keys, "from the posture advice.q0; in a job it is [strategies.advised]."
+    keys, job = best.keys, "in a job it is [strategies.advised], in Python"
     rule = {"lock": "hk.lock({})", "linear": "hk.linear({})"}.get(keys["kind"])
     if rule is None:
-        return f"advice.best.strategy, {where}"
+        return f"{job} advice.best.strategy, from the posture advice.q0."
     given = ", ".join(f'"{name}"' for name in keys["joints"]) if keys["kind"] == "lock" else str(keys["matrix"])
-    return f"hk.holonomic(task, {rule.format(given)}), {where}"
+    return f"{job} hk.holonomic(task, {rule.format(given)}), from the posture advice.q0."
 
 
 def _served(best: RatedStrategy) -> str:
@@ -74,7 +74,7 @@ def _nearest(best: RatedStrategy) -> str:
 def _whole(best: RatedStrategy, cusps: Mapping[str, NearbyCusps]) -> str:
     """Whether it is one function of the pose on the whole arm, or where the nearest cusp is."""
     if is_proven(best):
-        return "It is one function of the tool pose on the whole arm, proven by the signs of its closed form."
+        return "Equal tool poses have equal joints on the whole arm: proven by the signs of its closed form."
     return f"It is not proven on the whole arm: {cusps[best.name].sentence}."
 
 

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
+from ...base.arguments import check
 from ...base.errors import (
     ArgumentError,
     ExpressionError,
@@ -106,7 +107,7 @@ def certify_job(
             with naming(file, "strategies", label):
                 strategy = build_strategy(job, label, task, start, title)
                 if not isinstance(strategy, HolonomicStrategy):
-                    raise NoProofError(title, f"it has no leaves: {HolonomicStrategy.cure}")
+                    raise NoProofError(title, f"it has no leaves; {HolonomicStrategy.cure}")
                 if domain is None:
                     yield title, certify(strategy)
                     continue
@@ -410,11 +411,19 @@ def _written(
         if table.linear and "tool" in writer.takes and table.tool is None:
             cure = "linear moves lead the tool that the controller has: give its name or number, or that of the flange"
             raise ArgumentError("tool of [program]", None, cure)
+        for key, kind in get_type_hints(writer.write).items():
+            if key in ("tool", "base", "payload") and arguments.get(key) is not None:
+                named = _CALLED.get(kind, "")
+                check(key, kind, arguments[key], named and f": {language} knows it by {named}")
         program = writer.write(timed, **{key: value for key, value in arguments.items() if key in writer.takes})
     given = [key for key in ProgramTable.model_fields if key in table.model_fields_set]
     unused = [key for key in given if ARGUMENT_OF.get(key, key) not in writer.takes]
     notes = (f"{language} takes no {' and no '.join(unused)} of [program]: left out",) if unused else ()
     return replace(program, notes=(*notes, *program.notes))
+
+
+_CALLED = {str: "its name", str | None: "its name", int: "its number", int | None: "its number"}
+"""How a language calls tools, frames and loads."""
 
 
 def _lines(job: Job, table: ProgramTable, path: AnyPath | None, own: PathTable | None) -> ProcessLines:

@@ -133,14 +133,14 @@ class ToolDeviation(Result):
         """What is kept, of the tool in mm and degrees, of the joints in `unit`, by its factor."""
         place = f"between them the tool is within {1e3 * self.position:.2g} mm"
         sentences = [f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion"]
-        sentences.append(f"and the joints within {factor * self.joints:.2g} {unit}")
+        sentences[0] += f", and the joints within {factor * self.joints:.2g} {unit}"
         if np.isfinite(self.slowest):
             least, most = f"{1e3 * self.slowest:.4g}", f"{1e3 * self.fastest:.4g}"
             speeds = f"{least} mm/s" if least == most else f"{least} to {most} mm/s"
             compared = f"{100 * self.compared:.3g} % of the time"
             sentences.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed")
-            sentences.append(f"the speed was compared for {compared}; at other times the tool")
-            sentences.append("starts or stops, turns in place, or is on the way to the path")
+            rest = "at other times the tool starts or stops, turns in place, or is on the way to the path"
+            sentences.append(f"the speed was compared for {compared}; {rest}")
         else:
             sentences.append("its speed was not compared: it only gathers speed and loses it, or turns in place")
         if not self.kept:

@@ -242,9 +242,10 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         lines: list[str] = []
         if near := self.nearest:
             by, unit, digits = units.factor("m"), units.name("m"), 4 if units.length == "m" else 1
-            bound = f"; on the whole motion at least {by * self.bound:.{digits}f} {unit}" if self.bound > 0 else ""
+            bound = f", and at least {by * self.bound:.{digits}f} {unit} between samples" if self.bound > 0 else ""
             least = f"{'of what was read: ' if self.unread else ''}least distance {by * near.least:.{digits}f} {unit}"
-            lines.append(f"{least}, {' and '.join(near.pair)} at {near.time:.3f} s{bound}; {len(self.pairs)} pairs")
+            at = f"between {' and '.join(near.pair)} at {near.time:.3f} s"
+            lines.append(f"{least}, {at}{bound}; {len(self.pairs)} pairs")
         lines += [f"not looked at: {link.link}: {link.reason}" for link in self.unseen]
         return [*self.observations, *lines, *left_out_words(self.left_out), *self.remarks]
 

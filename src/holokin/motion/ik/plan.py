@@ -263,7 +263,7 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
     return plan
 
 
-def doubtful_target(task: Task, position: Array) -> str:
+def _doubtful_target(task: Task, position: Array) -> str:
     """What to say of target positions (..., 3F) that are all too far away to be in metres; empty of others."""
     return doubtful_unit(task.robot, position.reshape(-1, 3), task.tip) if task._spatial else ""
 
@@ -275,7 +275,7 @@ def check_start(task: Task, q: Vector, p: Vector, R: Matrix) -> None:
         position, tools = task._place(q)
         gaps = R.reshape(-1, 3, 3) @ np.swapaxes(tools.reshape(-1, 3, 3), 1, 2)
         angle = float(np.linalg.norm(rotation_vector(gaps), axis=-1).max())
-        raise StartError(off, position, p, doubtful_target(task, p), angle)
+        raise StartError(off, position, p, _doubtful_target(task, p), angle)
 
 
 class NativeFollower:
