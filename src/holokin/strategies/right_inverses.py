@@ -207,8 +207,9 @@ class NumericStrategy(Strategy):
         """What the function returns at q (n,), in its shape (n, m), not checked for NaN.
 
         Raises:
-            OwnFunctionError, ShapeError, ArgumentError.
+            OwnFunctionError, ShapeError, NotFiniteError, ArgumentError.
         """
+        q = self.task.robot.checked(q)
         try:
             answer = self.function(q.copy())
         except HolokinError:

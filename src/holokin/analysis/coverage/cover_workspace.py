@@ -106,7 +106,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     def blocked(self, clear: Clear) -> Coverage:
         """The same without the poses whose posture does not keep clear of what stands round the robot."""
         status, reached = self.status.copy(), np.flatnonzero(self.reached)
-        status[reached[~clear(self.q[reached])]] = PoseStatus.BLOCKED
+        status[reached[~np.asarray(clear(self.q[reached]), dtype=bool)]] = PoseStatus.BLOCKED
         return replace(self, status=status)
 
     @property

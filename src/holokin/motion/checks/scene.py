@@ -98,6 +98,7 @@ class Scene(Value):
         super().__post_init__()
 
     @classmethod
+    @typed
     def from_srdf(cls, file: str | Path, **more: Any) -> Self:
         """The scene in which the pairs of links that an SRDF disables may touch, as in MoveIt.
 
