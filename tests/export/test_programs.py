@@ -690,6 +690,8 @@ def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, w
     done = holokin("export", "urscript", "weld.toml", "--out", "ur")
     assert done.code == 0, done.err
     assert "mm/s" in done.out and "urscript takes no base and no pulses of [program]: left out" in done.out
+    (tolerance,) = [line for line in done.out.splitlines() if line.startswith("between them")]
+    assert ", and the joints within" in tolerance and "at other times the tool starts or stops" in done.out
     few = from_start(of("urscript"))
     few = few.replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\nlinear = true\n", "")
     weld.write_text(few, "utf-8")
