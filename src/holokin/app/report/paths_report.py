@@ -86,6 +86,10 @@ class PathsResult:
         """Whether every rule goes along every path, and the checks find nothing."""
         return not self.not_run and all(rule.passed for rule in self.rules)
 
+    def reworded(self, text: str) -> str:
+        """A text of these results in the units in which they are printed."""
+        return self.units.reworded(text, [(c.name, c.unit) for c in self.robot.coordinates])
+
     @property
     def exit_code(self) -> int:
         """0: all paths are gone along, clear; 1: some are not; 2: a rule goes along none."""
@@ -118,9 +122,10 @@ def _section(result: PathsResult, rule: RuleResult) -> Section:
 
 def print_paths(result: PathsResult, console: Any) -> None:
     """Print the tables of a job of several paths."""
-    Section(brief(result.title), parts=[_section(result, rule) for rule in result.rules]).rich(console)
+    whole = Section(brief(result.title), parts=[_section(result, rule) for rule in result.rules])
+    whole.reworded(result.reworded).rich(console)
     notes = [Note(f"{each.name}: not run: {each.reason}", "bad") for each in result.not_run]
-    Section(notes=[*notes, *result.notes]).rich(console)
+    Section(notes=[*notes, *result.notes]).reworded(result.reworded).rich(console)
 
 
 def write_paths_report(result: PathsResult, out: FilePath, version: str) -> FilePath:
@@ -161,7 +166,8 @@ def _page(result: PathsResult, version: str) -> str:
         )
     if result.not_run:
         parts.append(Section("Not run", points=[f"{each.name}: {each.reason}" for each in result.not_run]))
-    return page(result.title, parts)
+    told = [part.reworded(result.reworded) if isinstance(part, Section) else part for part in parts]
+    return page(result.title, told)
 
 
 def _facts(result: PathsResult, version: str) -> dict[str, Any]:
