@@ -26,6 +26,9 @@ NEAR = 0.02
 PIECES = 200
 """Pieces of the path to a wanted pose that the self-test allows; the vectors need at most half of them."""
 
+NEAR_LIMIT = 1e-3
+"""How near a joint may come to its limit [joint units] in a vector of inverse kinematics."""
+
 TRIES = 100
 """Draws for one vector before its start is called too close to a singularity."""
 
@@ -132,13 +135,16 @@ def _moving(source: Source, level_rate: Vector) -> Vector:
 
 
 def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
-    """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
+    """(target, posture) of inverse kinematics from the start; None where the leaf, or the range of a joint, ends before
+    or so soon behind it that the status hangs on the last digits."""
     task, start = strategy.task, source.q0
     pose = _single(task.pose(start + 0.7 / len(start) * rng.uniform(-1, 1, len(start))))
     path = straight_path(task, task._place(start), task.target(pose), (source.leaf, source.leaf))
     try:
         posture = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:
+        return None
+    if source.limits and np.minimum(posture - task.robot.lower, task.robot.upper - posture).min() < NEAR_LIMIT:
         return None
     return np.ravel(_wanted_pose(task, pose)[0]), posture
 
