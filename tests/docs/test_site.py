@@ -89,10 +89,3 @@ def test_a_picture_of_the_concepts_can_be_drawn_again(
     getattr(pictures, name)()
     (drawn,) = tmp_path.glob("*.png")
     assert drawn.stat().st_size > 0.5 * (ROOT / "docs" / "pictures" / drawn.name).stat().st_size
-
-
-def test_an_excerpt_stands_in_the_tree() -> None:
-    found = re.findall(r'```py title="(.+?)"\n(.*?)```', (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.DOTALL)
-    assert found
-    for file, text in found:
-        assert text.strip() in (ROOT / file).read_text("utf-8"), file

@@ -624,7 +624,7 @@ def test_a_first_export_needs_no_option(holokin: Command, tmp_path: Path, monkey
     assert "strategy coupled: the first with leaves; --strategy takes another: moore-penrose" in done.out
     assert "no acceleration is given: a quintic profile" in done.out
     folder = tmp_path / "out" / "irb140-half-square-rapid"
-    assert "quintic motion" in next(folder.glob("*.mod")).read_text()
+    assert "quintic motion" in next(folder.glob("*.txt")).read_text()
     log, robot = read_recording(folder / "joints.csv", hk.load("irb140")), hk.load("irb140")
     speeds = np.abs(np.gradient(log.q, log.t, axis=0)) / robot.max_velocity
     assert 0.001 < speeds.max() <= 1.0 + 1e-6

@@ -238,7 +238,7 @@ def test_why_tells_reach_from_limits():
     far[0, 3] += 3
     assert ik.why(far) == "out of reach"
     assert ik.sheet(far) is None
-    with pytest.raises(OutOfReachError, match=r"out of reach of 'panda'.*; give"):
+    with pytest.raises(OutOfReachError, match=r"out of reach of 'panda'.*: give"):
         ik(far)
     with pytest.raises(OutOfReachError):
         ik.near(far, np.clip(np.zeros(7), robot.lower, robot.upper))

@@ -130,7 +130,7 @@ def test_the_program_of_a_strategy_begins_and_ends_where_the_strategy_does_on_th
     (name, content), *others = browser.files.items()
     assert name == "bolts-nuts-ros.zip" and not others
     with zipfile.ZipFile(io.BytesIO(content)) as box:
-        assert len(box.namelist()) == 2
+        assert len(box.namelist()) == 3  # with the facts beside it
         samples = np.loadtxt(io.StringIO(box.read("joints.csv").decode()), delimiter=",", skiprows=1)
         source = next(box.read(one).decode() for one in box.namelist() if one.endswith(".yaml"))
     joints = samples[:, 1:8]

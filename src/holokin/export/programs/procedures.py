@@ -134,4 +134,6 @@ def with_procedures(
         notes = (*notes, f"{language} has no calls here: run the programs in the order {order}")
     tool = reduce(or_, tools) if tools else None
     deviation = max(program.deviation for program in programs)
-    return Program(files, sum(program.targets for program in programs), deviation, tool, notes)
+    each = [f"{short}\n\n{program.facts}" for short, program in zip(names, programs, strict=True)]
+    about = "\n".join([*facts, "", *each])
+    return Program(files, sum(program.targets for program in programs), deviation, tool, notes, about)

@@ -174,7 +174,8 @@ class Program(Result):
 
         Raises: WriteError.
         """
-        every = {**self.files, Path(next(iter(self.files))).with_suffix(".txt").name: self.facts}
+        beside = {Path(next(iter(self.files))).with_suffix(".txt").name: self.facts} if self.facts else {}
+        every = {**self.files, **beside}
         write_texts(Path(folder), every)
         return tuple(Path(folder, name) for name in every)
 
