@@ -417,16 +417,26 @@ ELSEWHERE = 1e-6  # joint difference [rad, m] to the start posture at which a st
 ROUND = ("as drawn", "the other way")  # the ways round a loop: not clockwise, clockwise
 # what the columns of the table are
 COLUMNS = (
-    "strategy: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle. "
-    "state: whether the tool is at the target"
+    "strategy: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle, "
+    "none below a billionth. state: whether the tool is at the target"
 )
+NO_DRIFT = 1e-9  # joint difference [rad, m] to the start posture that is round-off
 _DOING = {
     Phase.IDLE: "Drag the tool, or start the loop.",
     Phase.GATHERING: "The joints go to where the loop begins.",
     Phase.RUNNING: "Cycle {cycle}, {share:.0f} %",
     Phase.PAUSED: "Held in cycle {cycle}, {share:.0f} %",
-    Phase.DONE: "Done: {done} cycles. Which robots are back at their start?",
+    Phase.DONE: "Done: {done} cycles. {who}",
 }
+
+
+def _back_and_away(snap: Snapshot) -> str:
+    """Which strategies are back at the start after their cycles, and which are not."""
+    ended = [state for state in snap.strategies if len(state.drift)]
+    back = [state.name for state in ended if state.drift[-1] < ELSEWHERE]
+    away = [state.name for state in ended if state.name not in back]
+    words = [("Back at the start", back), ("Not back", away)]
+    return " ".join(f"{word}: {', '.join(names)}." for word, names in words if names)
 
 
 class Panels:
@@ -542,7 +552,8 @@ class Panels:
             self.page.session.play()
 
     def _doing(self, snap: Snapshot) -> str:
-        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=100 * snap.progress, done=snap.cycle)
+        share, who = 100 * snap.progress, _back_and_away(snap)
+        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=snap.cycle, who=who)
         faults = [f"{state.name}: {state.sentence}" for state in snap.strategies if state.sentence]
         red = self.page.message or snap.message or (faults[0] if faults else snap.loop_fault)
         return block(line(text), gauge(snap.progress), warning(red), warning(snap.fault))
@@ -555,8 +566,8 @@ class Panels:
         for index, (state, color) in enumerate(zip(snap.strategies, self.page.colors, strict=False)):
             drift = ""
             if len(state.drift):
-                stopped = np.isnan(state.drift[-1])
-                drift = "stopped" if stopped else f"{float(largest(units, robot, state.drift_joints[-1])):.3g}"
+                size = f"{float(largest(units, robot, state.drift_joints[-1])):.3g}"
+                drift = "stopped" if np.isnan(state.drift[-1]) else "none" if state.drift[-1] < NO_DRIFT else size
             name = named(state.name, "holonomic" if state.holonomic else "not holonomic")
             status = plain("follows" if state.following else state.status.value, red=not state.following, right=True)
             rows.append((swatch(color, index == self.page.lead), name, plain(drift, right=True), status))
