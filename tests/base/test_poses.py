@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -575,6 +575,7 @@ def test_without_limits_such_a_start_is_one_to_begin_from() -> None:
     assert hk.controller(law, dt=0.01, q0=beyond, limits=False).leaf == pytest.approx(law.g(beyond))
 
 
+@settings(max_examples=10)
 @given(st.integers(0, 10**6))
 def test_no_answer_is_beyond_the_limits(seed: int) -> None:
     """Poses of random postures, within the limits and beyond, and poses out of reach."""
