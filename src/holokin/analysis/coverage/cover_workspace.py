@@ -104,9 +104,17 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
 
     @typed
     def blocked(self, clear: Clear) -> Coverage:
-        """The same without the poses whose posture does not keep clear of what stands round the robot."""
+        """The same without the poses whose posture does not keep clear of what stands round the robot.
+
+        Raises:
+            ArgumentError: `clear` gives anything but a flag for each posture.
+        """
         status, reached = self.status.copy(), np.flatnonzero(self.reached)
-        status[reached[~np.asarray(clear(self.q[reached]), dtype=bool)]] = PoseStatus.BLOCKED
+        flags = np.asarray(clear(self.q[reached]))
+        if flags.dtype != bool or flags.shape != reached.shape:
+            cure = "let it take postures (k, n) and return k flags"
+            raise ArgumentError("the answer of clear", flags.tolist(), cure)
+        status[reached[~flags]] = PoseStatus.BLOCKED
         return replace(self, status=status)
 
     @property

@@ -218,7 +218,7 @@ def _given(task: Task, at: PoseLike, middle: Matrix | None) -> Array:
     """Poses (k, 4, 4), or points of a task of positions: one or several."""
     given = pose_numbers("the poses of seams", at)
     if middle is not None and task.orientation is None and given.ndim in (1, 2) and given.shape[-1] in (2, 3):
-        T = np.repeat(middle[None], max(1, len(given) if given.ndim == 2 else 1), axis=0)
+        T = np.repeat(middle[None], len(given) if given.ndim == 2 else 1, axis=0)
         T[:, : given.shape[-1], 3] = given
         return tool_poses("of seams", T)
     return tool_poses("of seams", given_pose("the pose of a seam", given)[None] if given.ndim == 2 else given)

@@ -112,6 +112,7 @@ class Scene(Value):
         """
         return cls(**more, disabled=DisabledPairs.of(file))
 
+    @typed
     def asked(self, *names: str) -> float:
         """The distance that is wanted between two things [m]: the clearance, and what is padded."""
         return self.clearance + sum(self.padding.get(name, 0.0) for name in names)
