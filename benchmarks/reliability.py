@@ -79,9 +79,10 @@ def section(given: Given) -> tuple[list[str], str]:
         wrapped(
             """What holds: results are written beside their place and moved there when they are complete; the old ones
             stand until then. A full disk or a missing permission is one sentence with exit code 2, and the other jobs
-            of the command are done. Ctrl-C ends a command with one line and exit code 130, SIGTERM with 143. What a
-            killed process left is cleared up by the next run with the same `--out`, and nothing else is touched. Two
-            runs of one job at once do not mix."""
+            of the command are done. Ctrl-C ends a command with one line and exit code 130, SIGTERM with 143; a signal
+            that meets Python while it ends may leave another code behind the line. What a killed process left is
+            cleared up by the next run with the same `--out`, and nothing else is touched. Two runs of one job at once
+            do not mix."""
         ),
         wrapped(
             """What does not: nothing is flushed to the disk, so after a power failure the file system decides what is

@@ -174,7 +174,7 @@ def league_figure(played: Sequence[Played]) -> Any:
 
     arms = arms_of(played)
     rows = sorted((p for p in played if any(shown(p, arm) for arm in arms)), key=lambda p: -_nearest(p, arms))
-    figure = Figure(figsize=(7.3, 1.75 + 0.36 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(9.0, 1.75 + 0.36 * len(rows)), layout="constrained")
     panels = figure.subplots(1, len(arms) + 1, sharey=True)
     for axes, arm in zip(panels, [*arms, arms[0]], strict=True):
         for y, p in enumerate(rows):
