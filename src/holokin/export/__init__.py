@@ -15,6 +15,7 @@ from .programs.inform import to_inform
 from .programs.kinova import to_kinova
 from .programs.krl import to_krl
 from .programs.languages import LANGUAGES as LANGUAGES
+from .programs.languages import language_of as language_of
 from .programs.moves import ProcessLines, ToolDeviation, ToolTolerance
 from .programs.rapid import to_rapid
 from .programs.robot_program import Program

@@ -21,6 +21,9 @@ def advise(
     levels: Annotated[
         bool, typer.Option("--levels", help="Also say which levels of the best strategy serve the workspace.")
     ] = False,
+    any_start: Annotated[
+        bool, typer.Option("--any-start", help="Of a job: it may begin in another posture, with the tool where it was.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(help="The job file to write, ending in .toml; with a picture of its name.")
     ] = None,
@@ -45,6 +48,7 @@ def advise(
             base=base,
             task=None if task is None else task.value,
             trust_units=trust_units,
+            any_start=any_start,
         )
         advice, write = advise_command(robot, asked, out, say, say.announce, levels)
         show_rich(lambda console: print_advice(advice, console))

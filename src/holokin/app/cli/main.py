@@ -17,6 +17,7 @@ from typer.main import get_command
 from ...version import build
 from .advise import advise
 from .audit import audit
+from .cell import cell
 from .certify import certify, check_certificate
 from .check import check
 from .export import exporting
@@ -89,7 +90,7 @@ def _options(
     """Makes redundant robots repeatable, and measures how repeatable any control law is."""
 
 
-for _command in (run, jobs, new, robots, audit, retarget, advise, sheets, certify):
+for _command in (cell, run, jobs, new, robots, audit, retarget, advise, sheets, certify):
     app.command()(_command)
 app.add_typer(exporting, name="export")
 app.add_typer(surveying, name="survey")

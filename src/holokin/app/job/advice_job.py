@@ -24,7 +24,7 @@ from ...strategies.tasks.task import Task
 from .job_parts import build_robot, build_tasks
 from .runner import is_job, open_one_job, run_job, workspace_of_job
 from .schema import Job, job_table
-from .templates import check_new, circle_job, passes, robot_name, table, toml, toml_key, write_new
+from .templates import check_new, circle_job, job_text, passes, robot_name, write_new
 
 # --- Axes and postures as one types them beside a command.
 
@@ -33,7 +33,7 @@ def axis_of(text: str) -> str | list[float]:
     """An axis of the tool, "x", "y", "z" or three numbers. Raises: ArgumentError."""
     if text in ("x", "y", "z"):
         return text
-    numbers = _numbers_of(text)
+    numbers = numbers_of(text)
     if numbers is None or len(numbers) != 3:
         raise ArgumentError("--axis", text, 'write x, y or z, or a direction in the tool\'s frame like "0 0.5 1"')
     return numbers
@@ -41,7 +41,7 @@ def axis_of(text: str) -> str | list[float]:
 
 def posture_of(text: str, robot: Robot, degrees: bool) -> list[float]:
     """A posture [rad, m] of numbers with blanks or commas between them. Raises: ArgumentError."""
-    numbers = _numbers_of(text)
+    numbers = numbers_of(text)
     if numbers is None:
         cure = "give numbers with blanks between them, in rad and m; with --degrees in degrees and m"
         raise ArgumentError("the start posture", text, cure)
@@ -50,7 +50,7 @@ def posture_of(text: str, robot: Robot, degrees: bool) -> list[float]:
     return (np.array(numbers) * np.where(robot.hinges & degrees, np.pi / 180, 1.0)).tolist()
 
 
-def _numbers_of(text: str) -> list[float] | None:
+def numbers_of(text: str) -> list[float] | None:
     """Finite numbers with blanks or commas between them; None where the text has anything else."""
     try:
         numbers = [float(word) for word in text.replace(",", " ").split()]
@@ -84,7 +84,7 @@ class Question(Value):
 
 def question(
     name: str, *, box: str | None = None, tilt: float | None = None, tip: str | None = None, base: str | None = None,
-    task: Literal["pose", "axis", "position"] | None = None, trust_units: bool = False,
+    task: Literal["pose", "axis", "position"] | None = None, trust_units: bool = False, any_start: bool = False,
 ) -> Question:  # fmt: skip
     """What is asked about a robot or a job. Raises: as `load`, `open_job`; ArgumentError.
 
@@ -92,13 +92,16 @@ def question(
         name: of a robot or a job.
         box: of a robot: "X Y Z HX HY HZ" [m], the centre and half the sides. tilt: of the tool in it [deg].
         tip, base, trust_units: of a robot, as of `load`. task: "pose", "axis" or "position".
+        any_start: of a job: whether it may begin in another posture, its tool where it is at the start.
     """
     if is_job(name):
         options = {"--box": box, "--tilt": tilt, "--tip": tip, "--base": base, "--task": task}
         for option, value in (options | {"--trust-units": trust_units or None}).items():
             if value is not None:
                 raise ArgumentError(f"{option} beside a job", value, f"a job says all of it: write it into {name}")
-        return _of_job(name)
+        return _of_job(name, any_start)
+    if any_start:
+        raise ArgumentError("--any-start", True, "it is of a job: for a robot each start is tried")
     chain = chain_to_tool(name, tip, base, trust_units)
     keys = {"name": name, "tip": chain.tip if chain.base else None, "base": base, "trust_units": trust_units or None}
     if box is None and tilt is not None:
@@ -111,7 +114,7 @@ def question(
     return Question(chain, goal, space, None, None, chain.robot, chosen, {"robot": table}, None)
 
 
-def _of_job(name: str) -> Question:
+def _of_job(name: str, any_start: bool) -> Question:
     _, job, file = open_one_job(name)
     own = build_robot(job, file)
     robot, start, (task, *_) = build_tasks(job, file, own)
@@ -122,12 +125,13 @@ def _of_job(name: str) -> Question:
     chain = Chain(robot, None, task.tip or robot.tips[0].name, (), False)
     keys = job_table(file)
     scene, shown = (None, own) if job.checks is None else (job.checks.keeps_clear(robot), job.checks.drawn(own))
-    return Question(chain, task, space, start, scene, shown, (), keys, file)
+    chosen = ("q0",) if any_start else ()
+    return Question(chain, task, space, None if any_start else start, scene, shown, chosen, keys, file)
 
 
 def _typed_box(text: str, tilt: float, planar: bool) -> Workspace:
     """The box of a text, with the tool down, or in a plane as the base. Raises: ArgumentError."""
-    numbers = _numbers_of(text)
+    numbers = numbers_of(text)
     if numbers is None or len(numbers) not in (4, 6):
         cure = 'write "X Y Z HX HY HZ", its centre and half its sides in metres; in a plane "X Y HX HY"'
         raise ArgumentError("--box", text, cure)
@@ -154,19 +158,17 @@ def write_over(path: FilePath, advice: Advice, keys: Mapping[str, Any], file: Fi
     Raises:
         JobError: the file exists. WriteError.
     """
-    moved = _moved(keys, file, path)
+    moved = moved_job(keys, file, path)
     remark = _begin(advice, moved)
-    # In TOML: plain keys, tables, the strategies, and what is expected of them.
-    strategies = {ADVISED: dict(advice.best.keys)} | {k: v for k, v in moved.pop("strategies").items() if k != ADVISED}
-    expect = {ADVISED: {"holonomic": True}} | {k: v for k, v in moved.pop("expect", {}).items() if k != ADVISED}
-    plain = [f"{key} = {toml(value)}" for key, value in moved.items() if not isinstance(value, Mapping)]
-    parts = ["\n".join(plain) + "\n"]
-    parts += [table(key, value) for key, value in moved.items() if isinstance(value, Mapping)]
-    parts += [table(f"strategies.{toml_key(key)}", value) for key, value in strategies.items()]
-    parts += [table(f"expect.{toml_key(key)}", value) for key, value in expect.items()]
-    text = "\n".join(parts)
+    moved["strategies"] = {ADVISED: dict(advice.best.keys)} | _but_advised(moved["strategies"])
+    moved["expect"] = {ADVISED: {"holonomic": True}} | _but_advised(moved.get("expect", {}))
+    text = job_text(moved)
     write_new(path, text)
     return "; ".join(filter(None, (remark, _trouble(text, path))))
+
+
+def _but_advised(tables: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: keys for name, keys in tables.items() if name != ADVISED}
 
 
 def _begin(advice: Advice, keys: dict[str, Any]) -> str:
@@ -187,22 +189,29 @@ def _begin(advice: Advice, keys: dict[str, Any]) -> str:
     return "the job begins on the leaf of the strategy, its tool where it was" if moved else ""
 
 
-def _moved(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
+def moved_job(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
     """The content of a job with the files that it names, for a job in another folder."""
 
-    def beside(given: Mapping[str, Any], key: str) -> dict[str, Any]:
+    def beside(given: Mapping[str, Any], key: str = "file") -> dict[str, Any]:
         name = given.get(key)
         if not isinstance(name, str) or not FilePath(name).suffix:
             return dict(given)
         return dict(given) | {key: robot_name(str(file.parent / name), path)}
 
-    moved = dict(keys) | {"robot": beside(keys["robot"], "name"), "path": beside(keys["path"], "file")}
-    if "parts" in moved["robot"]:
-        moved["robot"]["parts"] = [beside(part, "name") for part in moved["robot"]["parts"]]
-    if "others" in moved["path"]:
-        moved["path"]["others"] = [beside(other, "file") for other in moved["path"]["others"]]
+    def every(given: Mapping[str, Any], key: str, of: str = "file") -> dict[str, Any]:
+        return dict(given) | ({key: [beside(one, of) for one in given[key]]} if key in given else {})
+
+    moved = dict(keys) | {"robot": every(beside(keys["robot"], "name"), "parts", "name")}
+    paths = keys["path"] if isinstance(keys["path"], list) else [keys["path"]]
+    paths = [every(beside(one), "others") for one in paths]
+    moved["path"] = paths if isinstance(keys["path"], list) else paths[0]
     if "workspace" in keys:
-        moved["workspace"] = beside(keys["workspace"], "file")
+        moved["workspace"] = beside(keys["workspace"])
+    if "checks" in keys:
+        moved["checks"] = every(beside(keys["checks"], "srdf"), "obstacles")
+        for one in moved["checks"].get("obstacles", []):
+            if isinstance(one.get("pieces"), list):
+                one["pieces"] = [robot_name(str(file.parent / piece), path) for piece in one["pieces"]]
     return moved
 
 

@@ -466,8 +466,12 @@ class TaskTable(KindTable):
     def _orientations(self) -> list[Orientation]:
         return self.orientation if isinstance(self.orientation, list) else [self.orientation]
 
-    def tasks(self, robot: Robot, q0: Vector) -> list[Task]:
-        """One task, or one for each orientation of a list; what counts from a reference does so from the start."""
+    def tasks(self, robot: Robot, q0: Vector, turned: Matrix | None = None) -> list[Task]:
+        """One task, or one for each orientation of a list; what counts from a reference does so from the start.
+
+        Args:
+            turned: rotation (3, 3) of the tool at the start, where no posture of it is known yet.
+        """
         if self.kind == "position":
             return [position(robot, self.tip, rows=self.rows)]
         if self.kind == "line-of-sight":
@@ -476,7 +480,7 @@ class TaskTable(KindTable):
             formulas = column(self.expressions or [], robot)
             return [custom_task(robot, formulas, units=self.units or (), names=self.names, name="task")]
         if self.kind == "pose":
-            R = robot.pose(q0, self.tip)[:3, :3]
+            R = robot.pose(q0, self.tip)[:3, :3] if turned is None else turned
             return [
                 pose(robot, kind, reference=R, axis=self.axis, tip=self.tip, rows=self.rows)
                 for kind in self._orientations

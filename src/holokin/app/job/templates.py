@@ -51,6 +51,48 @@ def table(name: str, keys: Mapping[str, Any]) -> str:
     return "\n".join([f"[{name}]", *(f"{toml_key(key)} = {toml(value)}" for key, value in keys.items())]) + "\n"
 
 
+_REMARKS = {
+    "robot": "The robot. Where its tip is not the TCP: tool = { xyz = [x, y, z], rpy_deg = [roll, pitch, yaw] }, in m.",
+    "task": 'What the tool holds. With orientation = "axis" it may turn about its axis, by default z.',
+    "start": "The posture that it begins at, a number for each joint.",
+    "frames": "Frames of the work, from the base: xyz in m, rpy_deg in degrees.",
+    "path": "What the tool goes along: speed in m/s; retract is how far above its ends the tool comes and goes, in m.",
+    "air": "How the tool goes from one path to the next.",
+    "timing": "Limits of all joints in rad/s^2 or m/s^2, the controller's step dt in s; dq limits are the robot's own.",
+    "program": "Axes, tool numbers and process lines of the controller.",
+    "checks": "What the motion keeps clear of. A fixture is [[checks.obstacles]] with name, kind, sizes and xyz.",
+    "workspace": "Where the tool works.",
+    "strategies": "The rule for the joints that the task leaves free.",
+    "expect": "What must stay true.",
+}
+"""What stands above the tables of a job that is written, for who edits it."""
+
+_GROUPS = ("frames", "strategies", "expect")
+"""Tables of a job that hold one for each name."""
+
+
+def job_text(keys: Mapping[str, Any]) -> str:
+    """The text of a job: its plain keys, then its tables, each below a remark on what it says."""
+    parts = ["".join(f"{key} = {toml(value)}\n" for key, value in keys.items() if not _is_table(value))]
+    for key, value in keys.items():
+        if not _is_table(value):
+            continue
+        parts.append(f"# {_REMARKS[key]}" if key in _REMARKS else "")
+        if key in _GROUPS:
+            parts += [table(f"{key}.{toml_key(name)}", own) for name, own in value.items()]
+            continue
+        for one in value if isinstance(value, list) else [value]:
+            deeper = {name: own for name, own in one.items() if name == "obstacles" and _is_table(own)}
+            head = f"[{key}]" if isinstance(value, list) else key
+            parts.append(table(head, {name: own for name, own in one.items() if name not in deeper}))
+            parts += [table(f"[{key}.{name}]", own) for name, every in deeper.items() for own in every]
+    return "\n".join(filter(None, parts))
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, Mapping) or (isinstance(value, list) and bool(value) and isinstance(value[0], Mapping))
+
+
 def robot_name(robot: str, path: FilePath) -> str:
     """A robot file as a job in another folder names it: relative where it lies near, so that both can be moved."""
     try:
