@@ -51,6 +51,8 @@ def certify(
 ) -> None:
     """Prove, for each strategy with leaves of a job, that the joints return with the tool, on its path or in a box.
 
+    Of several paths each is proven by itself, from the posture at which `holokin run` begins it.
+
     With --whole-arm it is proven for all poses, starts and levels, where the arm and the held joint allow it: of a job,
     or of a robot and one --strategy.
     Writes OUT/<job>-proof/<strategy>-certificate.json, and beside it a page to print, <strategy>-certificate.html.
@@ -80,9 +82,11 @@ def certify(
         raise ArgumentError("--strategy, --tip, --base or --trust-units", given[0], "they are of a robot, --whole-arm")
     if of_robot:
         name, title, prove = _of_robot(job, strategy, tip, base, trust_units)
+        several = False
     else:
         name, opened, file = open_one_job(job)
         title, prove = opened.title, partial(certify_job, opened, file)
+        several = bool(opened.paths) and not whole_arm
     check_folder(out, f"{name}-proof")
     cells = CellsFiles(out / f"{name}-proof", resume) if workspace else None
     more = {} if cells is None else {"cells_file": cells.of}
@@ -113,11 +117,11 @@ def certify(
         if certificates:
             for written in write_certificates(f"{name}-proof", certificates, words, out, build(), stopped):
                 show(f"wrote {written}")
-    # The table and the exit code.
+    # The table and the exit code; of several paths each is asked for.
     if cells is not None:
         cells.remove()
     show_rich(lambda console: print_certificates(title, certificates, words, console))
-    proven = [certificate.whole for certificate in certificates.values() if not isinstance(certificate, str)]
+    proven = [c.whole if not isinstance(c, str) else False for c in certificates.values() if several or not isinstance(c, str)]
     rejected = any(word.outcome is Outcome.REJECTED for word in words.values())
     raise typer.Exit(0 if proven and all(proven) and not rejected else 1)
 

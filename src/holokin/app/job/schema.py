@@ -243,7 +243,7 @@ class Job(Table):
         """The path of a job of one. Raises: ArgumentError: it has several."""
         if isinstance(self.path, PathTable):
             return self.path
-        cure = "this is for one [path]: `holokin run` and `holokin export` take several"
+        cure = "this is for one [path]; `holokin run`, `advise`, `certify` and `export` take several"
         raise ArgumentError("the number of paths of the job", len(self.path), cure)
 
     @model_validator(mode="before")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
 from pathlib import Path as FilePath
@@ -68,7 +69,8 @@ def certify_job(
 ) -> Iterator[tuple[str, Certificate | WholeArm | str]]:
     """(name, certificate, or why there is none) of each strategy of a job, one after the other.
 
-    What its [checks] ask for is to be proven, too: shapes apart, joints within their limits.
+    What its [checks] ask for is to be proven, too: shapes apart, joints within their limits. A job of several paths has
+    a certificate for each path, from the posture at which `plan_paths` begins it; the ways between them have none.
 
     Args:
         workspace: over the box of the job's [workspace] instead of along its path. whole_arm: on the whole arm.
@@ -83,13 +85,14 @@ def certify_job(
     # Where it is to be proven, and what besides.
     robot, start, tasks = build_tasks(job, file)
     domain = None
-    if whole_arm:
+    if whole_arm or (job.paths and not workspace):
         pass
     elif not workspace:
         with naming(file, "path"):
             domain = build_path(job.only_path, tasks[0], start, file)
     elif job.workspace is None:
-        raise JobError(file, "workspace", "is missing", 'add a table [workspace] of kind "box"')
+        cure = "leave --workspace out: each path is certified" if job.paths else 'add a table [workspace] of kind "box"'
+        raise JobError(file, "workspace", "is missing", cure)
     elif job.workspace.kind != "box":
         raise JobError(file, "workspace.kind", f"is {job.workspace.kind!r}", 'only a "box" can be certified')
     else:
@@ -98,36 +101,59 @@ def certify_job(
     if job.checks is not None:
         with naming(file, "checks"):
             more |= {"limits": job.checks.limits, "scene": job.checks.keeps_clear(robot)}
-    # Each strategy, from where it begins.
+    # Each strategy, from where it begins; of several paths each from the posture that `plan_paths` finds for it.
     for (label, table), task in product(job.strategies.items(), tasks):
         title = title_of(label, task, tasks)
         progress(title)
         more |= {"progress": lambda text, title=title: progress(f"{title}: {text}"), "keep_in": cells_file(title)}
-        try:
-            with naming(file, "strategies", label):
-                strategy = build_strategy(job, label, task, start, title)
-                if not isinstance(strategy, HolonomicStrategy):
-                    raise NoProofError(title, f"it has no leaves; {HolonomicStrategy.cure}")
-                if domain is None:
-                    yield title, certify(strategy)
-                    continue
-                begin, _ = build_begin(table, strategy, start)
-                if isinstance(domain, Path):
-                    begin = build_entry(job, strategy, domain, begin).q0
-                if part and isinstance(domain, PoseRange):
-                    certificate, _ = region_by_cells(strategy, begin, domain, **more)
-                else:
-                    certificate = certify_cells(strategy, domain, begin, **more)
-        except HolokinError as problem:
-            cause = problem.__cause__ or problem
-            if isinstance(cause, NoProofError):
-                yield title, cause.cure
+        with _refused(file, label) as why:
+            strategy = build_strategy(job, label, task, start, title)
+            if not isinstance(strategy, HolonomicStrategy):
+                raise NoProofError(title, f"it has no leaves; {HolonomicStrategy.cure}")
+            if job.paths and not whole_arm:
+                yield from _certify_paths(plan_paths(job, file, label, progress), title, file, more, progress)
                 continue
-            if not isinstance(cause, (*OF_ONE_STRATEGY, ExpressionError)):
-                raise
-            yield title, reason(problem)
+            if domain is None:
+                yield title, certify(strategy)
+                continue
+            begin, _ = build_begin(table, strategy, start)
+            if isinstance(domain, Path):
+                begin = build_entry(job, strategy, domain, begin).q0
+            if part and isinstance(domain, PoseRange):
+                yield title, region_by_cells(strategy, begin, domain, **more)[0]
+            else:
+                yield title, certify_cells(strategy, domain, begin, **more)
+        yield from ((title, reason) for reason in why)
+
+
+def _certify_paths(
+    plan: PathsPlan, title: str, file: FilePath, more: Mapping[str, Any], progress: Callable[[str], None]
+) -> Iterator[tuple[str, Certificate | str]]:
+    """(name, certificate, or why there is none) of each path of a plan, from its own posture, and of those left out."""
+    for each in plan.paths:
+        name = f"{title}, {each.name}"
+        told = {"progress": lambda text, name=name: progress(f"{name}: {text}")}
+        with _refused(file, plan.name) as why:
+            yield name, certify_cells(each.strategy, each.path, each.timed.q[0], **more | told)
+        yield from ((name, reason) for reason in why)
+    yield from ((f"{title}, {name}", why) for name, why in plan.left_out.items())
+
+
+@contextmanager
+def _refused(file: FilePath, label: str) -> Iterator[list[str]]:
+    """A list that holds, afterwards, why there is no proof, where that is no mistake in the job."""
+    why: list[str] = []
+    try:
+        with naming(file, "strategies", label):
+            yield why
+    except HolokinError as problem:
+        cause = problem.__cause__ or problem
+        if isinstance(cause, NoProofError):
+            why.append(cause.cure)
+        elif isinstance(cause, (*OF_ONE_STRATEGY, ExpressionError)):
+            why.append(reason(problem))
         else:
-            yield title, certificate
+            raise
 
 
 # --- A strategy of a job as C for a controller.
