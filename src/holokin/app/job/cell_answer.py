@@ -14,6 +14,7 @@ from ...base.units import PrintedUnits
 from ...export import LANGUAGES, Program
 from ...motion import TimedTrajectory
 from ...motion.checks import CheckReport
+from ...motion.timed_trajectory import Slowdown
 from ...proof import Certificate, WholeArm
 from ...proof.recheck import CheckerWord, Outcome
 from ...strategies.tasks.task import Task
@@ -112,7 +113,8 @@ def clearance(outcomes: Outcomes, units: PrintedUnits) -> str:
     by, unit = units.factor("m"), units.name("m")
     on = f" on {name}" if name else ""
     return (
-        f"Clear: within limits, away from singular postures, and nothing comes nearer than {by * near.least:.4g} {unit} "
+        "Clear: within limits, away from singular postures, and nothing comes nearer than "
+        f"{by * near.least:.4g} {unit} "
         f"({' and '.join(near.pair)}, at {near.time:.3g} s{on})."
     )
 
@@ -136,6 +138,10 @@ def proof(
     )
 
 
+def _reason(slow: Slowdown) -> str:
+    return f"the {slow.limit} of {slow.joint}" if slow.joint else f"the shape of the {slow.limit}"
+
+
 def program_words(
     language: str, guessed: bool, file: FilePath, program: Program, outcomes: Outcomes, task: Task, units: PrintedUnits
 ) -> str:
@@ -144,8 +150,11 @@ def program_words(
     chosen = " (the name of the arm tells no controller: --language takes another)" if guessed else ""
     seconds = sum(timed.duration for timed in (outcomes.timed,) if timed is not None)
     speed = f"{units.factor('m') * outcomes.speed(task):.3g} {units.name('m')}/s"
-    slower = any(timed.slowdowns for timed in outcomes.own)
-    limits = ", slower where a joint is at its limit, see the report" if slower else ""
+    inside = [s for timed in outcomes.own for s in timed.slowdowns if s.start > 0 and s.stop < timed.duration]
+    worst = min(inside, key=lambda slow: slow.least, default=None)
+    limits = (
+        "" if worst is None else f", {worst.least:.0%} of what is asked at {worst.start:.1f} s for {_reason(worst)}"
+    )
     return (
         f"Program: {file} for {controller}{chosen}: {seconds:.1f} s, the tool at up to {speed}{limits}; "
         f"{program.targets} targets."

@@ -18,8 +18,9 @@ from ...base.poses import pose_from
 from ...base.types import Array, Matrix, Value, Vector
 from ...motion import follow
 from ...motion.checks import Clearances
+from ...motion.self_motions.posture_search import postures_from
 from ...motion.trajectory import Status
-from ...path import PathFile, Waypoints, read_paths
+from ...path import PathFile, read_paths
 from ...robot import Robot, reach
 from ...strategies.tasks.task import Task
 from .advice_job import ADVISED, moved_job, numbers_of
@@ -45,6 +46,9 @@ ACCELERATIONS = 5.0, 1.0
 
 DT = 0.004
 """The controller's step [s]: languages that send a step of their own say so."""
+
+STARTS = 16
+"""Postures among which that is looked for in which the job begins."""
 
 LOOKED_AT = 48
 """Points of all paths at which it is looked whether the tool can be there."""
@@ -259,7 +263,7 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
     for poses, retract in product(places, RETRACTS):
         above = poses[[0, -1]]
         above[:, :3, 3] += retract * up
-        Q = postures_at(cell.task, above[0], 16)
+        Q = _postures(cell.task, above[0])
         clear = Q if apart is None or not len(Q) else Q[apart.clear(Q)]
         if len(clear) and reached(cell.task, above, clear[0]).within.all():
             return retract, clear
@@ -269,6 +273,13 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
         cure = "move the part (--at) or what stands there, or allow the pair in [checks] of a scene"
         raise ArgumentError(f"the distance of {near} where the paths begin", "too small", cure)
     raise _out_of_reach(cell, places)
+
+
+def _postures(task: Task, T: Matrix) -> Matrix:
+    """Postures (k, n) within the limits with the tool at a pose (4, 4), as exact as a start is to be."""
+    Q = postures_at(task, T, STARTS)
+    Q, arrived = postures_from(task, Q, *(np.repeat(part[None], len(Q), axis=0) for part in (T[:3, 3], T[:3, :3])))
+    return Q[arrived & task.robot.within(Q)]
 
 
 def _followed(job: Job, file: FilePath, task: Task, starts: Matrix) -> Iterator[Vector]:
