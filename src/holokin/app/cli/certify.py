@@ -121,7 +121,9 @@ def certify(
     if cells is not None:
         cells.remove()
     show_rich(lambda console: print_certificates(title, certificates, words, console))
-    proven = [c.whole if not isinstance(c, str) else False for c in certificates.values() if several or not isinstance(c, str)]
+    proven = [
+        c.whole if not isinstance(c, str) else False for c in certificates.values() if several or not isinstance(c, str)
+    ]
     rejected = any(word.outcome is Outcome.REJECTED for word in words.values())
     raise typer.Exit(0 if proven and all(proven) and not rejected else 1)
 

@@ -22,8 +22,9 @@ from ...path.workspaces import Box, PoseRange, Workspace, workspace
 from ...robot import Robot
 from ...strategies.tasks.task import Task
 from .job_parts import build_robot, build_tasks
+from .paths_job import run_paths
 from .runner import is_job, open_one_job, run_job, workspace_of_job
-from .schema import Job, job_table
+from .schema import job_of, job_table
 from .templates import check_new, circle_job, passes, robot_name, table, toml, toml_key, write_new
 
 # --- Axes and postures as one types them beside a command.
@@ -156,14 +157,16 @@ def write_over(path: FilePath, advice: Advice, keys: Mapping[str, Any], file: Fi
     """
     moved = _moved(keys, file, path)
     remark = _begin(advice, moved)
-    # In TOML: plain keys, tables, the strategies, and what is expected of them.
+    # In TOML: plain keys, tables, several paths, the strategies, and what is expected of them on one path.
     strategies = {ADVISED: dict(advice.best.keys)} | {k: v for k, v in moved.pop("strategies").items() if k != ADVISED}
     expect = {ADVISED: {"holonomic": True}} | {k: v for k, v in moved.pop("expect", {}).items() if k != ADVISED}
+    several = moved.pop("path") if isinstance(moved["path"], list) else []
     plain = [f"{key} = {toml(value)}" for key, value in moved.items() if not isinstance(value, Mapping)]
     parts = ["\n".join(plain) + "\n"]
     parts += [table(key, value) for key, value in moved.items() if isinstance(value, Mapping)]
+    parts += [table("[path]", each) for each in several]
     parts += [table(f"strategies.{toml_key(key)}", value) for key, value in strategies.items()]
-    parts += [table(f"expect.{toml_key(key)}", value) for key, value in expect.items()]
+    parts += [] if several else [table(f"expect.{toml_key(key)}", value) for key, value in expect.items()]
     text = "\n".join(parts)
     write_new(path, text)
     return "; ".join(filter(None, (remark, _trouble(text, path))))
@@ -196,31 +199,48 @@ def _moved(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str,
             return dict(given)
         return dict(given) | {key: robot_name(str(file.parent / name), path)}
 
-    moved = dict(keys) | {"robot": beside(keys["robot"], "name"), "path": beside(keys["path"], "file")}
+    moved = dict(keys) | {"robot": beside(keys["robot"], "name")}
     if "parts" in moved["robot"]:
         moved["robot"]["parts"] = [beside(part, "name") for part in moved["robot"]["parts"]]
-    if "others" in moved["path"]:
-        moved["path"]["others"] = [beside(other, "file") for other in moved["path"]["others"]]
-    if "workspace" in keys:
-        moved["workspace"] = beside(keys["workspace"], "file")
+    if isinstance(keys["path"], list):
+        moved["path"] = [beside(path, "file") for path in keys["path"]]
+    else:
+        moved["path"] = beside(keys["path"], "file")
+        if "others" in keys["path"]:
+            moved["path"]["others"] = [beside(other, "file") for other in keys["path"]["others"]]
+    moved |= {part: beside(keys[part], "file") for part in ("workspace", "sheets") if part in keys}
+    if "checks" in keys:
+        moved["checks"] = beside(keys["checks"], "srdf")
+        if "obstacles" in keys["checks"]:
+            moved["checks"]["obstacles"] = [beside(thing, "file") for thing in keys["checks"]["obstacles"]]
     return moved
 
 
 def _trouble(text: str, path: FilePath) -> str:
     """What the strategy of an advice does not do on the path of the job, in words; empty where it does all."""
-    keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # it is known to be holonomic
+    keys = tomllib.loads(text)
+    several, whole = isinstance(keys["path"], list), "paths" if isinstance(keys["path"], list) else "path"
+    keys["strategies"] = {ADVISED: keys["strategies"][ADVISED]}
     keys.pop("workspace", None)
-    for part in ("strategies", "expect"):
-        keys[part] = {ADVISED: keys[part][ADVISED]}
+    if not several:
+        keys |= {"verdict": {"samples": 1}, "expect": {ADVISED: keys["expect"][ADVISED]}}  # it is known to be holonomic
     try:
-        result = run_job(path.stem, Job.model_validate(keys), path).strategies[0]
+        job = job_of(path, keys)
+        if several:
+            (found,) = run_paths(path.stem, job, path).rules
+            troubles = [f"{name} is left out: {why}" for name, why in found.left_out.items()]
+        else:
+            (found,) = run_job(path.stem, job, path).strategies
+            report = found.motion_check
+            troubles = list(filter(None, (found.trouble, "" if report is None else report.trouble)))
+            troubles = troubles or [found.status.value]
     except HolokinError as problem:
-        return f"the strategy cannot be run on the path of the job: {problem}"
-    if result.passed:
-        return ""
-    report = result.motion_check
-    troubles = "; ".join(filter(None, (result.trouble, "" if report is None else report.trouble)))
-    return f"on the path of the job the strategy does not do all that is asked: {troubles or result.status.value}"
+        return f"the strategy cannot be run on the {whole} of the job: {problem}"
+    return (
+        ""
+        if found.passed
+        else f"on the {whole} of the job the strategy does not do all that is asked: {'; '.join(troubles)}"
+    )
 
 
 # --- `holokin advise`: the advice, and the job that is written of it.
