@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import combinations, pairwise, permutations, product
 from pathlib import Path
 
@@ -11,7 +12,8 @@ import pytest
 import holokin as hk
 from conftest import Command, sampled
 from grammars import krl, listing, rapid, urscript
-from holokin.app.job import program_of_paths, read_job, run_paths
+from holokin.app.job import certify_job, program_of_paths, read_job, run_paths
+from holokin.app.job.advice_job import question
 from holokin.app.job.path_order import Choices, best_sequence, in_order, least_pool
 from holokin.base.errors import JobError
 
@@ -186,6 +188,24 @@ def test_two_paths_of_one_name_and_keys_of_one_path_are_refused(tmp_path: Path) 
             read_job(file)
 
 
+def test_each_path_is_proven_from_the_posture_at_which_it_begins(tmp_path: Path, holokin: Command) -> None:
+    # 100 degrees are reached with the elbow on one side alone, -100 with it on the other; the third is out of reach.
+    file = elbow_job(tmp_path, {"left": 100.0, "right": -100.0, "far": 0.0})
+    text = file.read_text()
+    file.write_text(text.replace(str(at(0.0, 0.65)), str(at(0.0, 1.4))).replace(str(at(0.0)), str(at(0.0, 1.3))))
+    done = holokin("certify", str(file), "--out", str(tmp_path / "out"))
+    assert (done.code, done.out.count("Verified by the independent checker")) == (1, 2)
+    assert "only, far: not certified: no posture within the limits" in " ".join(done.out.split())
+    folder = tmp_path / "out" / "job-proof"
+    for name, angle, elbow in (("left", 100.0, 1), ("right", -100.0, -1)):
+        a, b = json.loads((folder / f"only--{name}-certificate.json").read_text())["pieces"][0]["q"]
+        tool = 0.5 * np.array([np.cos(a) + np.cos(a + b), np.sin(a) + np.sin(a + b)])
+        assert tool == pytest.approx(at(angle), abs=1e-6)
+        assert np.sign(b) == elbow
+    with pytest.raises(JobError, match="leave --workspace out"):
+        list(certify_job(read_job(file), file, workspace=True))
+
+
 # --- Programs: an arm of six axes along three seams, as its controller reads them.
 
 WELD = """
@@ -297,6 +317,32 @@ def test_names_that_a_language_cannot_hold_become_others_and_it_is_said(weld: Pa
     assert "Naht_rechts.src" in program.files
     assert "p_loop.src" in program.files  # a word of the language
     assert any("'Näht rechts' is Naht_rechts" in note for note in program.notes)
+
+
+def test_advice_is_over_the_poses_of_all_paths_where_the_tip_is(weld: Path, tmp_path: Path) -> None:
+    file = tmp_path / "weld.toml"
+    frame = "tool_frame = { xyz = [0.0, 0.05, 0.1], rpy_deg = [0, 20, 0] }\n"
+    file.write_text(weld.read_text().replace('name = "loop"\n', f'name = "loop"\n{frame}'))
+    space = question(str(file)).workspace
+    assert space is not None
+    T = space.poses(255)
+    tool = T[:, :3, 3] - [-0.75, -0.17, 0.2]
+    third = (T @ [0.0, 0.05, 0.1, 1.0])[:, :3] - [-0.75, -0.17, 0.2]
+    assert sum(abs(np.abs(tool[:, 1]) - 0.215) < 1e-9) == 170
+    on_loop = (abs(third[:, 0]) < 1e-9) & (abs(third[:, 2] - 0.08) < 1e-9)
+    assert (on_loop.sum(), np.ptp(third[on_loop, 1])) == (85, pytest.approx(0.2))
+
+
+@pytest.mark.campaign
+def test_a_job_of_several_paths_is_written_again_with_the_advised_rule(
+    weld: Path, tmp_path: Path, holokin: Command
+) -> None:
+    out = tmp_path / "advised.toml"
+    done = holokin("advise", str(weld), "--out", str(out))
+    assert (done.code, "Note:" in done.out) == (0, False), done.out
+    result = result_of(out)
+    assert [rule.name for rule in result.rules] == ["advised", "wrist"]
+    assert all(rule.passed for rule in result.rules)
 
 
 # --- Scenes: meshes with pockets, pieces, frames.

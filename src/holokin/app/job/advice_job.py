@@ -22,8 +22,9 @@ from ...path.workspaces import Box, PoseRange, Workspace, workspace
 from ...robot import Robot
 from ...strategies.tasks.task import Task
 from .job_parts import build_robot, build_tasks
+from .paths_job import run_paths
 from .runner import is_job, open_one_job, run_job, workspace_of_job
-from .schema import Job, job_table
+from .schema import job_of, job_table
 from .templates import check_new, circle_job, job_text, passes, robot_name, write_new
 
 # --- Axes and postures as one types them beside a command.
@@ -161,7 +162,8 @@ def write_over(path: FilePath, advice: Advice, keys: Mapping[str, Any], file: Fi
     moved = moved_job(keys, file, path)
     remark = _begin(advice, moved)
     moved["strategies"] = {ADVISED: dict(advice.best.keys)} | _but_advised(moved["strategies"])
-    moved["expect"] = {ADVISED: {"holonomic": True}} | _but_advised(moved.get("expect", {}))
+    if not isinstance(moved["path"], list):
+        moved["expect"] = {ADVISED: {"holonomic": True}} | _but_advised(moved.get("expect", {}))
     text = job_text(moved)
     write_new(path, text)
     return "; ".join(filter(None, (remark, _trouble(text, path))))
@@ -205,8 +207,7 @@ def moved_job(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[s
     paths = keys["path"] if isinstance(keys["path"], list) else [keys["path"]]
     paths = [every(beside(one), "others") for one in paths]
     moved["path"] = paths if isinstance(keys["path"], list) else paths[0]
-    if "workspace" in keys:
-        moved["workspace"] = beside(keys["workspace"])
+    moved |= {part: beside(keys[part]) for part in ("workspace", "sheets") if part in keys}
     if "checks" in keys:
         moved["checks"] = every(beside(keys["checks"], "srdf"), "obstacles")
         for one in moved["checks"].get("obstacles", []):
@@ -217,19 +218,29 @@ def moved_job(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[s
 
 def _trouble(text: str, path: FilePath) -> str:
     """What the strategy of an advice does not do on the path of the job, in words; empty where it does all."""
-    keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # it is known to be holonomic
+    keys = tomllib.loads(text)
+    several, whole = isinstance(keys["path"], list), "paths" if isinstance(keys["path"], list) else "path"
+    keys["strategies"] = {ADVISED: keys["strategies"][ADVISED]}
     keys.pop("workspace", None)
-    for part in ("strategies", "expect"):
-        keys[part] = {ADVISED: keys[part][ADVISED]}
+    if not several:
+        keys |= {"verdict": {"samples": 1}, "expect": {ADVISED: keys["expect"][ADVISED]}}  # it is known to be holonomic
     try:
-        result = run_job(path.stem, Job.model_validate(keys), path).strategies[0]
+        job = job_of(path, keys)
+        if several:
+            (found,) = run_paths(path.stem, job, path).rules
+            troubles = [f"{name} is left out: {why}" for name, why in found.left_out.items()]
+        else:
+            (found,) = run_job(path.stem, job, path).strategies
+            report = found.motion_check
+            troubles = list(filter(None, (found.trouble, "" if report is None else report.trouble)))
+            troubles = troubles or [found.status.value]
     except HolokinError as problem:
-        return f"the strategy cannot be run on the path of the job: {problem}"
-    if result.passed:
-        return ""
-    report = result.motion_check
-    troubles = "; ".join(filter(None, (result.trouble, "" if report is None else report.trouble)))
-    return f"on the path of the job the strategy does not do all that is asked: {troubles or result.status.value}"
+        return f"the strategy cannot be run on the {whole} of the job: {problem}"
+    return (
+        ""
+        if found.passed
+        else f"on the {whole} of the job the strategy does not do all that is asked: {'; '.join(troubles)}"
+    )
 
 
 # --- `holokin advise`: the advice, and the job that is written of it.

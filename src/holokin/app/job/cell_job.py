@@ -41,8 +41,8 @@ OF_THE_COMMAND = ("name", "tip", "base", "parts", "coordinates")
 RETRACTS = (0.05, 0.02, 0.0)
 """Ways [m] above the ends of the paths, of which the first is taken where the tool can be."""
 
-ACCELERATIONS = 5.0, 1.0
-"""Of a hinge [rad/s^2] and a slider [m/s^2]: moderate ones, which descriptions of robots do not state."""
+ACCELERATIONS, JERKS = (5.0, 1.0), (200.0, 40.0)
+"""Of a hinge [rad/s^2, rad/s^3] and of a slider [m/s^2, m/s^3]: moderate ones, as descriptions of robots state none."""
 
 DT = 0.004
 """The controller's step [s]: languages that send a step of their own say so."""
@@ -221,11 +221,12 @@ def _paths(
 
 def _timing(robot: Robot, given: Mapping[str, Any], assumed: list[str]) -> dict[str, Any]:
     """[timing], with moderate accelerations where the scene gives none."""
-    hinge, slider = ACCELERATIONS
-    own = hinge if robot.hinges.all() else np.where(robot.hinges, hinge, slider).tolist()
+    own = {}
+    for key, (hinge, slider) in (("acceleration", ACCELERATIONS), ("jerk", JERKS)):
+        own[key] = hinge if robot.hinges.all() else np.where(robot.hinges, hinge, slider).tolist()
     if "acceleration" not in given:
-        assumed.append(f"the joints accelerate by {hinge:g} rad/s^2 at most, as [timing] says")
-    return {"acceleration": own, "dt": DT} | dict(given)
+        assumed.append(f"the joints accelerate by {ACCELERATIONS[0]:g} rad/s^2 at most, as [timing] says")
+    return own | {"dt": DT} | dict(given)
 
 
 def _start(robot: Robot, q: Vector) -> dict[str, Any]:

@@ -48,7 +48,7 @@ from ...path import (
 )
 from ...path.editing import AnyPath, synchronized
 from ...path.path import rotation_vector
-from ...robot import Robot
+from ...robot import Robot, with_tool
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.frame_task import parts_of
 from ...strategies.tasks.task import Task
@@ -275,6 +275,31 @@ def named_paths(tables: Sequence[NamedPathTable], file: FilePath) -> list[NamedP
         if names.count(name) > 1:
             raise JobError(file, "path", f"has two paths named {name!r}", "give one of the tables another name")
     return every
+
+
+def build_each(job: Job, file: FilePath, start: Vector, task: Task) -> list[tuple[NamedPathTable, Task, Path]]:
+    """(table, task of its tool, path) of each of several paths; all of one tool have one task.
+
+    Args:
+        task: of the job, whose robot has no `tool_frame`.
+
+    Raises:
+        JobError, and as `build_path`.
+    """
+    tasks: dict[str, Task] = {repr(None): task}
+    built = []
+    for i, table in enumerate(named_paths(job.paths, file)):
+        key = repr(table.tool_frame)
+        if key not in tasks and table.tool_frame is not None:
+            with naming(file, "path", str(i), "tool_frame"):
+                tip = task.robot._find_tip(task.tip).name
+                robot = with_tool(task.robot, *table.tool_frame.pose(), tip=tip, name=tip)
+                tasks[key] = job.task.tasks(robot, start)[0]
+        with naming(file, "path", str(i)):
+            path = build_path(table.model_copy(update={"entry": "joints"}), tasks[key], start, file)
+        rotation = path.rotation if path.rotation is not None else tasks[key].pose(start)[:3, :3]
+        built.append((table, tasks[key], replace(path, rotation=rotation)))
+    return built
 
 
 def _of_file(table: PathTable, origin: Vector, start: Vector, file: FilePath) -> Path:

@@ -23,13 +23,12 @@ from ...motion.timed_trajectory import with_entry
 from ...motion.trajectory import Status, Trajectory
 from ...path import Path, line_segment, polyline
 from ...path.path import straight
-from ...robot import with_tool
 from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task
 from ..report.job_result import NotRun
 from ..report.paths_report import PathRow, PathsResult, RuleResult
-from .job_parts import build_begin, build_path, build_strategy, build_tasks, named_paths, naming, reason
+from .job_parts import build_begin, build_each, build_strategy, build_tasks, naming, reason
 from .path_order import Choices, best_sequence, least_pool
 from .schema import Job
 from .strategy_tables import ConstraintTable
@@ -489,27 +488,13 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search
     timing.check(robot)
     if tasks[0].frames > 1:
         raise ArgumentError("the tools of the task", tasks[0].frames, ONE_TOOL)
-    air, strategies, paths = job.air or AirTable(), [], []
-    known: dict[str, HolonomicStrategy] = {}
-    tables = named_paths(job.paths, file)
-    for i, table in enumerate(tables):
-        key = repr(table.tool_frame)
-        if key not in known:
-            task = tasks[0]
-            if table.tool_frame is not None:
-                with naming(file, "path", str(i), "tool_frame"):
-                    tip = robot._find_tip(task.tip).name
-                    of = with_tool(robot, *table.tool_frame.pose(), tip=tip, name=tip)
-                    task = job.task.tasks(of, start)[0]
-            with naming(file, "strategies", label):
-                known[key] = with_leaves(build_strategy(job, label, task, start, label))
-        strategy = known[key]
-        with naming(file, "path", str(i)):
-            path = build_path(table.model_copy(update={"entry": "joints"}), strategy.task, start, file)
-        if path.rotation is None:
-            path = replace(path, rotation=strategy.task.pose(start)[:3, :3])
-        strategies.append(strategy)
-        paths.append(path)
+    tables, its_tasks, paths = zip(*build_each(job, file, start, tasks[0]), strict=True)
+    known: dict[int, HolonomicStrategy] = {}
+    with naming(file, "strategies", label):
+        for task in its_tasks:
+            if id(task) not in known:
+                known[id(task)] = with_leaves(build_strategy(job, label, task, start, label))
+    strategies, air = [known[id(task)] for task in its_tasks], job.air or AirTable()
     clear = None
     if job.checks is not None and robot.tips:
         with naming(file, "checks"):

@@ -44,6 +44,7 @@ from ...strategies.tasks.task import Task
 from ..report.job_result import Check, JobResult, NotRun, SheetsResult, StrategyResult
 from .job_parts import (
     build_begin,
+    build_each,
     build_entry,
     build_paths,
     build_robot,
@@ -126,6 +127,7 @@ def robot_of_file(
 # --- [workspace] and [sheets] of a job.
 
 COVER_POSES = 256  # poses of a path that stand for a workspace
+LEAST_POSES = 16  # of each of several paths
 ONE_TOOL = "it is of several tools, and sheets are of one"  # why a path is not followed on sheets
 
 
@@ -154,18 +156,32 @@ def build_workspace(table: WorkspaceTable, at_start: Matrix, file: FilePath) -> 
 
 
 def workspace_of_job(job: Job, task: Task, start: Vector, file: FilePath) -> Workspace:
-    """[workspace] of a job; without one the poses along its path. Raises: as `build_workspace`; ArgumentError."""
+    """[workspace] of a job; without one the poses along its path, or along all of them.
+
+    Raises:
+        as `build_workspace` and `build_each`; ArgumentError: paths of several tools at once.
+    """
     tool = task.robot.pose(start, task.tip)[:3, :3]
     if job.workspace is not None:
         return build_workspace(job.workspace, tool, file)
-    path = build_paths(job.only_path, task, start, file)
-    if not isinstance(path, Path):
-        raise ArgumentError("the paths of several tools", len(path.paths), "this is for one tool: add a [workspace]")
-    along = path.at(np.linspace(0.0, path.duration, COVER_POSES, endpoint=not path.closed))
-    T = np.tile(np.eye(4), (COVER_POSES, 1, 1))
-    T[:, :3, 3] = along.position
-    T[:, :3, :3] = along.rotation @ (tool if path.rotation is None else path.rotation)
-    return pose_cloud(T, f"the path of {file.name}")
+    if job.paths:
+        each = build_each(job, file, start, task)
+    else:
+        path = build_paths(job.only_path, task, start, file)
+        if not isinstance(path, Path):
+            raise ArgumentError(
+                "the paths of several tools", len(path.paths), "this is for one tool: add a [workspace]"
+            )
+        each = [(None, task, path if path.rotation is not None else replace(path, rotation=tool))]
+    # Where the tip of the task is: the tool of a path may be another frame on it.
+    poses, count = [], max(LEAST_POSES, COVER_POSES // len(each))
+    for table, _, path in each:
+        along = path.at(np.linspace(0.0, path.duration, count, endpoint=not path.closed))
+        T = np.tile(np.eye(4), (count, 1, 1))
+        T[:, :3, 3], T[:, :3, :3] = along.position, along.rotation @ np.asarray(path.rotation)
+        frame = None if table is None else table.tool_frame
+        poses.append(T if frame is None else T @ np.linalg.inv(frame.matrix))
+    return pose_cloud(np.concatenate(poses), f"the {'paths' if job.paths else 'path'} of {file.name}")
 
 
 @typed

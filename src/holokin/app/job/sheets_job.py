@@ -50,7 +50,8 @@ def sheets_command(
     search = table.model_dump(exclude={"file"})
     sheet_map = sheets(asked.task, space, scene=asked.scene, progress=progress, **search)
     write_sheets(sheet_map, file)
-    if asked.file is None or asked.q0 is None:
+    job = None if asked.file is None else job_of(asked.file, dict(asked.keys))
+    if job is None or job.paths or asked.q0 is None or asked.file is None:
         return SheetsResult(sheet_map, table.share), file
-    path = build_paths(job_of(asked.file, dict(asked.keys)).only_path, asked.task, asked.q0, asked.file)
+    path = build_paths(job.only_path, asked.task, asked.q0, asked.file)
     return sheets_result(sheet_map, table.share, path, asked.q0), file

@@ -34,7 +34,7 @@ from ...path import Path
 from ...path.editing import AnyPath
 from ...path.workspaces import PoseRange
 from ...proof import Certificate, WholeArm, certify
-from ...proof.certify_leaf import certify_cells
+from ...proof.certify_leaf import certify_cells, provable
 from ...proof.proven_region import region_by_cells
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task
@@ -108,8 +108,7 @@ def certify_job(
         more |= {"progress": lambda text, title=title: progress(f"{title}: {text}"), "keep_in": cells_file(title)}
         with _refused(file, label) as why:
             strategy = build_strategy(job, label, task, start, title)
-            if not isinstance(strategy, HolonomicStrategy):
-                raise NoProofError(title, f"it has no leaves; {HolonomicStrategy.cure}")
+            strategy = strategy if isinstance(strategy, HolonomicStrategy) else provable(strategy)
             if job.paths and not whole_arm:
                 yield from _certify_paths(plan_paths(job, file, label, progress), title, file, more, progress)
                 continue
@@ -132,9 +131,9 @@ def _certify_paths(
     """(name, certificate, or why there is none) of each path of a plan, from its own posture, and of those left out."""
     for each in plan.paths:
         name = f"{title}, {each.name}"
-        told = {"progress": lambda text, name=name: progress(f"{name}: {text}")}
+        options = {**more, "progress": lambda text, name=name: progress(f"{name}: {text}")}
         with _refused(file, plan.name) as why:
-            yield name, certify_cells(each.strategy, each.path, each.timed.q[0], **more | told)
+            yield name, certify_cells(each.strategy, each.path, each.timed.q[0], **options)
         yield from ((name, reason) for reason in why)
     yield from ((f"{title}, {name}", why) for name, why in plan.left_out.items())
 
