@@ -446,14 +446,6 @@ class MissingExtraError(HolokinError):
         super().__init__(f"this needs {package}; install it with: pip install 'holokin[{extra}]'")
 
 
-class SchedulerError(HolokinError):
-    """A scheduler of a cluster that cannot be reached, or was lost; rows that were kept stay."""
-
-    def __init__(self, scheduler: str, fact: str, cure: str = "check its address") -> None:
-        self.scheduler, self.fact, self.cure = scheduler, fact, cure
-        super().__init__(f"the scheduler {brief(scheduler)} {brief(fact)}; {brief(cure)}, and go on with --resume")
-
-
 class WriteError(HolokinError):
     """A file that the system does not let us write; what stood there before is as it was."""
 
