@@ -21,15 +21,9 @@ MOST_NAMES = 40
 
 SYNONYMS = {
     **dict.fromkeys(("pseudo-inverse", "pseudoinverse", "pinv"), "moore-penrose"),
-    "leaf": "level",
-    "way": "direction",
-    "clear_of": "obstacles",
-    "ignore": "allowed",
-    "outline": "only",
     **dict.fromkeys(("waypoints", "svg"), "file"),
-    **dict.fromkeys(("read_waypoints", "read_svg"), "read_paths"),
 }
-"""Names that people use, and keys that had another name before -> those that are known."""
+"""Names that people use -> those that are known."""
 
 FORMS = {
     "robot.pose(q)": "fk fkine forward forward_kinematics end_effector end_effector_pose tool_pose get_pose",
@@ -464,33 +458,7 @@ class WriteError(HolokinError):
         super().__init__(f"{file} cannot be written: {problem.strerror or problem}; {cure}")
 
 
-# --- Names that errors had before.
-
-_BEFORE = {
-    "FileError": "RecordingError SurveyError CertificateError SheetsFileError",
-    "OutOfReachError": "OutsideRegionError NoSheetError",
-    "PathError": "DividedPathError NoSeamError",
-    "TrackingError": "LostToolError",
-    "LimitReachedError": "InfeasibleError",
-    "BranchError": "JumpError",
-    "RobotFileError": "MassError",
-    "RowsError": "TaskTooLargeError ConstraintRowsError",
-    "UndecidedError": "RoundOffError EmptyRegionError",
-    "OwnFunctionError": "FunctionError",
-    "CallError": "AmbiguousTruthError",
-    "ExportError": "PickleError",
-}
-"""A class -> those that are one with it now."""
-
-
 def error_form(name: str) -> str:
-    """How an error is written, by its name or one that it had before; "" for what is none."""
-    name = next((new for new, old in _BEFORE.items() if name in old.split()), name)
+    """How an error is written, by its name; "" for what is none."""
     kind = globals().get(name)
     return f"hk.base.errors.{name}" if isinstance(kind, type) and issubclass(kind, HolokinError) else ""
-
-
-def __getattr__(name: str) -> Any:
-    if name.startswith("__"):  # each import asks for __path__
-        raise AttributeError(name)
-    raise NoAttributeError("holokin.base.errors", name, sorted(n for n in globals() if error_form(n)), error_form(name))
