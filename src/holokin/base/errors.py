@@ -21,6 +21,7 @@ MOST_NAMES = 40
 
 SYNONYMS = {
     **dict.fromkeys(("pseudo-inverse", "pseudoinverse", "pinv"), "moore-penrose"),
+    "leaf": "level",
     **dict.fromkeys(("waypoints", "svg"), "file"),
 }
 """Names that people use -> those that are known."""
