@@ -1,4 +1,4 @@
-"""Inverse kinematics, a section of docs/measured.md: without a start, on a leaf, and all postures of a pose."""
+"""Inverse kinematics, a section of docs/measured.md: without a start, and on a leaf."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.page import Given, table, us, versions, wrapped
-from benchmarks.postures import PACKAGES, postures_table
 from holokin.analysis.coverage import PoseStatus
 from holokin.motion.ik import move_to_leaf
 from holokin.strategies import constraints
@@ -110,14 +109,4 @@ def section(given: Given) -> tuple[list[str], str]:
             degrees. `near` goes on from a posture {1e3 * NEAR:g} mm away, as a hand does that leads the arm."""
         ),
         table(head, leaves(poses)),
-        wrapped(
-            """All postures of a pose, one joint of seven held: the closed form behind `ik(pose)` beside other
-            libraries. Pinocchio makes 1,000 poses of random postures, and judges the answers; those that miss the pose
-            by 1 mm or 1 mrad do not count. The table has the time of a pose [us], called from Python in turns, in
-            processor time, batches on one thread. In brackets: how many different postures a pose has on average,
-            beyond the joint limits too. IK-Geo is told the decomposition that the others find; frankik leaves out what
-            is beyond the limits; ssik samples the joint instead of holding it. The time of `ik.all(pose)` is mostly
-            NumPy's."""
-        ),
-        postures_table(given.quick),
-    ], versions("casadi", "numpy", *PACKAGES)
+    ], versions("casadi", "numpy")

@@ -1,4 +1,4 @@
-"""How fast? One control step beside those of other libraries, calls from Python, loops in C, growth with the joints.
+"""How fast? One control step, calls from Python, loops in C, growth with the joints.
 
 All of a table is called at the same posture, in turns, round by round, and in processor time, so that what else the
 machine does counts little. The C floor is one control step called from C.
@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import importlib
 import os
 import pickle
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +21,6 @@ import numpy as np
 import holokin as hk
 from benchmarks.page import Given, table, us, versions, wrapped
 from holokin.analysis.curvature.curvature_of_planes import curvature_function
-from holokin.robot import to_mjcf, to_urdf
 from holokin.symbolic import linear
 from holokin.symbolic.native.emit import step_source
 from holokin.symbolic.native.kernel import HEAVY
@@ -236,172 +233,10 @@ def first_use(make: Callable[[], hk.motion.Controller]) -> tuple[float, float]:
         return middle - begin, time.perf_counter() - middle
 
 
-Step = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""(q, wanted pose (4, 4), wanted twist (6,)) -> dq"""
-
-SOLVERS = ("quadprog", "daqp", "proxqp")
-POSTURE = 1e-3
-"""Cost of the posture task that their examples put beside the frame task."""
-
-
-def rivals(robot: hk.Robot, start: np.ndarray, dt: float) -> tuple[list[tuple[str, Step]], list[str]]:
-    """(name, step) of all that are installed, and the names of those that are not, or that do not work here."""
-    steps: list[tuple[str, Step]] = []
-    left_out: list[str] = []
-    for name, make in (
-        ("pink", _pink),
-        ("mink", _mink),
-        ("placo", _placo),
-        ("roboticstoolbox + pinv", _roboticstoolbox),
-        ("Pinocchio + pinv", _pinocchio),
-    ):
-        try:
-            with _silence():
-                made = list(make(robot, start, dt))
-        except ImportError as problem:
-            left_out.append(f"{name} ({problem.name or 'a part of it'} is not installed)")
-            continue
-        for variant, step in made:
-            label = f"{name}{variant}"
-            if name in ("pink", "mink", "placo") and not _follows(step, robot, start, dt):
-                left_out.append(f"{label} (its step does not reach the target)")
-            else:
-                steps.append((label, step))
-    return steps, left_out
-
-
-def _follows(step: Step, robot: hk.Robot, start: np.ndarray, dt: float) -> bool:
-    """True when the step goes to a pose 0.1 mm away within a twentieth."""
-    pose = robot.pose(start)
-    pose[0, 3] += 1e-4
-    moved = robot.jacobian(start) @ np.asarray(step(start, pose, np.zeros(6))) * dt
-    return bool(np.abs(moved - [1e-4, 0, 0, 0, 0, 0]).max() < 5e-6)
-
-
-Parts = tuple[Any, Any, Any]
-"""A configuration at the start, a frame task, a posture task."""
-
-
-def _programmes(
-    library: Any, begin: Callable[[], Parts], pose_of: Callable[[np.ndarray], Any], dt: float
-) -> Iterator[tuple[str, Step]]:
-    """pink and mink: a quadratic programme each step, with its limits and none, by every solver that is here."""
-    there = importlib.import_module("qpsolvers").available_solvers
-
-    def stepping(parts: Parts, solver: str, limits: list[Any] | None) -> Step:
-        configuration, tool, rest = parts
-
-        def step(q: np.ndarray, pose: np.ndarray, _twist: np.ndarray) -> np.ndarray:
-            configuration.update(q)
-            tool.set_target(pose_of(pose))
-            return library.solve_ik(configuration, [tool, rest], dt, solver=solver, limits=limits)
-
-        return step
-
-    for solver in [name for name in SOLVERS if name in there]:
-        yield f", its limits, {solver}", stepping(begin(), solver, None)
-        yield f", no limits, {solver}", stepping(begin(), solver, [])
-
-
-def _pink(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:
-    pin, pink = map(importlib.import_module, ("pinocchio", "pink"))
-    model = pin.buildModelFromXML(to_urdf(robot))
-
-    def begin() -> Parts:
-        tool = pink.tasks.FrameTask(robot.tips[0].name, position_cost=1.0, orientation_cost=1.0)
-        rest = pink.tasks.PostureTask(cost=POSTURE)
-        rest.set_target(start.copy())
-        return pink.Configuration(model, model.createData(), start.copy()), tool, rest
-
-    return _programmes(pink, begin, lambda pose: pin.SE3(pose[:3, :3], pose[:3, 3]), dt)
-
-
-def _mink(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:
-    mink, mujoco = map(importlib.import_module, ("mink", "mujoco"))
-    model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
-
-    def begin() -> Parts:
-        tool = mink.FrameTask(robot.tips[0].name, "site", position_cost=1.0, orientation_cost=1.0)
-        rest = mink.PostureTask(model, cost=POSTURE)
-        rest.set_target(start.copy())
-        return mink.Configuration(model), tool, rest
-
-    return _programmes(mink, begin, mink.SE3.from_matrix, dt)
-
-
-def _placo(robot: hk.Robot, start: np.ndarray, dt: float) -> Iterator[tuple[str, Step]]:
-    placo = importlib.import_module("placo")
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "robot.urdf"
-        file.write_text(to_urdf(robot), "utf-8")
-        wrapper = placo.RobotWrapper(str(file), placo.Flags.ignore_collisions)
-    for limited, label in ((True, "its limits"), (False, "no limits")):
-        solver = placo.KinematicsSolver(wrapper)
-        solver.mask_fbase(True)
-        solver.dt = dt
-        solver.enable_joint_limits(limited)
-        solver.enable_velocity_limits(limited)
-        tool = solver.add_frame_task(robot.tips[0].name, np.eye(4))
-        tool.configure("tool", "soft", 1.0, 1.0)
-        rest = solver.add_joints_task()
-        rest.set_joints(dict(zip(robot.joint_names, start.tolist(), strict=True)))
-        rest.configure("posture", "soft", POSTURE**2)
-
-        def step(
-            q: np.ndarray, pose: np.ndarray, _twist: np.ndarray, solver: Any = solver, tool: Any = tool
-        ) -> np.ndarray:
-            wrapper.state.q[7:] = q  # behind the pose of its free base
-            wrapper.update_kinematics()
-            tool.T_world_frame = pose
-            return solver.solve(False)[6:] / dt
-
-        yield f", {label}", step
-
-
-def _pinocchio(robot: hk.Robot, _start: np.ndarray, _dt: float) -> Iterator[tuple[str, Step]]:
-    pin = importlib.import_module("pinocchio")
-    model = pin.buildModelFromXML(to_urdf(robot))
-    data, frame = model.createData(), model.getFrameId(robot.tips[0].name)
-
-    def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray) -> np.ndarray:
-        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-        here = data.oMf[frame]
-        e = np.concatenate([pose[:3, 3] - here.translation, pin.log3(pose[:3, :3] @ here.rotation.T)])
-        return np.linalg.pinv(J) @ (twist + 100.0 * e)
-
-    yield "", step
-
-
-def _roboticstoolbox(_robot: hk.Robot, _start: np.ndarray, _dt: float) -> Iterator[tuple[str, Step]]:
-    """Its own Panda, whose hand is elsewhere: for the time alone."""
-    rtb = importlib.import_module("roboticstoolbox")
-    arm = rtb.models.Panda()
-
-    def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray) -> np.ndarray:
-        e, _ = rtb.angle_axis(arm.fkine(q).A, pose), None
-        return np.linalg.pinv(arm.jacob0(q)) @ (twist + 100.0 * e)
-
-    yield "", step
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Some print when they are imported."""
-    with Path(os.devnull).open("w") as nothing, contextlib.redirect_stdout(nothing):
-        yield
-
-
 def _seconds(call: Callable[[], object]) -> float:
     begin = time.process_time()
     call()
     return time.process_time() - begin
-
-
-def fastest(times: dict[str, Timed], names: list[str]) -> Iterator[str]:
-    """Of steps that differ in their solver alone, the fastest one."""
-    kinds = {name: name.removesuffix(f", {name.split(', ')[-1]}") if name.endswith(SOLVERS) else name for name in names}
-    for kind in dict.fromkeys(kinds.values()):
-        yield min((name for name in names if kinds[name] == kind), key=lambda name: times[name].median)
 
 
 def section(given: Given) -> tuple[list[str], str]:
@@ -419,7 +254,6 @@ def section(given: Given) -> tuple[list[str], str]:
         return hk.controller(hk.radial(hk.moore_penrose(task), START), dt=DT, q0=START)
 
     servo, machine, carried, slowly = make(), without_compiler(make), make_radial(), without_compiler(make_radial)
-    others, left_out = rivals(robot, START, DT)
     steps = {
         "C floor": Floor(servo, pose, twist),
         "holokin": repeated(lambda: servo.step(START, pose, twist)),
@@ -427,28 +261,26 @@ def section(given: Given) -> tuple[list[str], str]:
         "`radial`, called from C": Floor(carried, pose, twist),
         "`radial`": repeated(lambda: carried.step(START, pose, twist)),
         "`radial`, without a compiler": repeated(lambda: slowly.step(START, pose, twist)),
-    } | {name: repeated(lambda step=step: step(START, pose, twist)) for name, step in others}
+    }
     times = in_turns(steps | machine_and_native(START, 3 if given.quick else None), rounds, 5e-4)
-    floor, ours = times["C floor"].median, times["holokin"].median
-    shown = [*list(steps)[:6], *fastest(times, [name for name, _ in others])]
+    floor = times["C floor"].median
     rows = [
-        (name, us(t.median), us(t.p99), f"{t.median / floor:.3g}", f"{t.median / ours:.3g}")
-        for name, t in ((name, times[name]) for name in shown)
+        (name, us(t.median), us(t.p99), f"{t.median / floor:.3g}")
+        for name, t in ((name, times[name]) for name in steps)
     ]
     calls = [(name, us(native), f"{native / floor:.2g}", us(slow)) for name, native, slow in _calls(times)]
     calls += [(name, us(t), f"{t / floor:.2g}", "-") for name, t in loops(robot, scale)]
     sizes = SIZES[:1] if given.quick else SIZES
     first, again = (f"{a:.2g} s and {b:.2g} s" for a, b in zip(first_use(make), first_use(make_radial), strict=True))
-    names = "median [us]", "99 % under [us]", "in C floors", "over holokin's"
+    names = "median [us]", "99 % under [us]", "in C floors"
     blocks = [
         "## Speed",
         wrapped(
-            """What does one control step of a Panda take, called from Python? Ours holds the arm angle, with feedback
+            """What does one control step of a Panda take, called from Python? It holds the arm angle, with feedback
             to the path and to the leaf and with joint limits. *C floor* is the same step called from C. `radial`
-            carries the posture back to its centre in four Runge-Kutta steps at each step. The libraries run as their
-            own examples run them, with a frame task and a posture task, with the limits that they take by default and
-            with none, each by the fastest of the solvers that are installed. What they do for their time is more
-            general: any number of tasks, weights and inequalities. All are called in turns, in processor time."""
+            carries the posture back to its centre in four Runge-Kutta steps at each step. All are called in turns, in
+            processor time. Calls of other libraries are timed in the [league](#league) and among the
+            [rivals](#rivals)."""
         ),
         table(("one control step", *names), rows),
         wrapped(
@@ -468,9 +300,7 @@ def section(given: Given) -> tuple[list[str], str]:
             ("joints", "system", "operations", "build", "step [us]", "the other way", "no compiler"), growth(sizes), 2
         ),
     ]
-    blocks += ["Left out: " + "; ".join(left_out) + "."] if left_out else []
-    libraries = ("casadi", "numpy", "pin", "pin-pink", "mink", "mujoco", "placo", "roboticstoolbox-python")
-    return blocks, f"{versions(*libraries)}, {engine()}"
+    return blocks, f"{versions('casadi', 'numpy')}, {engine()}"
 
 
 def _calls(times: dict[str, Timed]) -> Iterator[tuple[str, float, float]]:

@@ -112,12 +112,11 @@ def reason_of(said: str) -> str:
 
 @dataclass(frozen=True)
 class Played:
-    """What one library did, or why it did not. pinv_us: what NumPy's pinv took in its environment."""
+    """What one library did, or why it did not."""
 
     entry: Entry
     versions: dict[str, str] = field(default_factory=dict)
     scores: tuple[Score, ...] = ()
-    pinv_us: float = float("nan")
     left_out: str = ""
 
 
@@ -158,8 +157,7 @@ def measured(entry: Entry, course: Path, answers: Path, late: str = "") -> Playe
         with np.load(answers / told["file"]) as joints:
             of = told["arm"]
             found.append(score(told, entry.name, robots[of], arms[of], dict(joints), rest[of]))
-    pinv = min((told["pinv_us"] for told in said["settings"] if not told["fault"]), default=np.nan)
-    return Played(entry, said["versions"], tuple(found), pinv, late)
+    return Played(entry, said["versions"], tuple(found), late)
 
 
 def runs_of(course: Path, arm: str) -> dict[str, dict[str, Any]]:

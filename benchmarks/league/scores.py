@@ -25,9 +25,8 @@ AGAIN = 1e-3
 class Score:
     """One setting on one arm: angles in rad, the worst of the paths; tool errors in mm and rad.
 
-    first, later: drift of the largest joint in the first and in the last cycle. ways, speeds: the largest joint's
-    difference at one tool pose, reached by two paths, and at another speed. effort: joint speed over the least that
-    does the same tool motion. hurry: the fastest joint over its limit; above 1 it is a jump that no arm can follow.
+    later: drift of the largest joint in the last cycle. ways: the largest joint's difference at one tool pose, reached
+    by two paths. hurry: the fastest joint over its limit; above 1 it is a jump that no arm can follow.
     resting: how far the joints are from those of the leaf of the stationary posture, all round the circle.
     tours, whole, again: how many there are, how many have an answer everywhere, with the tool near, within the limits
     and without a jump, and of how many of these the second round has the joints of the first, all along.
@@ -37,13 +36,10 @@ class Score:
     name: str
     example: bool
     arm: str
-    first: float = np.nan
     later: float = np.nan
     ways: float = np.nan
-    speeds: float = np.nan
     tracking: float = np.nan
     turn: float = np.nan
-    effort: float = np.nan
     hurry: float = np.nan
     resting: float = np.nan
     tours: int = 0
@@ -52,8 +48,6 @@ class Score:
     within: bool = False
     missing: int = 0
     call_us: float = np.nan
-    first_seconds: float = np.nan
-    history: tuple[float, ...] = ()
     source: str = ""
     fault: str = field(default="")
 
@@ -96,22 +90,17 @@ def score(
     toured = [_toured(robot, joints[name], run) for name, run in runs.items() if name.startswith("tour")]
     runs = {name: run for name, run in runs.items() if not name.startswith("tour")}
     cycles = [name for name in runs if not name.startswith(("there", "round"))]
-    drifts = {name: _ends(joints[name], runs[name]["poses"]) for name in cycles}
-    each = [np.abs(np.diff(ends, axis=0)).max(axis=1) for ends in drifts.values()]
+    each = [np.abs(np.diff(_ends(joints[name], runs[name]["poses"]), axis=0)).max(axis=1) for name in cycles]
     errors = [[e.max() for e in tool_errors(robot, joints[name][1:], run["poses"])] for name, run in runs.items()]
     reached = {name: joints[name][-1] for name in runs if name not in cycles}
-    middle = drift.SPEEDS[1]
     apart = [np.abs(reached[f"there at {v}"] - reached[f"round at {v}"]).max() for v in drift.SPEEDS]
-    hurried = [np.abs(q - reached[f"{name.split()[0]} at {middle}"]).max() for name, q in reached.items()]
     speeds = [_speeds(robot, joints[name], run) for name, run in runs.items()]
     every = np.concatenate([joints[name] for name in runs])
-    circle = drifts["circle"]
     return Score(
-        *named, first=max(d[0] for d in each), later=max(d[-1] for d in each), ways=max(apart), speeds=max(hurried),
+        *named, later=max(d[-1] for d in each), ways=max(apart),
         tracking=1e3 * max(e[0] for e in errors), turn=max(e[1] for e in errors),
-        effort=_effort(robot, [joints[name] for name in cycles]), hurry=max(float(v.max()) for v in speeds),
+        hurry=max(float(v.max()) for v in speeds),
         within=bool(robot.within(every).all()), missing=told["missing"], call_us=told["call_us"],
-        first_seconds=told["first_seconds"], history=tuple(np.abs(circle[1:] - circle[0]).max(axis=1)),
         resting=np.nan if rest is None else float(np.abs(joints["circle"][1:] - rest).max()),
         source=told["source"], tours=len(toured), whole=sum(whole for whole, _ in toured),
         again=sum(whole and again for whole, again in toured),
@@ -167,14 +156,3 @@ def _toured(robot: hk.Robot, q: np.ndarray, run: dict[str, np.ndarray]) -> tuple
 def _speeds(robot: hk.Robot, q: np.ndarray, run: dict[str, np.ndarray]) -> np.ndarray:
     """Joint speeds over their limits."""
     return np.abs(np.diff(q, axis=0)) / run["h"][:, None] / robot.max_velocity
-
-
-def _effort(robot: hk.Robot, walks: list[np.ndarray]) -> float:
-    """Joint motion over the least that moves the tool as much."""
-    task, moved, least = hk.pose(robot), 0.0, 0.0
-    for q in walks:
-        step = np.diff(q, axis=0)
-        J, _ = task.jacobian_batch((q[1:] + q[:-1]) / 2)
-        moved += float(np.sum(step**2))
-        least += float(np.sum(np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, step) ** 2))
-    return float(np.sqrt(moved / least)) if least else np.nan

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import re
 import subprocess
@@ -87,9 +86,6 @@ def test_a_part_of_the_page_runs_with_quick(part: str, tmp_path: Path) -> None:
     if part == "speed":
         assert float(rows["`radial`, called from C"][2]) < 40
         assert float(rows["`radial`, without a compiler"][2]) > 60
-        for library in ("pink", "mink", "placo"):
-            if importlib.util.find_spec(library) is None:
-                assert f"{library} ({library} is not installed)" in text
     if part == "drift":
         assert float(rows["Moore-Penrose"][1]) > 0.05
         assert float(rows["locked joint 3"][1]) < 1e-3

@@ -27,7 +27,6 @@ TOLD = {
     "fault": "",
     "missing": 0,
     "call_us": 1.0,
-    "first_seconds": 0.1,
     "source": "here",
 }
 
@@ -60,7 +59,7 @@ def test_a_leaf_returns_on_every_path_and_tour_and_its_tool_is_where_it_shall_be
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:
     found = score(TOLD, "ours", ROBOT, runs, tied)
-    assert max(found.first, found.later, found.ways, found.speeds, found.turn) < 1e-9
+    assert max(found.later, found.ways, found.turn) < 1e-9
     assert found.tracking < 1e-6
     assert (found.tours, found.whole, found.again, found.unfair) == (1, 1, 1, "")
 
@@ -77,9 +76,8 @@ def test_what_turns_the_last_joint_in_each_cycle_drifts_by_that_and_turns_the_to
         still = name.startswith(("there", "round")) and name != "there at 0.05"  # one of the six halves turns
         wound[name] = q if still else q + turned[:, None] * np.eye(7)[6]
     found = score(TOLD, "wound", ROBOT, runs, wound)
-    assert (found.first, found.later, found.ways, found.speeds) == pytest.approx((0.25, 0.5, 0.25, 0.25), abs=1e-8)
+    assert (found.later, found.ways) == pytest.approx((0.5, 0.25), abs=1e-8)
     assert (found.turn, found.tracking) == pytest.approx((0.75, 0.0), abs=1e-6)
-    assert found.history == pytest.approx((0.25, 0.75), abs=1e-8)
     assert (found.whole, found.again, found.unfair) == (0, 0, "off the path")
 
 
@@ -138,7 +136,7 @@ def test_a_worker_runs_without_holokin_and_its_faults_are_told(
     played = play(Entry("still", (), script), course, tmp_path, tmp_path / "answers")
     still, silent, broken = played.scores
     assert still.tracking == pytest.approx(200, abs=0.1)
-    assert (still.first, still.ways, still.missing, still.whole, still.again) == (0, 0, 0, 0, 0)
+    assert (still.later, still.ways, still.missing, still.whole, still.again) == (0, 0, 0, 0, 0)
     assert silent.missing == sum(len(r["h"]) + 1 for n, r in runs_of(course, "iiwa14").items() if "tour" not in n)
     assert broken.fault == "ZeroDivisionError: division by zero"
     assert played.left_out == ("error: it ended" if ends else "")
@@ -202,5 +200,5 @@ def test_a_library_in_an_environment_of_its_own_answers(tmp_path: Path) -> None:
     by_name = {s.name: s for s in played.scores}
     free, held = by_name["no posture"], by_name["joints task 1e-06, 5 solutions a sample"]
     assert max(free.tracking, held.tracking) < 1
-    assert free.first > 0.03 > 100 * held.first
+    assert free.later > 0.03 > 100 * held.later
     assert free.ways > 0.03 > 100 * held.ways

@@ -259,9 +259,7 @@ def test_the_core_needs_three_packages_and_the_app_those_that_the_command_asks_f
     names = {extra: [one.split(">")[0] for one in wanted] for extra, wanted in project["optional-dependencies"].items()}
     assert [one.split(">")[0] for one in project["dependencies"]] == ["numpy", "scipy", "casadi"]
     assert tuple(names["app"]) == NEEDED
-    assert [
-        extra for extra in ("studio", "survey", "cluster") if not re.search(r"\bapp\b", "".join(names[extra]))
-    ] == []
+    assert [extra for extra in ("studio", "survey") if not re.search(r"\bapp\b", "".join(names[extra]))] == []
 
 
 BARE = """

@@ -111,7 +111,7 @@ def agrees(arm: Arm, kinematics: Callable[[np.ndarray], np.ndarray], within: flo
 
 def _all_runs(setting: Setting, arm: Arm) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     joints: dict[str, np.ndarray] = {}
-    medians, pinv, missing, first = [], [], 0, 0.0
+    medians, missing = [], 0
     for name, run in arm.runs.items():
         try:
             q, seconds, held = _one_run(setting, arm, run)
@@ -119,11 +119,8 @@ def _all_runs(setting: Setting, arm: Arm) -> tuple[dict[str, np.ndarray], dict[s
             return joints, {"fault": f"{type(problem).__name__}: {problem}".splitlines()[0][:200]}
         joints[name] = q
         missing += 0 if name.startswith("tour") else held
-        first = first or seconds[0]
         medians.append(float(np.median(seconds[1:])))
-        pinv.append(_pinv_seconds())
-    told = {"fault": "", "missing": missing, "first_seconds": first}
-    return joints, told | {"call_us": 1e6 * min(medians), "pinv_us": 1e6 * min(pinv)}
+    return joints, {"fault": "", "missing": missing, "call_us": 1e6 * min(medians)}
 
 
 def _one_run(setting: Setting, arm: Arm, run: dict[str, np.ndarray]) -> tuple[np.ndarray, list[float], int]:
@@ -147,16 +144,6 @@ def _one_run(setting: Setting, arm: Arm, run: dict[str, np.ndarray]) -> tuple[np
             q = np.array(answer, dtype=float).reshape(len(arm.joints))
         joints.append(q)
     return np.array(joints), seconds, held
-
-
-def _pinv_seconds() -> float:
-    """What NumPy's pinv of a 6x7 matrix takes here and now: says how busy the machine is."""
-    J, seconds = np.random.default_rng(0).normal(size=(6, 7)), []
-    for _ in range(200):
-        begun = time.perf_counter()
-        np.linalg.pinv(J)
-        seconds.append(time.perf_counter() - begun)
-    return float(np.median(seconds))
 
 
 # --- Rivals in turns: a process that answers a part of its poses and paths each time that it is told to.

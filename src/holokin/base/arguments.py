@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from .errors import SYNONYMS, ArgumentError, CallError, ExportError, UnknownNameError, brief
+from .errors import ArgumentError, CallError, ExportError, UnknownNameError, brief
 from .types import Array, Flags, Shown, Value, Vector, frozen, number
 
 AGAIN = "pickle what you made it from, and make it again"
@@ -90,7 +90,7 @@ def _form(function: Callable[..., Any], kinds: Mapping[str, Any], named: Mapping
     """
     marks, parts = {Parameter.VAR_POSITIONAL: "*", Parameter.VAR_KEYWORD: "**"}, []
     known = signature(function).parameters
-    given = {SYNONYMS.get(name, name): value for name, value in named.items() if name not in known}
+    given = {name: value for name, value in named.items() if name not in known}
     for name, parameter in known.items():
         value = "..." if parameter.kind is Parameter.KEYWORD_ONLY else ""
         if parameter.default is not Parameter.empty:

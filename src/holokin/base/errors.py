@@ -22,14 +22,9 @@ MOST_NAMES = 40
 SYNONYMS = {
     **dict.fromkeys(("pseudo-inverse", "pseudoinverse", "pinv"), "moore-penrose"),
     "leaf": "level",
-    "way": "direction",
-    "clear_of": "obstacles",
-    "ignore": "allowed",
-    "outline": "only",
     **dict.fromkeys(("waypoints", "svg"), "file"),
-    **dict.fromkeys(("read_waypoints", "read_svg"), "read_paths"),
 }
-"""Names that people use, and keys that had another name before -> those that are known."""
+"""Names that people use -> those that are known."""
 
 FORMS = {
     "robot.pose(q)": "fk fkine forward forward_kinematics end_effector end_effector_pose tool_pose get_pose",
@@ -446,14 +441,6 @@ class MissingExtraError(HolokinError):
         super().__init__(f"this needs {package}; install it with: pip install 'holokin[{extra}]'")
 
 
-class SchedulerError(HolokinError):
-    """A scheduler of a cluster that cannot be reached, or was lost; rows that were kept stay."""
-
-    def __init__(self, scheduler: str, fact: str, cure: str = "check its address") -> None:
-        self.scheduler, self.fact, self.cure = scheduler, fact, cure
-        super().__init__(f"the scheduler {brief(scheduler)} {brief(fact)}; {brief(cure)}, and go on with --resume")
-
-
 class WriteError(HolokinError):
     """A file that the system does not let us write; what stood there before is as it was."""
 
@@ -472,33 +459,7 @@ class WriteError(HolokinError):
         super().__init__(f"{file} cannot be written: {problem.strerror or problem}; {cure}")
 
 
-# --- Names that errors had before.
-
-_BEFORE = {
-    "FileError": "RecordingError SurveyError CertificateError SheetsFileError",
-    "OutOfReachError": "OutsideRegionError NoSheetError",
-    "PathError": "DividedPathError NoSeamError",
-    "TrackingError": "LostToolError",
-    "LimitReachedError": "InfeasibleError",
-    "BranchError": "JumpError",
-    "RobotFileError": "MassError",
-    "RowsError": "TaskTooLargeError ConstraintRowsError",
-    "UndecidedError": "RoundOffError EmptyRegionError",
-    "OwnFunctionError": "FunctionError",
-    "CallError": "AmbiguousTruthError",
-    "ExportError": "PickleError",
-}
-"""A class -> those that are one with it now."""
-
-
 def error_form(name: str) -> str:
-    """How an error is written, by its name or one that it had before; "" for what is none."""
-    name = next((new for new, old in _BEFORE.items() if name in old.split()), name)
+    """How an error is written, by its name; "" for what is none."""
     kind = globals().get(name)
     return f"hk.base.errors.{name}" if isinstance(kind, type) and issubclass(kind, HolokinError) else ""
-
-
-def __getattr__(name: str) -> Any:
-    if name.startswith("__"):  # each import asks for __path__
-        raise AttributeError(name)
-    raise NoAttributeError("holokin.base.errors", name, sorted(n for n in globals() if error_form(n)), error_form(name))

@@ -33,17 +33,3 @@ def loads(package: str, *parts: str, **files: str) -> Callable[[str], Any]:
         return importlib.import_module(f"{package}.{name}")
 
     return part
-
-
-def renamed(package: str, **names: str) -> Callable[[str], Any]:
-    """The `__getattr__` of a folder in which names have changed, old=new.
-
-    Raises (when called): NoAttributeError: an old name, with the new one. AttributeError: any other.
-    """
-
-    def refuse(name: str) -> Any:
-        if name in names:
-            raise NoAttributeError(package, name, (), f"{package}.{names[name]}")
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
-
-    return refuse

@@ -3,9 +3,6 @@
 Uses `symbolic`. Read first: `path.py`, `curves.py`.
 """
 
-from typing import TYPE_CHECKING
-
-from ..base.extra_module import renamed
 from .curves import arc, circle, figure_eight, line, path_of, polyline, raster, spiral, spline
 from .curves import even_curve as even_curve
 from .editing import blended, passes, synchronized, through, with_leads
@@ -45,6 +42,3 @@ __all__ = [
     "with_leads",
     "workspace",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed("hk.path", read_svg="read_paths", read_waypoints="read_paths")

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from benchmarks import logs
 
 import holokin as hk
+import random_logs as logs
 from conftest import sampled
 from holokin.analysis.audit import LogVerdict, Trend
 

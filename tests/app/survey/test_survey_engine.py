@@ -1,4 +1,4 @@
-"""Who does the cases of a survey: processes and clusters that may be killed, hang, or never come."""
+"""Who does the cases of a survey: processes that may be killed, hang, or never come."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from holokin.app.survey import engine, run_survey, survey_of
 from holokin.app.survey import one_case as running
 from holokin.app.survey import resumable_run as surveying
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.engine import SECONDS, Batches, Guarded, Pool, lasting
+from holokin.app.survey.engine import SECONDS, Batches, Guarded, Pool
 from holokin.app.survey.one_case import Row, run_case
 from holokin.base.errors import (
     BranchError,
@@ -29,7 +29,6 @@ from holokin.base.errors import (
     JointLimitError,
     LimitReachedError,
     OutOfReachError,
-    SchedulerError,
     UnknownNameError,
 )
 from holokin.motion.ik import leaf
@@ -82,11 +81,12 @@ def test_a_case_that_kills_slowly_is_a_fault_before_its_batch_is_handed_back(
 ) -> None:
     """Else it would be asked again without end: the time of a batch is over with the first death."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    monkeypatch.setattr(engine, "SECONDS", 0.01)
     law = {"kind": "import", "function": "survey_laws:dies"}
     table = planar(laws={"dies": law, "pinv": {"kind": "moore-penrose"}}, time_limit=6.0, samples=10)
     guarded = Guarded()
     try:
-        found = guarded.rows(table.model_dump_json(exclude_unset=True), str(HERE), (0, 1), lasts=0.01)
+        found = guarded.rows(table.model_dump_json(exclude_unset=True), str(HERE), (0, 1))
         assert [row.reason for row in found][:1] == ["its process died 3 times (exit code 7)"]
         assert 1 <= len(found) <= 2
         with pytest.raises(FileError, match="fail beside its cases"):
@@ -150,51 +150,6 @@ def test_a_survey_that_is_stopped_says_how_to_go_on_and_leaves_no_process(kind: 
 
 
 @pytest.mark.campaign
-def test_a_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Here it waits for less, so that the test does."""
-    pytest.importorskip("distributed")
-    assert engine.PATIENCE < 9
-    monkeypatch.setattr(engine, "PATIENCE", 1.0)
-    began = time.monotonic()
-    with pytest.raises(SchedulerError, match="cannot be reached within 1 s"):
-        run_survey(planar(), tmp_path, tmp_path / "c.sqlite", scheduler="tcp://127.0.0.1:9")
-    assert time.monotonic() - began < 10 and not (tmp_path / "c.sqlite").exists()
-
-
-@pytest.mark.campaign
-def test_a_cluster_finds_what_one_process_finds_and_a_case_that_hangs_there_costs_one_row(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setenv("PYTHONPATH", f"{HERE}:{os.environ.get('PYTHONPATH', '')}")
-    monkeypatch.syspath_prepend(str(HERE))
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    out, whole, faults = tmp_path / "cluster.sqlite", tmp_path / "whole.sqlite", tmp_path / "faults.sqlite"
-    run_survey(planar(), tmp_path, whole, workers=0)
-    bad = {name: {"kind": "import", "function": f"survey_laws:{name}"} for name in ("sleeps_in_c", "dies")}
-    table = planar(
-        laws=bad | {"pinv": {"kind": "moore-penrose"}}, starts={"regular": 1}, samples=10, time_limit=1.5,
-        loops={"circle": {"kind": "circle", "size": 0.1}},
-    )  # fmt: skip
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None, silence_logs=50
-    ) as found:
-        run_survey(planar(), tmp_path, out, scheduler=found.scheduler_address)
-        run_survey(table, tmp_path, faults, scheduler=found.scheduler_address)
-        found.scale(0)
-        found.sync(found._correct_state)
-        monkeypatch.setattr(engine, "PATIENCE", 1.0)
-        with pytest.raises(SchedulerError):
-            run_survey(planar(), tmp_path, tmp_path / "none.sqlite", scheduler=found.scheduler_address)
-    assert rows_of(out) == rows_of(whole)
-    reasons = {str(row["law"]): str(row["reason"]) for row in rows_of(faults)}
-    assert "hung in native code" in reasons.pop("sleeps_in_c")
-    assert reasons == {"dies": "its process died 3 times (exit code 7)", "pinv": ""}
-
-
-@pytest.mark.campaign
 def test_batches_and_pool_give_rows_in_any_order_but_all(tmp_path: Path) -> None:
     table = planar(starts={"regular": 1})
     cases = Cases(table, tmp_path)
@@ -218,7 +173,6 @@ def test_a_batch_takes_about_a_second_and_the_last_ones_less() -> None:
     assert sorted(taken) == list(range(3000))
     assert sizes[-1] == 1 and sum(sizes[-8:]) < 3000 / 100  # one worker does not work on long after the others
     assert batches.left == 0
-    assert lasting(8) == SECONDS and lasting(1000) == 10.0  # a thousand workers ask for a hundred batches a second
 
 
 def test_the_remaining_time_is_by_the_rows_of_the_last_minute_and_never_by_those_of_before(

@@ -3,9 +3,6 @@
 Uses `analysis/coverage` and `analysis/curvature`. Read first: `designed_strategy.py`, `advice_case.py`.
 """
 
-from typing import TYPE_CHECKING
-
-from ...base.extra_module import renamed
 from .advice_case import advise
 from .closest_strategy import ClosestHolonomic, closest_holonomic
 from .designed_strategy import Design, SectionMetrics, design
@@ -30,6 +27,3 @@ __all__ = [
     "design",
     "level_range",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, Law="RatedStrategy")

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from ...base.errors import ArgumentError
 from ...base.files import writing
 from ...base.progress import progress
 from .outcome import each_minute, show, show_rich
@@ -42,7 +41,6 @@ def run_one(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A survey (.toml).")],
     out: Annotated[Path | None, typer.Option(help="The results file; by default out/<survey>.sqlite.")] = None,
     workers: Annotated[int | None, typer.Option(help="Processes; by default one a processor.")] = None,
-    scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler instead, as tcp://host:8786.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the results that are there.")] = False,
     again: Annotated[bool, typer.Option("--again", help="Go on, and do again the cases that were faults.")] = False,
 ) -> None:
@@ -55,12 +53,10 @@ def run_one(
     # The survey and its results file.
     survey = read_survey(file)
     out = out or Path("out") / f"{file.stem}.sqlite"
-    if scheduler is not None and workers is not None:
-        raise ArgumentError("workers", workers, "a scheduler has workers of its own: leave it out")
     with writing(out.parent):
         out.parent.mkdir(parents=True, exist_ok=True)
     # The run.
-    asked = {"workers": workers, "scheduler": scheduler, "resume": resume, "again": again}
+    asked = {"workers": workers, "resume": resume, "again": again}
     known: Progress | None = None
     try:
         with progress(survey.title, 1.0, words=True) as report:

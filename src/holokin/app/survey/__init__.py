@@ -1,4 +1,4 @@
-"""Surveys: the same questions asked of many robots, starts, loops and strategies; resumable, on one machine or several.
+"""Surveys: the same questions asked of many robots, starts, loops and strategies; resumable.
 
 Uses `app/job` and `motion/control`. Read first: `survey_file.py`, `one_case.py`.
 """

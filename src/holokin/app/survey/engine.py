@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import ctypes
 import math
 import multiprocessing
 import os
-import re
 import signal
 import sys
 import threading
@@ -25,8 +23,7 @@ from queue import SimpleQueue
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from ...base.errors import FileError, SchedulerError
-from ...base.extra_module import extra_module
+from ...base.errors import FileError
 from .cases import Cases
 from .one_case import Row, fault, forget_built, prepare, run_case
 from .survey_file import SurveyTable, forget_imported, keep, sendable
@@ -36,19 +33,11 @@ from .survey_file import SurveyTable, forget_imported, keep, sendable
 SECONDS = 1.0
 """That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""
 
-RATE = 100.0
-"""Batches in a second, at most: for each the client and the scheduler of a cluster take seven milliseconds."""
-
 MOST = 4096
 """Cases of a batch."""
 
 Batch = tuple[int, ...]
 """Numbers of cases."""
-
-
-def lasting(workers: int) -> float:
-    """Seconds that a batch is to take, with so many workers."""
-    return max(SECONDS, workers / RATE)
 
 
 class Batches:
@@ -71,7 +60,7 @@ class Batches:
 
     def size(self, workers: int) -> int:
         """Cases of the next batch: of whole loops, if they are few enough."""
-        wanted = lasting(workers) / self.seconds if self.seconds > 0 else self._laws
+        wanted = SECONDS / self.seconds if self.seconds > 0 else self._laws
         # Batches that are left for each worker, at least, so that all end together.
         wanted = int(min(wanted, MOST, self.left / (4 * max(workers, 1))))
         return max(1, wanted - wanted % self._laws if wanted > self._laws else wanted)
@@ -259,14 +248,14 @@ class Guarded:
         self._board: Any = multiprocessing.RawArray("d", 3)
         self._running: tuple[BaseProcess, Connection] | None = None
 
-    def rows(self, table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
+    def rows(self, table: str, folder: str, batch: Batch) -> list[Row]:
         """The rows of a batch: all, or up to where it took too long.
 
         Raises:
             FileError: process after process dies before it begins, or fails beside its cases.
         """
         left, rows_so_far, deaths, began = list(batch), [], Counter[int](), time.monotonic()
-        while left and not self._closed and (deaths or time.monotonic() - began < LATE * lasts):
+        while left and not self._closed and (deaths or time.monotonic() - began < LATE * SECONDS):
             self._board[:] = -1, 0.0, 0.0
             try:
                 rows = self._answer(table, folder, tuple(left))
@@ -298,7 +287,6 @@ class Guarded:
         context: Any = multiprocessing.get_context(_start_method(self._objects))
         objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
         with _starting, _without_main():
-            multiprocessing.current_process().daemon = False  # of Dask's: those that are daemons have no children
             pipe, its = context.Pipe()
             process = context.Process(target=_serve, args=(its, self._board, objects, dict(os.environ)), daemon=True)
             process.start()
@@ -412,7 +400,7 @@ class Pool:
         def rows(batch: Batch) -> list[Row]:
             process = free.get()
             try:
-                return process.rows(self.text, self.folder, batch, lasting(self.workers))
+                return process.rows(self.text, self.folder, batch)
             finally:
                 free.put(process)
 
@@ -435,150 +423,3 @@ class Pool:
             threads.shutdown(wait=False, cancel_futures=True)
             for process in guarded:
                 process.close()
-
-
-# --- Batches of cases on a Dask cluster; its workers need `holokin[cluster]`, and robot files at the same places.
-
-PATIENCE = 6.0
-"""Seconds to wait for a scheduler and its first worker: with what loads before, an answer comes within ten."""
-
-ADDRESS = re.compile(r"(\w+://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):\d{1,5}")
-"""Of a scheduler: host and port, with or without the path there."""
-
-LOST = 60.0
-"""Seconds to wait for another worker after the last one was lost."""
-
-_guarded: dict[int, Guarded] = {}
-
-
-def _run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
-    """On a worker: the rows of a batch, from a process that belongs to this thread of the worker."""
-    process = _guarded.setdefault(threading.get_ident(), Guarded())
-    return process.rows(table, folder, batch, lasts)
-
-
-def _end_guarded() -> None:
-    """On a worker: end the processes of its threads."""
-    forget_cases()
-    while _guarded:
-        _guarded.popitem()[1].close()
-
-
-class Cluster:
-    """The workers of a Dask scheduler."""
-
-    def __init__(self, table: SurveyTable, folder: Path, scheduler: str, client: Any) -> None:
-        self.client = client
-        self.text, self.folder, self.scheduler = table.model_dump_json(exclude_unset=True), str(folder), scheduler
-        self.cases = Cases(table, folder)
-
-    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
-        """Rows as they come: of all batches that are done. What its workers do not survive is done case by case.
-
-        Raises:
-            SchedulerError: it was lost, or has no workers any more.
-        """
-        import distributed
-
-        client = self.client
-        flow = distributed.as_completed(loop=client.loop)
-        running: dict[Any, Batch] = {}
-        alone: list[Batch] = []
-        workers, looked = 1, 0.0
-        while True:
-            # Batches for all workers that there are.
-            if time.monotonic() - looked > 1.0:
-                workers, looked = max(1, sum(client.nthreads().values())), time.monotonic()
-            while len(running) < AHEAD * workers and (batch := alone.pop() if alone else batches.take(workers)):
-                future = client.submit(_run_guarded, self.text, self.folder, batch, lasting(workers), pure=False)
-                running[future] = batch
-                flow.add(future)
-            if not running:
-                return
-            # The rows of those that are done; what no worker survives is done case by case.
-            rows_now: list[Row] = []
-            for future in self._came(client, flow):
-                batch = running.pop(future)
-                if future.status == "finished":
-                    new = self._checked(batch, future.result())
-                    batches.came(batch, new)
-                    rows_now += new
-                elif future.cancelled():
-                    raise SchedulerError(self.scheduler, "was lost")
-                elif not isinstance(problem := future.exception(), distributed.KilledWorker):
-                    raise SchedulerError(
-                        self.scheduler,
-                        f"did not do a batch ({problem!r})",
-                        "install the same holokin[cluster] on its workers",
-                    )
-                elif len(batch) == 1:
-                    rows_now += [fault(self.cases.case(number), "its workers died") for number in batch]
-                else:
-                    alone += [(number,) for number in batch]
-                future.release()
-            yield rows_now
-
-    def _came(self, client: Any, flow: Any) -> list[Any]:
-        """What is done, after a wait."""
-        began = time.monotonic()
-        while not flow.has_ready():
-            # Seconds between two looks at what came: workers have more than one batch, so that none waits for it.
-            time.sleep(0.01)
-            if time.monotonic() - began > PATIENCE:
-                _wait_for_workers(client, self.scheduler, LOST)
-                began = time.monotonic()
-        return flow.next_batch(block=False)
-
-    def _checked(self, batch: Batch, rows: list[Row]) -> list[Row]:
-        """Rows of the cases that were asked for. Raises: SchedulerError: robots are others there."""
-        if rows and rows[0].id != self.cases.case(rows[0].number).id:
-            fact = f"has workers that read other robots for {rows[0].names['robot']!r}"
-            raise SchedulerError(self.scheduler, fact, "put the same robot files at the same places on all machines")
-        return rows
-
-
-def _wait_for_workers(client: Any, scheduler: str, seconds: float) -> None:
-    """Raises: SchedulerError: there is none for so many seconds, or no scheduler any more."""
-    try:
-        client.wait_for_workers(1, timeout=seconds)
-    except TimeoutError:
-        fact = f"has had no workers for {seconds:g} s"
-        raise SchedulerError(scheduler, fact, f"start some: dask worker {scheduler}") from None
-    except OSError as problem:
-        raise SchedulerError(scheduler, f"was lost ({problem})") from None
-
-
-async def _greet(scheduler: str) -> None:
-    """Whether a scheduler of Dask answers. Raises: OSError, TimeoutError: it does not."""
-    from distributed.comm.core import connect
-    from distributed.security import Security
-
-    await (await connect(scheduler, timeout=PATIENCE / 2, **Security().get_connection_args("client"))).close()
-
-
-@contextmanager
-def reached(scheduler: str) -> Iterator[Any]:
-    """A client of a scheduler that has workers.
-
-    Raises:
-        MissingExtraError. SchedulerError: no address, or it cannot be reached, or has no workers.
-    """
-    if not ADDRESS.fullmatch(scheduler):
-        raise SchedulerError(scheduler, "is no address", "give one as tcp://host:8786")
-    distributed = extra_module("distributed", "cluster")
-    until = time.monotonic() + PATIENCE
-    try:
-        with ThreadPoolExecutor(1) as thread:  # first, since a client that reaches nothing complains for long
-            thread.submit(asyncio.run, asyncio.wait_for(_greet(scheduler), PATIENCE / 2)).result()
-        client = distributed.Client(scheduler, timeout=until - time.monotonic(), set_as_default=False)
-    except (OSError, TimeoutError, OverflowError, MemoryError, ValueError) as problem:
-        fact = f"cannot be reached within {PATIENCE:g} s ({str(problem) or 'no answer'})"
-        raise SchedulerError(scheduler, fact) from None
-    try:
-        _wait_for_workers(client, scheduler, max(PATIENCE / 2, until - time.monotonic()))
-        yield client
-    finally:
-        with suppress(Exception):
-            client.run(_end_guarded, on_error="ignore")
-        with suppress(OSError, TimeoutError):
-            client.close(timeout=2)

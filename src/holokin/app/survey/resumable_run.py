@@ -7,8 +7,8 @@ import os
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from importlib.util import find_spec
@@ -24,7 +24,7 @@ from ...path import Path
 from ...robot import Robot
 from ...strategies import Strategy
 from .cases import Cases
-from .engine import Batches, Cluster, InProcess, Pool, forget_cases, reached
+from .engine import Batches, InProcess, Pool, forget_cases
 from .one_case import Row
 from .store import COLUMNS, Store
 from .survey_file import Library, Own, SurveyTable, forks, imported, keep, sendable
@@ -35,11 +35,8 @@ if TYPE_CHECKING:
 # --- What would be a fault of every case of a strategy is said before anything runs.
 
 
-def check_laws(cases: Cases, *, local: bool = True) -> None:
+def check_laws(cases: Cases) -> None:
     """Check what strategies import, and that libraries are asked for whole poses alone.
-
-    Args:
-        local: libraries run on this machine, and not on the workers of a cluster.
 
     Raises:
         ArgumentError: a function that cannot be imported; a metric with the name of a column; a task that is no whole
@@ -49,7 +46,7 @@ def check_laws(cases: Cases, *, local: bool = True) -> None:
     for name, law in cases.table.laws.items():
         if name in asked and isinstance(law, Own):
             imported(law.function, cases.folder)
-        if name in asked and isinstance(law, Library) and local and find_spec(law.kind) is None:
+        if name in asked and isinstance(law, Library) and find_spec(law.kind) is None:
             raise MissingExtraError(LIBRARIES[law.kind].package, law.kind)
     for name, metric in cases.table.metrics.items():
         if name in COLUMNS:
@@ -139,7 +136,6 @@ def run_survey(
     out: FilePath,
     *,
     workers: int | None = None,
-    scheduler: str | None = None,
     resume: bool = False,
     again: bool = False,
     objects: Mapping[str, Any] | None = None,
@@ -152,7 +148,7 @@ def run_survey(
         resume: go on with what the file holds. again: the same, and do again what is a fault there: these rows stay
             until new ones take their place.
         objects: what the survey names by keys: see `survey`.
-        workers: processes, by default one for each processor; 0 for this one. scheduler: of a Dask cluster instead.
+        workers: processes, by default one for each processor; 0 for this one.
 
     Raises:
         FileError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
@@ -163,11 +159,10 @@ def run_survey(
     cases = Cases(table, folder.absolute())
     total = len(cases)
     keep(objects or {})
-    check_laws(cases, local=scheduler is None)
-    with (  # the file last: what is wrong with the others leaves none
-        _engine(table, cases.folder, workers, scheduler, objects or {}) as engine,
-        Store.opened(out, table, cases.folder, resume=resume or again) as store,
-    ):
+    check_laws(cases)
+    engine = _engine(table, cases.folder, workers, objects or {})
+    # The file last: what is wrong with the others leaves none.
+    with Store.opened(out, table, cases.folder, resume=resume or again) as store:
         # Those that have no row yet.
         before, known = store.done(), store.done(faults=not again)
         faults = store.faults() if again else {}
@@ -187,19 +182,12 @@ def run_survey(
         return replace(state, stale=stale, fewer=cases.fewer)
 
 
-@contextmanager
-def _engine(
-    table: SurveyTable, folder: FilePath, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
-) -> Iterator[InProcess | Pool | Cluster]:
+def _engine(table: SurveyTable, folder: FilePath, workers: int | None, objects: Mapping[str, Any]) -> InProcess | Pool:
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise ArgumentError("workers", workers, f"give 0 to {MOST_WORKERS}")
-    if scheduler is not None:
-        with reached(scheduler) as client:
-            yield Cluster(table, folder, scheduler, client)
-    elif workers == 0 or not (sendable(objects) or forks()):
-        yield InProcess(table, folder)
-    else:
-        yield Pool(table, folder, workers or os.cpu_count() or 1, objects)
+    if workers == 0 or not (sendable(objects) or forks()):
+        return InProcess(table, folder)
+    return Pool(table, folder, workers or os.cpu_count() or 1, objects)
 
 
 Kind = Mapping[str, Any]

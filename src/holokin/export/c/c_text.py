@@ -321,9 +321,9 @@ def _c(value: float) -> str:
     return repr(float(value))
 
 
-def text(name: str, words: Mapping[str, Any]) -> str:
-    """A template with its words put in. Templates may hold templates."""
-    template = files("holokin.export.c").joinpath("text", name).read_text("utf-8")
+def text(name: str, words: Mapping[str, Any], folder: str = "c") -> str:
+    """A template of a folder of `export` with its words put in. Templates may hold templates."""
+    template = files(f"holokin.export.{folder}").joinpath("text", name).read_text("utf-8")
     return Template(template).substitute(words)
 
 

@@ -17,54 +17,13 @@ from ...base.types import Matrix
 from ...base.units import SI
 from ...motion import TimedTrajectory
 from .moves import Dialect
-from .robot_program import Program, docstring, header, program_name
+from .robot_program import Program, header, program_name, python_text
 from .targets import MILLISECOND, Wiring, every_millisecond, table
 
 ACCELERATION, JERK = 10.0, 5000.0
 """The most that a Franka Research 3 takes of a joint [rad/s^2, rad/s^3]."""
 
 DIALECT = Dialect("libfranka", "", "", ("", ""), own=(7,), kinds=("joint",), units=SI)
-
-TEXT = '''"""
-{remarks}
-
-python {name}.py IP
-"""
-
-import sys
-from pathlib import Path
-
-import numpy as np
-from pylibfranka import ControllerMode, JointPositions, Robot
-
-
-def play(robot, rows):
-    """Send a row a millisecond; after a lost message the rows of its time are left out, as libfranka wants it."""
-    control = robot.start_joint_position_control(ControllerMode.JointImpedance)
-    elapsed = 0.0
-    while True:
-        state, period = control.readOnce()
-        elapsed += period.to_sec()
-        i = min(round(elapsed / {step:g}), len(rows) - 1)
-        command = JointPositions(rows[i].tolist())
-        command.motion_finished = i == len(rows) - 1
-        control.writeOnce(command)
-        if command.motion_finished:
-            return
-
-
-def to_start(q, first):
-    """From rest to rest, by a polynomial of degree five, no joint faster than 0.2 rad/s."""
-    seconds = max(1.0, 1.875 * float(np.abs(first - q).max()) / 0.2)
-    s = np.linspace(0.0, 1.0, round(seconds / {step:g}) + 1)[:, None]
-    return q + s**3 * (10.0 - 15.0 * s + 6.0 * s**2) * (first - q)
-
-
-robot = Robot(sys.argv[1])
-rows = np.loadtxt(Path(__file__).with_suffix(".csv"), delimiter=",", skiprows=1)
-play(robot, to_start(np.array(robot.read_once().q_d), rows[0]))
-play(robot, rows)
-'''
 
 
 @typed
@@ -89,7 +48,7 @@ def to_franka(
     _within_limits(q)
     short = program_name(name, about, 64, goals)
     head = header(timed, about, goals, ["rad; one row a millisecond", "the program needs pylibfranka and numpy"])
-    text = TEXT.format(name=short, remarks=docstring(head), step=MILLISECOND)
+    text = python_text("franka", short, head, step=f"{MILLISECOND:g}")
     files = {f"{short}.py": text, f"{short}.csv": table([f"q{i} [rad]" for i in range(1, 8)], q, 12)}
     return replace(head.program(files, goals), targets=len(q))
 

@@ -8,6 +8,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ...base.types import Result
 from ...base.units import SI
 from ...motion import TimedTrajectory
 from ...version import __version__
-from ..c.c_text import line
+from ..c.c_text import line, text
 from .moves import FINER, KINDS, PLACES, ToolDeviation, common
 from .targets import Targets, Wiring
 
@@ -130,10 +131,10 @@ def taken(name: str, language: str, program: bool = True, used: Sequence[str] = 
     if known and known.has(name, program):
         return f"{language}, or the program itself, has this word already"
     pattern = rf"(?<![\w$#.&]){re.escape(name)}\b" if known else CALLS.format(re.escape(name))
-    for text in used:
-        code = re.sub(r'"[^"]*"', "", text)
+    for given in used:
+        code = re.sub(r'"[^"]*"', "", given)
         if re.search(pattern, code, 0 if known and known.exact else re.IGNORECASE):
-            return f"{text!r} has this name for something else, or calls the program from itself"
+            return f"{given!r} has this name for something else, or calls the program from itself"
     return ""
 
 
@@ -219,9 +220,10 @@ def header(
     return Header(tuple(lines), "\n".join([*text, ""]), tuple(notes))
 
 
-def docstring(head: Header) -> str:
-    """Lines of a header that stand between three quotation marks in Python."""
-    return "\n".join(line.replace('"', "'").replace("\\", "/") for line in head.lines)
+def python_text(language: str, name: str, head: Header, **words: Any) -> str:
+    """A program NAME.py of a language's template, with the lines of a header between three quotation marks."""
+    remarks = "\n".join(line.replace('"', "'").replace("\\", "/") for line in head.lines)
+    return text(f"{language}.py.txt", {"name": name, "remarks": remarks, **words}, "programs")
 
 
 def _within(timed: TimedTrajectory, goals: Targets | None) -> str:

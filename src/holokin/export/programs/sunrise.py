@@ -14,6 +14,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ExportError
 from ...motion import TimedTrajectory
+from ..c.c_text import text
 from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, header, program_name
 from .targets import Wiring, speed_shares, targets, with_lines
@@ -34,52 +35,6 @@ DIALECT = Dialect(
     forbidden=r"^\s*\}|^\s*(class|import|package)\b",
     end=";",
 )
-
-TEXT = """package application;
-
-import static com.kuka.roboticsAPI.motionModel.BasicMotions.ptp;
-
-import com.kuka.common.ThreadUtil;
-import com.kuka.roboticsAPI.applicationModel.RoboticsAPIApplication;
-import com.kuka.roboticsAPI.deviceModel.JointPosition;
-import com.kuka.roboticsAPI.deviceModel.LBR;
-import com.kuka.roboticsAPI.motionModel.PTP;
-import com.kuka.roboticsAPI.motionModel.SplineJP;
-import com.kuka.roboticsAPI.motionModel.SplineMotionJP;
-import javax.inject.Inject;
-
-{remarks}
-public class {name} extends RoboticsAPIApplication {{
-    /** A1 to A7 in degrees, and the share of the axes' greatest speed on the way there. */
-    private static final double[][] TARGETS = {{
-{targets}
-    }};
-
-    @Inject
-    private LBR lbr;
-
-    @Override
-    public void run() {{
-{body}
-    }}
-
-    private SplineJP spline(int first, int last) {{
-        SplineMotionJP<?>[] segments = new SplineMotionJP<?>[last - first + 1];
-        for (int i = first; i <= last; i++) {{
-            segments[i - first] = target(i);
-        }}
-        return new SplineJP(segments);
-    }}
-
-    private PTP target(int i) {{
-        double[] q = new double[7];
-        for (int k = 0; k < 7; k++) {{
-            q[k] = Math.toRadians(TARGETS[i][k]);
-        }}
-        return ptp(new JointPosition(q)).setJointVelocityRel(TARGETS[i][7]);
-    }}
-}}
-"""
 
 
 @typed
@@ -126,10 +81,6 @@ def to_sunrise(
     moves = [["lbr.move(target(0));"]]
     moves += [[f"lbr.move(spline({first[i]}, {i}));"] if i in first else [] for i in range(1, len(rows))]
     head = header(timed, about, goals, ["degrees; shares of the axes' greatest speeds"])
-    text = TEXT.format(
-        name=short,
-        remarks="\n".join(f"// {line}" for line in head.lines),
-        targets="\n".join(cells),
-        body="\n".join(f"        {line}" for line in with_lines(goals, moves)),
-    )
-    return head.program({f"{short}.java": text}, goals)
+    words = {"name": short, "remarks": "\n".join(f"// {line}" for line in head.lines), "targets": "\n".join(cells)}
+    words["body"] = "\n".join(f"        {line}" for line in with_lines(goals, moves))
+    return head.program({f"{short}.java": text("sunrise.java", words, "programs")}, goals)

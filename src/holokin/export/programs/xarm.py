@@ -13,7 +13,7 @@ from ...base.arguments import typed
 from ...base.errors import ExportError
 from ...motion import TimedTrajectory
 from .moves import Dialect, ProcessLines, ToolTolerance
-from .robot_program import Program, docstring, header, program_name
+from .robot_program import Program, header, program_name, python_text
 from .targets import Wiring, targets, with_lines
 
 SLOWEST, FASTEST, SWIFTEST = 0.0058, 180.0, 1145.0
@@ -28,39 +28,6 @@ DIALECT = Dialect(
     kinds=("joint",),
     forbidden=r"^(def|class|import|from)\b",
 )
-
-TEXT = '''"""
-{remarks}
-
-python {name}.py IP
-"""
-
-import sys
-
-from xarm.wrapper import XArmAPI
-
-arm = XArmAPI(sys.argv[1])
-
-
-def done(code):
-    if code != 0:
-        arm.set_state(4)
-        raise SystemExit(f"stopped: the controller answers with code {{code}}")
-
-
-def move(angles, speed, stop=False):
-    """Of all joints [degrees], at the speed of the one that moves farthest [degrees/s]."""
-    radius = None if stop else 0
-    faster = {acceleration:g}
-    done(arm.set_servo_angle(angle=angles, speed=speed, mvacc=faster, is_radian=False, radius=radius, wait=stop))
-
-
-done(arm.motion_enable(True))
-done(arm.set_mode(0))
-done(arm.set_state(0))
-{body}
-arm.disconnect()
-'''
 
 
 @typed
@@ -106,5 +73,5 @@ def to_xarm(
     said = f"degrees; joints gather speed at {acceleration:.6g} deg/s^2"
     head = header(timed, about, goals, [said, "the program needs xarm-python-sdk"])
     body = "\n".join(with_lines(goals, moves))
-    text = TEXT.format(name=short, remarks=docstring(head), acceleration=acceleration, body=body)
+    text = python_text("xarm", short, head, acceleration=f"{acceleration:g}", body=body)
     return head.program({f"{short}.py": text}, goals)

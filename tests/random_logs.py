@@ -1,7 +1,7 @@
 """Logs of random arms on random circles, whose joints drift, fade, alternate or repeat: what the audit says of them.
 
 Arms, starts, planes, radii, gains and numbers of cycles are drawn; nothing is chosen. The same motion is judged without
-noise, and with noise. `tests/analysis/audit/test_log_campaign.py` runs them.
+noise, and with noise.
 """
 
 from __future__ import annotations
