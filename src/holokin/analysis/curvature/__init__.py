@@ -1,28 +1,23 @@
-"""Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable strategy.
+"""Questions about strategies: verdicts, curvature, cusps, distance to a repeatable strategy.
 
 Uses `motion`. Read first: `curvature_of_planes.py`, `involutive.py`.
 """
 
 from .curvature_of_planes import (
     MOST_JOINTS,
-    DriftPrediction,
     MeasuredCurvature,
     curvature,
     measured_curvature,
-    predicted_drift,
 )
 from .cuspidal_leaf import Cusps, CuspWitness, cusps, why_elsewhere, witness_between
 from .involutive import involutivity, involutivity_of
-from .leaf_functions import (
+from .leaf_geometry import (
     Deviation,
     GeneralForm,
-    LeafFunction,
     RepeatableDistance,
     ball_postures,
-    deviation,
     distance_to_repeatable,
     general_form,
-    leaf_function,
 )
 from .lie_filtration import Filtration, Integrability, filtration
 from .obstructions import Directions, Obstruction, Witness, obstruction
@@ -36,12 +31,10 @@ __all__ = [
     "Cusps",
     "Deviation",
     "Directions",
-    "DriftPrediction",
     "Evidence",
     "Filtration",
     "GeneralForm",
     "Integrability",
-    "LeafFunction",
     "MeasuredCurvature",
     "Obstruction",
     "Region",
@@ -54,16 +47,13 @@ __all__ = [
     "box",
     "curvature",
     "cusps",
-    "deviation",
     "distance_to_repeatable",
     "filtration",
     "general_form",
     "involutivity",
     "involutivity_of",
-    "leaf_function",
     "measured_curvature",
     "obstruction",
-    "predicted_drift",
     "why_elsewhere",
     "witness_between",
 ]

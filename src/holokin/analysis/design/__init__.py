@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from ...base.extra_module import renamed
 from .advice_case import advise
-from .closest_strategy import ClosestHolonomic, closest_holonomic
 from .designed_strategy import Design, SectionMetrics, design
 from .nearby_cusps import DegreeTried, LevelRange, NearbyCusps, level_range
 from .objectives import Objective, OwnCost
@@ -15,7 +14,6 @@ from .trials import Advice, Part, RatedStrategy
 
 __all__ = [
     "Advice",
-    "ClosestHolonomic",
     "DegreeTried",
     "Design",
     "LevelRange",
@@ -26,7 +24,6 @@ __all__ = [
     "RatedStrategy",
     "SectionMetrics",
     "advise",
-    "closest_holonomic",
     "design",
     "level_range",
 ]
