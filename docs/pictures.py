@@ -8,6 +8,7 @@ import sys
 import tempfile
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -24,11 +25,24 @@ from holokin.app.job import open_job, run_job
 from holokin.app.report.animation import CONTROLS, cycles_frames, shown_strategies, write_film
 from holokin.app.report.job_figures import cycles_figure, robot_figure
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.plots import BLUE, SKY, legible, region_figure, style
+from holokin.app.report.plots import (
+    BLUE,
+    GREY,
+    INK,
+    LIMIT,
+    PALE,
+    SKY,
+    color_of,
+    legible,
+    on_figure,
+    region_figure,
+    style,
+)
 from holokin.app.report.plots import VERMILLION as RED
 from holokin.app.report.proof_picture import box_figure
-from holokin.app.report.self_motion_plots import self_motion_figure
+from holokin.app.report.robot_panels import Actor, Curve, draw_panel, stage_of
 from holokin.app.report.sheets_plots import sheets_figure
+from holokin.motion.ik import SelfMotion, all_postures
 
 HERE = Path(__file__).parent
 
@@ -75,6 +89,97 @@ def self_motion() -> None:
     axes.annotate("tool", tool, (8, 8), textcoords="offset points")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="Self-motion: one tool position, many postures")
     save(figure, "self-motion")
+
+
+GAP = 0.8
+"""Space between self-motions [joint units]."""
+
+APART = 0.1
+"""How far [joint units] a posture is from the curve that it is on, at most."""
+
+
+def self_motion_figure(motion: SelfMotion, strategy: hk.Strategy, level: float) -> plt.Figure:
+    """The level g along the self-motions of a pose, those arcs thick that are within the joint limits; a leaf is a
+    level, and its postures are where the curves have it. Beside it the arm in these postures."""
+    postures = all_postures(strategy, motion.pose, level).q
+    figure = plt.figure(figsize=(11.4, 4.6))
+    figure.subplots_adjust(0.015, 0.13, 0.985, 0.9, wspace=0.09)
+    beside, axes = figure.subplots(1, 2, width_ratios=(1, 2.1))
+    levels_along(axes, motion, strategy, level, postures)
+    arm_in_postures(beside, motion, postures)
+    return figure
+
+
+def levels_along(axes: plt.Axes, motion: SelfMotion, strategy: hk.Strategy, level: float, postures: np.ndarray) -> None:
+    """The level along each curve, over arc length, one curve beside the other."""
+    angle = strategy.constraint.angular[0]
+
+    def values(q: np.ndarray) -> np.ndarray:
+        """The level along a curve; angles with gaps where they come round."""
+        g = strategy.constraint_value.batch(q).reshape(-1)
+        return np.where(np.append(False, np.abs(np.diff(g)) > np.pi), np.nan, g) if angle else g
+
+    # The curves that have arcs, each from the beginning of one on.
+    right = 0.0
+    for curve in motion.curves:
+        arcs = [arc for arc in motion.arcs if arc.curve == curve.curve and curve.place_of(arc.q[0])[1] < APART]
+        if not arcs:
+            continue
+        begin = curve.place_of(arcs[0].q[0])[0]
+
+        def along(
+            s: Any, begin: float = begin, length: float = curve.length, closed: bool = curve.closed, left: float = right
+        ) -> Any:
+            """Places [joint units] of the picture; a closed curve begins where its first arc does."""
+            return left + ((s - begin) % length if closed else s)
+
+        axes.axvspan(right, right + curve.length, color=PALE, alpha=0.5, linewidth=0)
+        turns = np.round((arcs[0].q[0] - curve.at(min(begin, curve.length))) / (2 * np.pi))
+        line_with_gaps(axes, along(curve.s), values(curve.q + 2 * np.pi * turns), color=GREY, linewidth=1.3, zorder=2)
+        for arc in arcs:
+            first = curve.place_of(arc.q[0])[0]
+            s, g = along(first + arc.s), values(arc.q)
+            line_with_gaps(axes, s, g, color=BLUE, linewidth=3.4, solid_capstyle="butt", zorder=3)
+            for i, end in ((0, arc.ends[0]), (-1, arc.ends[1])):
+                if end.joint:
+                    name = f"q{motion.task.robot.joint_names.index(end.joint) + 1}"
+                    axes.plot(s[i], g[i], "o", color=LIMIT, markersize=6, zorder=4)
+                    place = {"textcoords": "offset points", "fontsize": 10, "zorder": 6, "color": LIMIT}
+                    axes.annotate(name, (s[i], g[i]), (-4, 8) if i else (-10, 8), **place)
+        for number, q in enumerate(postures):
+            s, away = curve.place_of(q)
+            if away < APART:
+                color = color_of(number)
+                axes.plot(along(s), level, "o", markersize=11, color=color, markeredgecolor="white", zorder=7)
+        right += curve.length + GAP
+    axes.axhline(level, color=INK, linewidth=1.3, linestyle="--", zorder=4)
+    paper = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
+    middle = {"textcoords": "offset points", "fontsize": 10, "ha": "center", "bbox": paper, "zorder": 5}
+    axes.annotate("a leaf: one level", (0.46 * right, level), (0, 7), **middle)
+    count = f"{motion.components} self-motion{'s' if motion.components != 1 else ''}"
+    axes.set(
+        xlim=(-0.3, right - GAP + 0.3),
+        xlabel="along the self-motions, one beside the other",
+        ylabel=f"{on_figure(strategy.constraint.name, 40)}" + (" [rad]" if angle else ""),
+        title=f"{count} of one tool pose: thick within the joint limits, dots where a joint is at its limit",
+    )
+    axes.set_xticks([])
+
+
+def line_with_gaps(axes: plt.Axes, s: np.ndarray, g: np.ndarray, **look: Any) -> None:
+    """A line with a gap where it comes round."""
+    axes.plot(s, np.where(np.append(False, np.diff(s) < 0), np.nan, g), **look)
+
+
+def arm_in_postures(axes: plt.Axes, motion: SelfMotion, postures: np.ndarray) -> None:
+    """The arm in the postures of the leaf, and the way of its elbow along the arc of the first one."""
+    robot = motion.task.robot
+    arc, _ = motion.place_of(postures[0])
+    elbows = np.array([robot.skeleton(q)[0][len(robot.skeleton(q)[0]) // 2] for q in arc.q])
+    curves = [Curve(elbows, GREY)]
+    stage = stage_of(robot, np.vstack([postures, arc.q[:: max(1, len(arc.q) // 8)]]), curves, ratio=(1.1, 1.4))
+    actors = [Actor(q, color_of(k), "solid" if k == 0 else "ghost") for k, q in reversed(list(enumerate(postures)))]
+    draw_panel(axes, stage, actors, curves, "The postures of the leaf")
 
 
 def leaf_on_self_motions() -> None:

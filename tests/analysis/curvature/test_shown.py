@@ -170,7 +170,7 @@ NO_QUESTION = {
     "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer", "SheetPostures",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path", "PathFile",
     "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotionCurve",
-    "SelfMotionArc", "ArcEnd", "EndKind", "LevelInterval",
+    "SelfMotionArc", "ArcEnd", "EndKind",
     "FrameTask", "StackedTask", "Segment", "Samples",
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
