@@ -175,7 +175,7 @@ NO_QUESTION = {
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
-    "DegreeTried", "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
+    "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
     "Division", "NoSeam", "Seam", "SheetPiece", "UnservedPart",
     "Clearance", "Deviation", "Exported", "GeneralForm", "Jump", "JointLoad",
     "BadFrames", "EqualPoses", "JointRates",
@@ -267,7 +267,6 @@ def results() -> dict[str, Any]:
         hk.coverage(law, space, q0, samples=8),
         hk.analysis.coverage.posture_reach(task, space, q0, samples=8), advised, advised.best, advised.part,
         *hk.analysis.coverage.coverage_slices(law, space, q0, steps=4), design, design.after, design.cusps,
-        *hk.design(task, space, q0, degree=0, samples=8, avoid_cusps=True).looked_at,
         hk.analysis.design.level_range(law, space, q0),
     ]  # fmt: skip
     return {type(result).__name__: result for result in found if result is not None}
@@ -279,7 +278,6 @@ VERDICT_FIRST = {
     "Coverage": r".+: reaches \d+ of 8 poses",
     "CuspWitness": r"round a closed tool path of \S+ m .* the joints do not come back",
     "Cusps": r"(no cusp|cuspidal|\d+ cusps?)\b",
-    "DegreeTried": r"degree 0: \S+; ",
     "Design": r"all hard limits of the design .* are kept at \d+ of \d+ poses",
     "Filtration": r"completely non-holonomic: .*: 2 -> 3 of 3",
     "GeneralForm": r"what is 0 in the general form",

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 from ...base.extra_module import renamed
 from .advice_case import advise
 from .designed_strategy import Design, SectionMetrics, design
-from .nearby_cusps import DegreeTried, LevelRange, NearbyCusps, level_range
+from .nearby_cusps import LevelRange, NearbyCusps, level_range
 from .objectives import Objective, OwnCost
 from .trials import Advice, Part, RatedStrategy
 
 __all__ = [
     "Advice",
-    "DegreeTried",
     "Design",
     "LevelRange",
     "NearbyCusps",
