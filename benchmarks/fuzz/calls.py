@@ -58,7 +58,7 @@ SHAPES = (robots.Capsule, robots.Cylinder, robots.Box, robots.Ellipsoid, robots.
 
 SLOW = {
     "studio", "audit", "advise", "design", "coverage", "survey", "distance_to_repeatable",
-    "winding", "catalogue", "certify", "coverage_slices", "posture_reach", "fitted", "radial",
+    "catalogue", "certify", "coverage_slices", "posture_reach", "fitted", "radial",
     "filtration", "general_form",
 }  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
@@ -236,7 +236,6 @@ def special() -> dict[str, dict[str, Any]]:
         "design": {"degree": 1, "samples": 8},
         "advise": {"q0": q}, "sheets": {"samples": 8, "share": 0.5, "q0": [q], "search": False},
         "write_sheets": {"path": "sheets.npz"}, "self_motion_between": {"qa": q, "qb": q},
-        "Sheets.certified": {"sheet": 0},
         "survey": {"robots": ["planar-3r"], "laws": {"mp": hk.moore_penrose}, "loops": {"c": {"kind": "circle",
             "size": 0.1}}, "workers": 0, "cases": 1, "cycles": 1, "samples": 5},
         # exports
