@@ -19,8 +19,6 @@ import numpy as np
 from PIL import Image
 
 import holokin as hk
-from holokin.analysis.curvature.obstructions import ElbowField, field_on_leaf, sphere_of
-from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
 from holokin.app.report.animation import CONTROLS, cycles_frames, shown_strategies, write_film
 from holokin.app.report.job_figures import cycles_figure, robot_figure
@@ -319,29 +317,32 @@ def edge_of_reach() -> None:
 
 def swivel() -> None:
     """Where an iiwa's elbow points, over all directions of its wrist, for two swivel angles; their poles."""
-    task = hk.pose(hk.load("iiwa14"))
-    arm = hk.strategies.constraints.find_arm(task)
+    task, shoulder = hk.pose(hk.load("iiwa14")), np.array([0, 0, 0.36])
+    places = hk.strategies.constraints.find_arm(task).places(task)
+    # Directions evenly over the sphere
+    turn, z = np.pi * (1 + 5**0.5) * np.arange(320), 1 - (2 * np.arange(320) + 1) / 320
+    u = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
     figure, pair = plt.subplots(1, 2, figsize=(9.6, 5.2))
-    for axes, definition, level, view in (
-        (pair[0], "conventional", np.pi / 2, (0.55, -0.65, 0.62)),
-        (pair[1], "stereographic", 0.0, (-0.83, -0.42, 0.36)),
+    for axes, definition, level, view, index, poles in (
+        (pair[0], "conventional", np.pi / 2, (0.55, -0.65, 0.62), 1, ((0, 0, 1), (0, 0, -1))),
+        (pair[1], "stereographic", 0.0, (-0.83, -0.42, 0.36), 2, ((-1, 0, 0),)),
     ):
-        law = hk.holonomic(task, hk.arm_angle(definition=definition))
+        law, view = hk.holonomic(task, hk.arm_angle(definition=definition)), np.array(view)
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
-        found = hk.analysis.curvature.obstruction(law, hk.analysis.curvature.Directions(), start)
-        field = field_on_leaf(law, start, sphere_of(task, start, arm), arm)
-        states, *_ = spread(field, field.start, field.sphere.direction, 2)
-        globe(axes, np.array(view))
-        for state in states:
-            streak(axes, field, state, np.array(view))
-        for witness in found.witnesses:
-            x, y, depth = seen(witness.direction, np.array(view))
+        T = np.tile(task.pose(start), (len(u), 1, 1))
+        T[:, :3, 3] += shoulder + 0.6 * u - places(start)[2]
+        elbow = places.batch(hk.ik(law, start, limits=False).batch(T).q).reshape(-1, 3, 3)[:, 1] - shoulder
+        globe(axes, view)
+        for direction, off in zip(u, elbow - np.sum(elbow * u, axis=1, keepdims=True) * u, strict=True):
+            streak(axes, direction, off, view)
+        for pole in poles:
+            x, y, depth = seen(np.array(pole), view)
             at, faint = np.array([x, y]), 1.0 if depth > 0 else 0.35
             axes.plot(*at, "o", color=RED, markersize=11, alpha=faint, zorder=6)
             side = (12, 14) if depth > 0 else (12, -20)
             behind = "" if depth > 0 else " (behind)"
             axes.annotate(
-                f"index {witness.index}{behind}",
+                f"index {index}{behind}",
                 at,
                 side,
                 textcoords="offset points",
@@ -352,8 +353,8 @@ def swivel() -> None:
                 zorder=7,
                 bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.5},
             )
-        count = "two poles" if len(found.witnesses) == 2 else "one pole"
-        axes.set_title(f"{definition} angle: {count}, index {found.total} in all", fontsize=12)
+        count = "two poles" if len(poles) == 2 else "one pole"
+        axes.set_title(f"{definition} angle: {count}, index 2 in all", fontsize=12)
     figure.suptitle("Where the elbow points, over all directions from shoulder to wrist", fontsize=14)
     figure.tight_layout(rect=(0, 0, 1, 0.97))
     save(figure, "swivel")
@@ -415,17 +416,11 @@ def front(axes: plt.Axes, points: np.ndarray, view: np.ndarray) -> None:
     axes.plot(*flat[:, :2].T, color="0.6", linewidth=0.5, zorder=1)
 
 
-def streak(axes: plt.Axes, field: ElbowField, state: tuple[np.ndarray, np.ndarray], view: np.ndarray) -> None:
-    """A short arrow along the elbow's direction, from the postures of the arm."""
-    points = [state[1]]
-    for _ in range(10):
-        there = field.step(state, points[-1])
-        if there is None:
-            break
-        ahead = points[-1] + 0.017 * there[1]
-        state, points = there[0], [*points, ahead / np.linalg.norm(ahead)]
-    flat = seen(np.array(points), view)
-    if flat[0, 2] < 0.08 or len(flat) < 3:
+def streak(axes: plt.Axes, u: np.ndarray, off: np.ndarray, view: np.ndarray) -> None:
+    """A short arrow on the sphere from u (3,) towards a tangent direction (3,)."""
+    angle = np.linspace(0, 0.05, 6)[:, None]
+    flat = seen(np.cos(angle) * u + np.sin(angle) * off / np.linalg.norm(off), view)
+    if not flat[0, 2] >= 0.08 or np.isnan(flat).any():
         return
     axes.plot(*flat[:, :2].T, color=BLUE, linewidth=1.7, solid_capstyle="round", zorder=3)
     axes.annotate(

@@ -164,7 +164,7 @@ def test_a_part_of_any_kind_is_shown(value: Any) -> None:
 NO_QUESTION = {
     # what is asked about, and settings
     "ArmClass", "ClosedInverse", "GeneralInverse", "GeneralPostures", "Held", "NoClass",
-    "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
+    "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow",
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer", "SheetPostures",
@@ -181,7 +181,7 @@ NO_QUESTION = {
     "BadFrames", "EqualPoses", "JointRates",
     "MoveItPackage", "Ros2ControlPackage", "JointTensors", "Accuracy", "MeasuredCurvature",
     "LeftOut", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
-    "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
+    "Slice", "Slowdown", "TimedTrajectory", "Unseen",
     # a fault that was found, and kinds: none is a no
     "motion.checks.Finding", "motion.checks.Scene", "motion.checks.Clearances", "Evidence", "FindingKind",
 }  # fmt: skip
@@ -256,13 +256,11 @@ def results() -> dict[str, Any]:
         few.setattr(advice_case, "POSES", 16)
         few.setattr(advice_case, "DESIGNED", 16)
         advised = hk.advise(task, hk.workspace(box=(tool[:2] * 1.2, [0.4, 0.4])), q0=q0)
-    arm = hk.holonomic(hk.pose(hk.load("iiwa14")), hk.lock(2))
-    obstruction = curvature.obstruction(arm, curvature.Directions(fineness=0), [0.3, 0.6, 0.2, -1.4, 0.3, 0.8, 0.2])
     cusps = hk.cusps(law, q0, starts=100)
     found = [
         hk.involutivity(given, hk.around(q0, 0.1), samples=4),
         hk.involutivity(function, hk.around(q0, 0.1), samples=2).accuracy, curvature.measured_curvature(function, q0),
-        curvature.filtration(given, q0), curvature.general_form(law, q0), obstruction, *obstruction.witnesses[:1],
+        curvature.filtration(given, q0), curvature.general_form(law, q0),
         curvature.distance_to_repeatable(given, curvature.ball(q0, 0.05), law, samples=8), cusps, *cusps.witnesses[:1],
         hk.coverage(law, space, q0, samples=8),
         hk.analysis.coverage.posture_reach(task, space, q0, samples=8), advised, advised.best, advised.part,
@@ -284,7 +282,6 @@ VERDICT_FIRST = {
     "LevelRange": r"(levels of .* serve|no level serves)",
     "MeasuredCurvature": r"the largest curvature is \S+ \+- ",
     "NearbyCusps": r"(no cusp|a cusp|the nearest cusp|cusps? of|its leaf)",
-    "Obstruction": r"'lock' over all directions .* (has the indices|undecided)",
     "Part": r"'.+' serves ",
     "RatedStrategy": r".+: it serves [\d.]+% of the workspace",
     "Reach": r"\d of 8 poses are reached within the joint limits",
@@ -292,7 +289,6 @@ VERDICT_FIRST = {
     "SectionMetrics": r"the leaf reaches \d+ of \d+ poses",
     "Slice": r"[\d.]+% of the plane x-y at z = 0 m is reached",
     "Verdict": r".* is NOT holonomic: ",
-    "Witness": r"[+-]\d (at|in a hole of)",
 }
 """How `str` of each result begins."""
 

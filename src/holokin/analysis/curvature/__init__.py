@@ -20,7 +20,6 @@ from .leaf_geometry import (
     general_form,
 )
 from .lie_filtration import Filtration, Integrability, filtration
-from .obstructions import Directions, Obstruction, Witness, obstruction
 from .verdict import Accuracy, Ball, Evidence, Region, Verdict, around, ball, box
 
 __all__ = [
@@ -30,17 +29,14 @@ __all__ = [
     "CuspWitness",
     "Cusps",
     "Deviation",
-    "Directions",
     "Evidence",
     "Filtration",
     "GeneralForm",
     "Integrability",
     "MeasuredCurvature",
-    "Obstruction",
     "Region",
     "RepeatableDistance",
     "Verdict",
-    "Witness",
     "around",
     "ball",
     "ball_postures",
@@ -53,7 +49,6 @@ __all__ = [
     "involutivity",
     "involutivity_of",
     "measured_curvature",
-    "obstruction",
     "why_elsewhere",
     "witness_between",
 ]
