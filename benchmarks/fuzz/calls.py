@@ -59,7 +59,7 @@ SHAPES = (robots.Capsule, robots.Cylinder, robots.Box, robots.Ellipsoid, robots.
 SLOW = {
     "studio", "audit", "advise", "design", "coverage", "survey", "distance_to_repeatable",
     "catalogue", "certify", "coverage_slices", "posture_reach", "fitted", "radial",
-    "filtration", "general_form",
+    "filtration", "leaf_function", "general_form",
 }  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
 
@@ -123,7 +123,7 @@ def things() -> dict[str, Any]:
     made: dict[str, Callable[[], Any]] = {
         "two": lambda: two, "turn": lambda: hk.pose(robot), "stacked": lambda: pair, "wiring": lambda: wiring,
         "closed": lambda: control.closed_loop(law), "ball": lambda: curvature.ball(q, 0.05),
-        "log": lambda: log,
+        "leaf": lambda: curvature.leaf_function(held, q, samples=1), "log": lambda: log,
         "covered": lambda: hk.coverage(held, k["workspace"], q, samples=4),
         "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
         "check": lambda: hk.check(around, robot=robot),
@@ -215,12 +215,12 @@ def special() -> dict[str, dict[str, Any]]:
         "retime": {"acceleration": 1.0}, "Trajectory.printed": {"units": PrintedUnits()},
         "approach": {"path": k["path_a"], "q0": q + 0.01}, "move_to_leaf": {"level": [0.31]},
         "Solutions.count": {"status": hk.motion.ik.InverseStatus.REACHED},
-        "asymptotically_cyclic": {"level": [0.3]},
+        "asymptotically_cyclic": {"level": [0.3]}, "LeafFunction.disagreement": {"by": q + 0.01},
         # verdicts and searches
         "around": {"radius": 0.1}, "box": {"lower": q - 0.1, "upper": q + 0.1}, "ball": {"start": q, "radius": 0.1},
         "ball_postures": {"strategy": law, "region": t["ball"]}, "involutivity": {"samples": 4},
         "involutivity_of": {"distribution": lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], "samples": 4},
-        "measured_curvature": {"strategy": t["numeric"]},
+        "measured_curvature": {"strategy": t["numeric"]}, "leaf_function": {"samples": 1},
         "distance_to_repeatable": {"strategy": law, "region": t["ball"], "samples": 2}, "cusps": {"q0": q, "starts": 8},
         "unique_region": {"budget": 40}, "witness_between": {"first": q, "second": np.array([0.3, 0.2, 0.5])},
         "certify": {"where": loop, "budget": 60},

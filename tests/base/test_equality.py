@@ -161,14 +161,14 @@ def values(robot: hk.Robot) -> dict[str, Any]:
     task, start = hk.pose(robot, rows=[0, 1]), robot.pose(Q)[:3, 3]
     law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
     loop = hk.circle(start, start + [0.02, 0, 0])
-    ik = hk.ik(held, Q)
+    ik, leaf = hk.ik(held, Q), curvature.leaf_function(held, Q, samples=1)
     found = {
         "robot": robot, "task": task, "pseudo-inverse": law, "held": held, "circle": loop,
         "polyline": hk.polyline([[0, 0], [1, 0], [1, 1]], turns=[[0, 0, 0.1]] * 2), "region": hk.around(Q, 0.1),
         "ball": curvature.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
         "self-motion": hk.strategies.self_motion_curve(task, Q, length=0.2), "verdict": hk.involutivity(law,
         hk.around(Q, 0.1)),
-        "inverse": ik, "servo": hk.controller(held, dt=0.01, q0=Q),
+        "inverse": ik, "leaf function": leaf, "servo": hk.controller(held, dt=0.01, q0=Q),
         "walk": hk.follow(law, loop, Q, samples=8), "drift": hk.drift(held, loop, Q, samples=8),
         "spread": hk.motion.path_spread(law, loop, loop.reversed(), Q, samples=8),
         "general form": curvature.general_form(held, Q),
@@ -182,7 +182,7 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         "stationary": hk.stationary(constraints.posture_cost(Q)), "impedance": hk.strategies.impedance(task,
         constraints.posture_cost(Q)),
     }  # fmt: skip
-    ik(robot.pose(Q))
+    ik(robot.pose(Q)), leaf(Q), leaf.gradient(Q)
     for value in found.values():
         if isinstance(value, hk.Strategy):  # some of its functions are of strategies given by rows alone
             continue
@@ -238,6 +238,7 @@ def test_no_array_that_a_value_keeps_can_be_written_to(everything: dict[str, Any
         (np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), lambda task, P: hk.polyline(P)),
         (np.array([0.0, 0.0, 1.0]), lambda task, p: hk.line(p, p + 1)),
         (Q.copy(), lambda task, q: hk.ik(hk.holonomic(task, hk.lock(0)), q)),
+        (Q.copy(), lambda task, q: curvature.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
         (Q.copy(), lambda task, q: curvature.ball(q, 0.1)),
         (np.eye(3), lambda task, R: hk.pose(task.robot, "rotation-vector", reference=R, rows=[0, 1, 2])),
         (np.zeros((3, 3)), lambda task, q: logs.Recording(("a", "b", "c"), np.arange(3.0), q, "here")),
@@ -265,6 +266,8 @@ def answer(task: hk.Task, value: Any) -> Any:
         return value.at(np.linspace(0, value.duration, 5)).position.tolist()
     if isinstance(value, ik.InverseKinematics):
         return value(task.robot.pose(Q + 0.02)).tolist()
+    if isinstance(value, curvature.LeafFunction):
+        return value(Q + 0.02).tolist()
     return [np.asarray(getattr(value, f.name)).tolist() for f in dataclasses.fields(value)]
 
 
@@ -277,7 +280,7 @@ def test_public_values_are_pickled_and_copied_and_answer_as_before(
         for other in (there, twin, same):
             assert type(other) is type(value), name
             assert all(not array.flags.writeable for _, array in kept(other, name, set())), name
-        asked = hk.Strategy | hk.Constraint | ik.InverseKinematics | hk.Path
+        asked = hk.Strategy | hk.Constraint | ik.InverseKinematics | curvature.LeafFunction | hk.Path
         if isinstance(value, asked):
             if isinstance(value, hk.Constraint) and value.rows != 1:
                 continue

@@ -514,6 +514,7 @@ def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Ro
         ("yourdfpy", lambda: hk.robot.from_yourdfpy(task)),
         ("at most 1e", lambda: hk.spline(points, speed=1e308)),
         ("at most 1e", lambda: hk.path.figure_eight([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1], speed=1e308)),
+        ("radius is -1", lambda: hk.analysis.curvature.leaf_function(strategy, q, radius=-1)),
         ("joints is", lambda: hk.strategies.constraints.height(10**5000)),
     ]
     for words, call in calls:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, R3_START, sampled, urdf
-from holokin.analysis.curvature.leaf_geometry import ball_postures
+from holokin.analysis.curvature.leaf_functions import ball_postures
 from holokin.base.errors import ArgumentError, BranchError, ShapeError
 from holokin.base.types import kept
 from holokin.motion.follow_path import path_rate

@@ -253,14 +253,20 @@ class RowsError(HolokinError):
 
 
 class NotHolonomicError(HolokinError):
-    """A strategy without leaves, where leaves are needed.
+    """A strategy without leaves, where leaves are needed; `.witness` is a posture that shows it.
 
-    witness: a posture that shows it, by `curvature` [1/rad], the relative one of `involutivity`.
+    It shows it by a `gap` [joint units] between two paths of the tool to one pose, or by `curvature` [1/rad], the
+    relative one of `involutivity`; the other is None.
     """
 
-    def __init__(self, name: str, witness: Iterable[float], curvature: float) -> None:
-        self.witness, self.curvature = tuple(float(v) for v in witness), curvature
-        fact = f"at q = {posture_text(self.witness)} it has a curvature of {curvature:.3g} per rad of joint motion"
+    def __init__(
+        self, name: str, witness: Iterable[float], gap: float | None = None, *, curvature: float | None = None
+    ) -> None:
+        self.witness, self.gap, self.curvature = tuple(float(v) for v in witness), gap, curvature
+        posture = posture_text(self.witness)
+        fact = f"at q = {posture} it has a curvature of {curvature or 0:.3g} per rad of joint motion"
+        if gap is not None:
+            fact = f"from q = {posture} two paths of the tool to one pose end {gap:.3g} (joint units) apart"
         super().__init__(
             f"{name!r} is not holonomic: {fact}; hk.radial(strategy, start) is a holonomic strategy near it"
         )

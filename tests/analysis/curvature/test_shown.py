@@ -179,7 +179,7 @@ NO_QUESTION = {
     "Division", "NoSeam", "Seam", "SheetPiece", "UnservedPart",
     "Clearance", "Deviation", "Exported", "GeneralForm", "Jump", "JointLoad",
     "BadFrames", "EqualPoses", "JointRates",
-    "MoveItPackage", "Ros2ControlPackage", "JointTensors", "Accuracy", "MeasuredCurvature",
+    "MoveItPackage", "Ros2ControlPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
     "LeftOut", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen",
     # a fault that was found, and kinds: none is a no

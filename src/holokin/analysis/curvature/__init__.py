@@ -1,4 +1,4 @@
-"""Questions about strategies: verdicts, curvature, cusps, distance to a repeatable strategy.
+"""Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable strategy.
 
 Uses `motion`. Read first: `curvature_of_planes.py`, `involutive.py`.
 """
@@ -11,13 +11,15 @@ from .curvature_of_planes import (
 )
 from .cuspidal_leaf import Cusps, CuspWitness, cusps, why_elsewhere, witness_between
 from .involutive import involutivity, involutivity_of
-from .leaf_geometry import (
+from .leaf_functions import (
     Deviation,
     GeneralForm,
+    LeafFunction,
     RepeatableDistance,
     ball_postures,
     distance_to_repeatable,
     general_form,
+    leaf_function,
 )
 from .lie_filtration import Filtration, Integrability, filtration
 from .verdict import Accuracy, Ball, Evidence, Region, Verdict, around, ball, box
@@ -33,6 +35,7 @@ __all__ = [
     "Filtration",
     "GeneralForm",
     "Integrability",
+    "LeafFunction",
     "MeasuredCurvature",
     "Region",
     "RepeatableDistance",
@@ -48,6 +51,7 @@ __all__ = [
     "general_form",
     "involutivity",
     "involutivity_of",
+    "leaf_function",
     "measured_curvature",
     "why_elsewhere",
     "witness_between",

@@ -271,7 +271,12 @@ def transport(strategy: Strategy, q: Vector, dx: Vector, steps: int = TRANSPORT_
     Raises:
         SingularityError: on the way.
     """
-    rate = checked_rate(strategy)
+    return straight_postures(strategy, q, dx, steps)[-1]
+
+
+def straight_postures(strategy: Strategy, q: Vector, dx: Vector, steps: int = TRANSPORT_STEPS) -> Matrix:
+    """The postures (steps + 1, n) of `transport`, from q to where it leads. Raises: SingularityError."""
+    rate, postures = checked_rate(strategy), [q]
     for _ in range(steps):
-        q = runge_kutta(rate, q, 1.0 / steps, dx, dx, dx)
-    return q
+        postures.append(runge_kutta(rate, postures[-1], 1.0 / steps, dx, dx, dx))
+    return np.array(postures)

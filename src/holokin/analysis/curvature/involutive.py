@@ -348,6 +348,15 @@ def involutivity(
     return _numeric_verdict(strategy, region.sample(count, seed), region, tolerance)
 
 
+def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERANCES.holonomic) -> Verdict:
+    """`involutivity` at given postures (k, n). Raises: UndecidedError."""
+    region = Region(Q.min(axis=0), Q.max(axis=0))
+    if isinstance(strategy, NumericStrategy):
+        return _numeric_verdict(strategy, Q, region, tolerance)
+    subject = _subject(strategy)
+    return _verdict(subject, _scan(subject.relative, Q), region, tolerance)
+
+
 @typed
 def involutivity_of(
     distribution: Callable[[Any], Any],

@@ -1,22 +1,138 @@
-"""What the leaves of a strategy tell: the general form of the paper, and the distance to a repeatable strategy."""
+"""What the planes of a strategy tell: leaf functions, the form of the paper, the distance to a repeatable strategy.
+
+`radial` carries along the same segments, as an expression. The 32 steps that a comparison of two paths asks for would
+be 3.4 million operations for twelve joints, ten seconds to build: so numbers are carried here.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, NotHolonomicError
-from ...base.types import ArrayLike, Matrix, Result, Value, Vector, whole
-from ...strategies import HolonomicStrategy, Strategy, radial, self_motion_curve
+from ...base.types import ArrayLike, Matrix, Result, Value, Vector, frozen, positive, whole
+from ...robot import Robot
+from ...strategies import HolonomicStrategy, Strategy, check_solved, radial, self_motion_curve
+from ...symbolic import Function, jacobian, runge_kutta, symbol
 from ...symbolic.linear import null_space
-from .curvature_of_planes import curvature, curvature_function, pairs, transport
-from .involutive import involutivity
-from .verdict import Ball, around
+from .curvature_of_planes import TRANSPORT_STEPS, curvature, curvature_function, pairs, straight_postures, transport
+from .involutive import involutivity, involutivity_at
+from .verdict import Ball, Verdict, around
 
-NEAR = 0.1
-"""How far [joint units] round a posture curvature is looked at."""
+
+@dataclass(frozen=True, eq=False)
+class LeafFunction(Value):
+    """g(q) (r,) = Z^T (q_b - q_ref), zero on the leaf of the reference; q_b is where the strategy leads from q when
+    the tool goes straight back to the reference pose, Z (n, r) spans the self-motions there."""
+
+    strategy: Strategy
+    reference: Vector
+
+    def __call__(self, q: ArrayLike) -> Vector:
+        """g(q) (r,) [joint units]. Raises: SingularityError on the way back; ShapeError, NotFiniteError."""
+        q = self.strategy.task.robot.checked(q)
+        return self._Z.T @ (transport(self.strategy, q, self._back(q)) - self.reference)
+
+    def gradient(self, q: ArrayLike) -> Matrix:
+        """J_g (r, n), carried along with the posture by the derivative of the flow.
+
+        Raises:
+            SingularityError on the way back; ShapeError, NotFiniteError.
+        """
+        q = self.strategy.task.robot.checked(q)
+        v, task, n = self._back(q), self.strategy.task, len(q)
+        V = np.reshape(task._error_and_slope(q, *task.target(self._pose))[1], (task.m, n))
+
+        def slope(y: Matrix, v: Vector) -> Matrix:
+            dq, dD, rcond, margin = self._flow(y[:, 0], v, y[:, 1:], V)
+            check_solved(self.strategy, y[:, 0], rcond, margin)
+            return np.column_stack([dq, np.reshape(dD, (n, n))])
+
+        y = np.column_stack([q, np.eye(n)])
+        for _ in range(TRANSPORT_STEPS):
+            y = runge_kutta(slope, y, 1.0 / TRANSPORT_STEPS, v, v, v)
+        return self._Z.T @ y[:, 1:]
+
+    def disagreement(self, q: ArrayLike, by: ArrayLike) -> float:
+        """How far apart [joint units] two paths back to the reference end: straight, and by the tool pose of `by`."""
+        robot, task = self.strategy.task.robot, self.strategy.task
+        q, corner = robot.checked(q), robot.checked(by)
+        direct = transport(self.strategy, q, self._back(q))
+        there = transport(self.strategy, q, task.error(q, *task._place(corner)))
+        return float(np.abs(transport(self.strategy, there, self._back(there)) - direct).max())
+
+    def _back(self, q: Vector) -> Vector:
+        """The straight path (m,) from the tool pose at q to the reference, in task rates."""
+        task = self.strategy.task
+        return task.error(q, *task.target(self._pose))
+
+    @cached_property
+    def _pose(self) -> Matrix:
+        return frozen(self.strategy.task.pose(self.reference))
+
+    @cached_property
+    def _Z(self) -> Matrix:
+        return frozen(null_space(self.strategy.task.jacobian(self.reference)))
+
+    @cached_property
+    def _flow(self) -> Function:
+        """(q, v, D, V) -> (G v, (G v)' D + G V, rcond, margin)."""
+        e, task = self.strategy.expressions, self.strategy.task
+        v, D, V = symbol("v", task.m), symbol("D", task.n, task.n), symbol("V", task.m, task.n)
+        rate = e.rate(v, written_out=True)
+        dD = jacobian(rate.X, e.q) @ D + e.rate(V, written_out=True).X
+        outputs = {"dq": rate.X, "dD": dD, "rcond": rate.rcond, "margin": self.strategy._margin_expression}
+        return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
+
+    def check(self, q: ArrayLike) -> None:
+        """Look at the curvature at q and at 32 postures of its path back, where g and its gradient come from.
+
+        Raises:
+            NotHolonomicError, SingularityError, UndecidedError; ShapeError, NotFiniteError.
+        """
+        q = self.strategy.task.robot.checked(q)
+        postures = straight_postures(self.strategy, q, self._back(q))
+        _refuse_curved(self.strategy, involutivity_at(self.strategy, postures))
+
+
+@typed
+def leaf_function(
+    strategy: Strategy, reference: ArrayLike, *, radius: float = 0.1, samples: int = 8, seed: int = 0
+) -> LeafFunction:
+    """g of an involutive strategy, given by N_G or G alone, near a reference posture (n,).
+
+    Before it is returned, `samples` postures within `radius` [joint units] of the reference are carried back straight
+    and by a detour, and must end within 1e-6 of each other; and the strategy must be holonomic by `involutivity` at 64
+    postures of that box, which sees a curvature too weak, or loops too symmetric, for the detours to show it.
+    Farther out nothing was looked at: `check(q)` does so for one posture.
+
+    Raises:
+        NotHolonomicError: two transports disagree, or there is curvature; it holds the witness.
+        SingularityError: on the way. UndecidedError: round-off hides all curvature. ShapeError, NotFiniteError.
+    """
+    robot: Robot = strategy.task.robot
+    start = robot.checked(reference, "the reference posture")
+    strategy(start)
+    g, rng = LeafFunction(strategy, start), np.random.default_rng(whole("seed", seed, 0))
+    whole("samples", samples)
+    positive("radius", radius)
+    # Detours: a hundred times the error of two transports is no agreement
+    pairs_of_postures = [start + rng.uniform(-radius, radius, (2, robot.n)) for _ in range(samples)]
+    gaps = [g.disagreement(q, corner) for q, corner in pairs_of_postures]
+    worst = int(np.argmax(np.nan_to_num(gaps)))
+    if gaps[worst] > 1e-6:
+        raise NotHolonomicError(strategy.name, pairs_of_postures[worst][0], gaps[worst])
+    # Curvature
+    _refuse_curved(strategy, involutivity(strategy, around(start, radius), seed=seed))
+    return g
+
+
+def _refuse_curved(strategy: Strategy, verdict: Verdict) -> None:
+    if not verdict.holonomic:
+        raise NotHolonomicError(strategy.name, verdict.witness, curvature=verdict.relative)
 
 
 # --- Theorem III.2 as a call: a holonomic G in, the paper's J_G, N_G, H out, with (7) to (14) checked. [ZR11]
@@ -83,12 +199,11 @@ class GeneralForm(Result, Value):
 
 
 @typed
-def general_form(strategy: Strategy, q: ArrayLike) -> GeneralForm:
+def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None = None) -> GeneralForm:
     """Theorem III.2, 1 => 2: the general form of a holonomic strategy at q (n,). [ZR11]
 
-    J_G is the gradient of the strategy's constraint, or, if it has none, Z^T (1 - G J), Z (n, r) an orthonormal basis
-    of the self-motions: at q that is the gradient of g(q') = Z^T (q_b - q), q_b where the strategy leads from q' as the
-    tool goes straight back. It is one only if the curvature vanishes around q.
+    J_G is the gradient of the strategy's constraint, or, if it has none, of the `leaf_function` recovered from G about
+    the reference (q itself by default), whose curvature must vanish near the reference and on the way to it from q.
     The other direction, 2 => 1, is `null_basis` with `involutivity`.
 
     Raises:
@@ -100,10 +215,9 @@ def general_form(strategy: Strategy, q: ArrayLike) -> GeneralForm:
     if isinstance(strategy, HolonomicStrategy):
         J_G = strategy.rows(posture)
     else:
-        verdict = involutivity(strategy, around(posture, NEAR))
-        if not verdict.holonomic:
-            raise NotHolonomicError(strategy.name, verdict.witness, verdict.relative)
-        J_G = null_space(J).T @ (np.eye(task.n) - G @ J)
+        g = leaf_function(strategy, posture if reference is None else reference)
+        g.check(posture)
+        J_G = g.gradient(posture)
     N_G = null_space(J_G) if len(J_G) else np.eye(task.n)  # (25): an orthonormal basis of its span, for the g of (24)
     # Theorem III.2: 1 => 2
     return GeneralForm(posture, J, G, J_G, N_G, task.null_space(posture))
