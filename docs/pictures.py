@@ -8,6 +8,7 @@ import sys
 import tempfile
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -16,19 +17,30 @@ import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
-from self_motion_picture import self_motion_figure
 
 import holokin as hk
-from holokin.analysis.curvature.obstructions import ElbowField, field_on_leaf, sphere_of
-from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
 from holokin.app.report.animation import CONTROLS, cycles_frames, shown_strategies, write_film
 from holokin.app.report.job_figures import cycles_figure, robot_figure
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.plots import BLUE, SKY, legible, region_figure, style
+from holokin.app.report.plots import (
+    BLUE,
+    GREY,
+    INK,
+    LIMIT,
+    PALE,
+    SKY,
+    color_of,
+    legible,
+    on_figure,
+    region_figure,
+    style,
+)
 from holokin.app.report.plots import VERMILLION as RED
 from holokin.app.report.proof_picture import box_figure
+from holokin.app.report.robot_panels import Actor, Curve, draw_panel, stage_of
 from holokin.app.report.sheets_plots import sheets_figure
+from holokin.motion.ik import SelfMotion, all_postures
 
 HERE = Path(__file__).parent
 
@@ -75,6 +87,97 @@ def self_motion() -> None:
     axes.annotate("tool", tool, (8, 8), textcoords="offset points")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="Self-motion: one tool position, many postures")
     save(figure, "self-motion")
+
+
+GAP = 0.8
+"""Space between self-motions [joint units]."""
+
+APART = 0.1
+"""How far [joint units] a posture is from the curve that it is on, at most."""
+
+
+def self_motion_figure(motion: SelfMotion, strategy: hk.Strategy, level: float) -> plt.Figure:
+    """The level g along the self-motions of a pose, those arcs thick that are within the joint limits; a leaf is a
+    level, and its postures are where the curves have it. Beside it the arm in these postures."""
+    postures = all_postures(strategy, motion.pose, level).q
+    figure = plt.figure(figsize=(11.4, 4.6))
+    figure.subplots_adjust(0.015, 0.13, 0.985, 0.9, wspace=0.09)
+    beside, axes = figure.subplots(1, 2, width_ratios=(1, 2.1))
+    levels_along(axes, motion, strategy, level, postures)
+    arm_in_postures(beside, motion, postures)
+    return figure
+
+
+def levels_along(axes: plt.Axes, motion: SelfMotion, strategy: hk.Strategy, level: float, postures: np.ndarray) -> None:
+    """The level along each curve, over arc length, one curve beside the other."""
+    angle = strategy.constraint.angular[0]
+
+    def values(q: np.ndarray) -> np.ndarray:
+        """The level along a curve; angles with gaps where they come round."""
+        g = strategy.constraint_value.batch(q).reshape(-1)
+        return np.where(np.append(False, np.abs(np.diff(g)) > np.pi), np.nan, g) if angle else g
+
+    # The curves that have arcs, each from the beginning of one on.
+    right = 0.0
+    for curve in motion.curves:
+        arcs = [arc for arc in motion.arcs if arc.curve == curve.curve and curve.place_of(arc.q[0])[1] < APART]
+        if not arcs:
+            continue
+        begin = curve.place_of(arcs[0].q[0])[0]
+
+        def along(
+            s: Any, begin: float = begin, length: float = curve.length, closed: bool = curve.closed, left: float = right
+        ) -> Any:
+            """Places [joint units] of the picture; a closed curve begins where its first arc does."""
+            return left + ((s - begin) % length if closed else s)
+
+        axes.axvspan(right, right + curve.length, color=PALE, alpha=0.5, linewidth=0)
+        turns = np.round((arcs[0].q[0] - curve.at(min(begin, curve.length))) / (2 * np.pi))
+        line_with_gaps(axes, along(curve.s), values(curve.q + 2 * np.pi * turns), color=GREY, linewidth=1.3, zorder=2)
+        for arc in arcs:
+            first = curve.place_of(arc.q[0])[0]
+            s, g = along(first + arc.s), values(arc.q)
+            line_with_gaps(axes, s, g, color=BLUE, linewidth=3.4, solid_capstyle="butt", zorder=3)
+            for i, end in ((0, arc.ends[0]), (-1, arc.ends[1])):
+                if end.joint:
+                    name = f"q{motion.task.robot.joint_names.index(end.joint) + 1}"
+                    axes.plot(s[i], g[i], "o", color=LIMIT, markersize=6, zorder=4)
+                    place = {"textcoords": "offset points", "fontsize": 10, "zorder": 6, "color": LIMIT}
+                    axes.annotate(name, (s[i], g[i]), (-4, 8) if i else (-10, 8), **place)
+        for number, q in enumerate(postures):
+            s, away = curve.place_of(q)
+            if away < APART:
+                color = color_of(number)
+                axes.plot(along(s), level, "o", markersize=11, color=color, markeredgecolor="white", zorder=7)
+        right += curve.length + GAP
+    axes.axhline(level, color=INK, linewidth=1.3, linestyle="--", zorder=4)
+    paper = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
+    middle = {"textcoords": "offset points", "fontsize": 10, "ha": "center", "bbox": paper, "zorder": 5}
+    axes.annotate("a leaf: one level", (0.46 * right, level), (0, 7), **middle)
+    count = f"{motion.components} self-motion{'s' if motion.components != 1 else ''}"
+    axes.set(
+        xlim=(-0.3, right - GAP + 0.3),
+        xlabel="along the self-motions, one beside the other",
+        ylabel=f"{on_figure(strategy.constraint.name, 40)}" + (" [rad]" if angle else ""),
+        title=f"{count} of one tool pose: thick within the joint limits, dots where a joint is at its limit",
+    )
+    axes.set_xticks([])
+
+
+def line_with_gaps(axes: plt.Axes, s: np.ndarray, g: np.ndarray, **look: Any) -> None:
+    """A line with a gap where it comes round."""
+    axes.plot(s, np.where(np.append(False, np.diff(s) < 0), np.nan, g), **look)
+
+
+def arm_in_postures(axes: plt.Axes, motion: SelfMotion, postures: np.ndarray) -> None:
+    """The arm in the postures of the leaf, and the way of its elbow along the arc of the first one."""
+    robot = motion.task.robot
+    arc, _ = motion.place_of(postures[0])
+    elbows = np.array([robot.skeleton(q)[0][len(robot.skeleton(q)[0]) // 2] for q in arc.q])
+    curves = [Curve(elbows, GREY)]
+    stage = stage_of(robot, np.vstack([postures, arc.q[:: max(1, len(arc.q) // 8)]]), curves, ratio=(1.1, 1.4))
+    actors = [Actor(q, color_of(k), "solid" if k == 0 else "ghost") for k, q in reversed(list(enumerate(postures)))]
+    draw_panel(axes, stage, actors, curves, "The postures of the leaf")
 
 
 def leaf_on_self_motions() -> None:
@@ -214,29 +317,32 @@ def edge_of_reach() -> None:
 
 def swivel() -> None:
     """Where an iiwa's elbow points, over all directions of its wrist, for two swivel angles; their poles."""
-    task = hk.pose(hk.load("iiwa14"))
-    arm = hk.strategies.constraints.find_arm(task)
+    task, shoulder = hk.pose(hk.load("iiwa14")), np.array([0, 0, 0.36])
+    places = hk.strategies.constraints.find_arm(task).places(task)
+    # Directions evenly over the sphere
+    turn, z = np.pi * (1 + 5**0.5) * np.arange(320), 1 - (2 * np.arange(320) + 1) / 320
+    u = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
     figure, pair = plt.subplots(1, 2, figsize=(9.6, 5.2))
-    for axes, definition, level, view in (
-        (pair[0], "conventional", np.pi / 2, (0.55, -0.65, 0.62)),
-        (pair[1], "stereographic", 0.0, (-0.83, -0.42, 0.36)),
+    for axes, definition, level, view, index, poles in (
+        (pair[0], "conventional", np.pi / 2, (0.55, -0.65, 0.62), 1, ((0, 0, 1), (0, 0, -1))),
+        (pair[1], "stereographic", 0.0, (-0.83, -0.42, 0.36), 2, ((-1, 0, 0),)),
     ):
-        law = hk.holonomic(task, hk.arm_angle(definition=definition))
+        law, view = hk.holonomic(task, hk.arm_angle(definition=definition)), np.array(view)
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
-        found = hk.analysis.curvature.obstruction(law, hk.analysis.curvature.Directions(), start)
-        field = field_on_leaf(law, start, sphere_of(task, start, arm), arm)
-        states, *_ = spread(field, field.start, field.sphere.direction, 2)
-        globe(axes, np.array(view))
-        for state in states:
-            streak(axes, field, state, np.array(view))
-        for witness in found.witnesses:
-            x, y, depth = seen(witness.direction, np.array(view))
+        T = np.tile(task.pose(start), (len(u), 1, 1))
+        T[:, :3, 3] += shoulder + 0.6 * u - places(start)[2]
+        elbow = places.batch(hk.ik(law, start, limits=False).batch(T).q).reshape(-1, 3, 3)[:, 1] - shoulder
+        globe(axes, view)
+        for direction, off in zip(u, elbow - np.sum(elbow * u, axis=1, keepdims=True) * u, strict=True):
+            streak(axes, direction, off, view)
+        for pole in poles:
+            x, y, depth = seen(np.array(pole), view)
             at, faint = np.array([x, y]), 1.0 if depth > 0 else 0.35
             axes.plot(*at, "o", color=RED, markersize=11, alpha=faint, zorder=6)
             side = (12, 14) if depth > 0 else (12, -20)
             behind = "" if depth > 0 else " (behind)"
             axes.annotate(
-                f"index {witness.index}{behind}",
+                f"index {index}{behind}",
                 at,
                 side,
                 textcoords="offset points",
@@ -247,8 +353,8 @@ def swivel() -> None:
                 zorder=7,
                 bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.5},
             )
-        count = "two poles" if len(found.witnesses) == 2 else "one pole"
-        axes.set_title(f"{definition} angle: {count}, index {found.total} in all", fontsize=12)
+        count = "two poles" if len(poles) == 2 else "one pole"
+        axes.set_title(f"{definition} angle: {count}, index 2 in all", fontsize=12)
     figure.suptitle("Where the elbow points, over all directions from shoulder to wrist", fontsize=14)
     figure.tight_layout(rect=(0, 0, 1, 0.97))
     save(figure, "swivel")
@@ -310,17 +416,11 @@ def front(axes: plt.Axes, points: np.ndarray, view: np.ndarray) -> None:
     axes.plot(*flat[:, :2].T, color="0.6", linewidth=0.5, zorder=1)
 
 
-def streak(axes: plt.Axes, field: ElbowField, state: tuple[np.ndarray, np.ndarray], view: np.ndarray) -> None:
-    """A short arrow along the elbow's direction, from the postures of the arm."""
-    points = [state[1]]
-    for _ in range(10):
-        there = field.step(state, points[-1])
-        if there is None:
-            break
-        ahead = points[-1] + 0.017 * there[1]
-        state, points = there[0], [*points, ahead / np.linalg.norm(ahead)]
-    flat = seen(np.array(points), view)
-    if flat[0, 2] < 0.08 or len(flat) < 3:
+def streak(axes: plt.Axes, u: np.ndarray, off: np.ndarray, view: np.ndarray) -> None:
+    """A short arrow on the sphere from u (3,) towards a tangent direction (3,)."""
+    angle = np.linspace(0, 0.05, 6)[:, None]
+    flat = seen(np.cos(angle) * u + np.sin(angle) * off / np.linalg.norm(off), view)
+    if not flat[0, 2] >= 0.08 or np.isnan(flat).any():
         return
     axes.plot(*flat[:, :2].T, color=BLUE, linewidth=1.7, solid_capstyle="round", zorder=3)
     axes.annotate(

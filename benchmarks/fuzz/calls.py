@@ -57,8 +57,8 @@ MADE: dict[type, tuple[Any, ...]] = {
 SHAPES = (robots.Capsule, robots.Cylinder, robots.Box, robots.Ellipsoid, robots.Hull, robots.Mesh)
 
 SLOW = {
-    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey", "distance_to_repeatable",
-    "winding", "catalogue", "certify", "coverage_slices", "posture_reach", "fitted", "radial", "predicted_drift",
+    "studio", "audit", "advise", "design", "coverage", "survey", "distance_to_repeatable",
+    "catalogue", "certify", "coverage_slices", "posture_reach", "fitted", "radial",
     "filtration", "leaf_function", "general_form",
 }  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
@@ -138,12 +138,9 @@ def things() -> dict[str, Any]:
         "solid": lambda: Box(np.zeros(3), np.ones(3)), "log audit": lambda: hk.audit_recording(log, robot),
         "audit": lambda: hk.audit(control.closed_loop(law), task, [loop], q0=q, dt=0.5, cycles=3),
         "certificate": lambda: hk.certify(held, loop, q, budget=60), "nearest pose": lambda: k["ik"].nearest(k["pose"]),
-        "obstruction": lambda: curvature.obstruction(held, loop, q, samples=8),
         "program": lambda: hk.export.to_rapid(k["timed"], wiring=wiring), "excess": lambda: k["timed"].limits,
         "self-motion": lambda: strategies.self_motion_curve(task, q, step=0.2, length=1.0),
         "filtration": lambda: curvature.filtration(held, q),
-        "deviation": lambda: curvature.deviation(law, held, k["Q"]),
-        "predicted": lambda: curvature.predicted_drift(law, loop, q),
         "objective": lambda: hk.analysis.design.Objective(squared_speed=1.0),
         "slices": lambda: hk.analysis.coverage.coverage_slices(held, k["workspace"], q, steps=3)[0],
         "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),
@@ -223,11 +220,10 @@ def special() -> dict[str, dict[str, Any]]:
         "around": {"radius": 0.1}, "box": {"lower": q - 0.1, "upper": q + 0.1}, "ball": {"start": q, "radius": 0.1},
         "ball_postures": {"strategy": law, "region": t["ball"]}, "involutivity": {"samples": 4},
         "involutivity_of": {"distribution": lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], "samples": 4},
-        "measured_curvature": {"strategy": t["numeric"]}, "obstruction": {"over": loop, "samples": 8},
-        "deviation": {"given": law, "other": held, "Q": k["Q"]}, "leaf_function": {"samples": 1},
+        "measured_curvature": {"strategy": t["numeric"]}, "leaf_function": {"samples": 1},
         "distance_to_repeatable": {"strategy": law, "region": t["ball"], "samples": 2}, "cusps": {"q0": q, "starts": 8},
         "unique_region": {"budget": 40}, "witness_between": {"first": q, "second": np.array([0.3, 0.2, 0.5])},
-        "predicted_drift": {"strategy": law}, "certify": {"where": loop, "budget": 60},
+        "certify": {"where": loop, "budget": 60},
         "joint_rates": {"certificate": t["certificate"]},
         "region_of": {"certificate": hk.certify(held, k["workspace"], q, budget=60)},
         "audit": {"control_law": t["closed"], "task": task, "path": [loop], "q0": q, "dt": 0.5, "cycles": 3},
@@ -236,10 +232,9 @@ def special() -> dict[str, dict[str, Any]]:
         "coverage": {"samples": 4}, "coverage_slices": {"steps": 3}, "Slice.grid": {
             "values": np.zeros(int(t["slices"].inside.sum()))},
         "Coverage.count": {"status": hk.analysis.coverage.PoseStatus.REACHED},
-        "design": {"degree": 1, "samples": 8}, "closest_holonomic": {"strategy": law, "samples": 32, "degree": 1},
+        "design": {"degree": 1, "samples": 8},
         "advise": {"q0": q}, "sheets": {"samples": 8, "share": 0.5, "q0": [q], "search": False},
         "write_sheets": {"path": "sheets.npz"}, "self_motion_between": {"qa": q, "qb": q},
-        "Sheets.certified": {"sheet": 0},
         "survey": {"robots": ["planar-3r"], "laws": {"mp": hk.moore_penrose}, "loops": {"c": {"kind": "circle",
             "size": 0.1}}, "workers": 0, "cases": 1, "cycles": 1, "samples": 5},
         # exports

@@ -17,7 +17,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled, urdf
-from holokin import motion, strategies
+from holokin import strategies
 from holokin.analysis import curvature
 from holokin.analysis.audit import logs
 from holokin.app import survey
@@ -171,13 +171,10 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         "inverse": ik, "leaf function": leaf, "servo": hk.controller(held, dt=0.01, q0=Q),
         "walk": hk.follow(law, loop, Q, samples=8), "drift": hk.drift(held, loop, Q, samples=8),
         "spread": hk.motion.path_spread(law, loop, loop.reversed(), Q, samples=8),
-        "predicted drift": curvature.predicted_drift(law, loop, Q),
-        "winding": motion.winding(law, loop, Q, samples=8), "general form": curvature.general_form(held, Q),
+        "general form": curvature.general_form(held, Q),
         "simulate": hk.simulate(control.closed_loop(law), task, loop, Q, dt=0.1),
         "controller": control.closed_loop(law),
         "distance_to_repeatable": curvature.distance_to_repeatable(law, curvature.ball(Q, 0.02), samples=2),
-        "deviation": curvature.deviation(law,
-        held, [Q]),
         "filtration": curvature.filtration(law, Q),
         "audit": hk.audit(control.closed_loop(law), task, [loop], q0=Q, dt=0.2),
         "recording": logs.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),

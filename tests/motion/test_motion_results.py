@@ -71,7 +71,6 @@ RESULTS: dict[str, tuple[Callable[[], Any], str]] = {
     "one that stopped": (stopped, "stopped at a joint limit: "),
     "drift": (lambda: hk.drift(PPR, LOOP, PPR_START, samples=40), r"0\.1\d+$"),
     "spread": (lambda: hk.motion.path_spread(PPR, *LOOP.halves(), PPR_START, samples=40), r"-?0\.1\d+ rad apart at q3"),
-    "winding": (lambda: hk.motion.winding(PPR, LOOP, PPR_START, samples=40), "the drift fades"),
     "a timed trajectory": (lambda: hk.retime(walk(), acceleration=5.0, velocity=2.0, dt=0.05), r"time-optimal, \d"),
     "a check": (lambda: hk.check(walk(), None), "nothing found\n"),
     "a check with findings": (lambda: hk.check(walk(), None, margin=1e3), "joint limit: "),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..base.extra_module import loads
 from .control_step import Controller, LoopWatch, StepStatus, controller, has_leaf
 from .control_step import step_function as step_function
-from .drift_and_spread import Cause, Drift, Spread, Winding, drift, path_spread, winding
+from .drift_and_spread import Drift, Spread, drift, path_spread
 from .follow_path import approach, follow
 from .hand_motion import Followed, HandFollower, hand_follower
 from .simulation import simulate
@@ -22,7 +22,6 @@ else:
     __getattr__ = loads(__name__, "checks")
 
 __all__ = [
-    "Cause",
     "Controller",
     "Drift",
     "Followed",
@@ -36,7 +35,6 @@ __all__ = [
     "StepStatus",
     "TimedTrajectory",
     "Trajectory",
-    "Winding",
     "approach",
     "controller",
     "drift",
@@ -46,5 +44,4 @@ __all__ = [
     "path_spread",
     "retime",
     "simulate",
-    "winding",
 ]

@@ -155,7 +155,6 @@ def test_follow_drift_and_audit_take_a_function_and_find_what_they_find_of_its_f
         lambda G: hk.follow(G, loop, PLANAR_START, samples=60).dq,
         lambda G: hk.motion.path_spread(G, *loop.halves(), PLANAR_START, samples=40).difference,
         lambda G: hk.simulate(G, task, loop, PLANAR_START, dt=0.05).q,
-        lambda G: hk.analysis.curvature.predicted_drift(G, loop, PLANAR_START).drift,
         lambda G: G.batch(np.array([PLANAR_START, PLANAR_START + 0.1])),
     ):
         np.testing.assert_allclose(verb(given), verb(by_formula), atol=1e-9)

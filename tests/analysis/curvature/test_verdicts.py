@@ -14,7 +14,7 @@ from holokin.analysis import curvature
 from holokin.analysis.curvature import Evidence
 from holokin.analysis.curvature.curvature_of_planes import curvature_function, transport
 from holokin.analysis.curvature.involutive import is_shown, measured, noise
-from holokin.base.errors import ArgumentError, NotHolonomicError, OpenPathError, SingularityError, UndecidedError
+from holokin.base.errors import ArgumentError, NotHolonomicError, SingularityError, UndecidedError
 from holokin.robot import hessian_expression
 from holokin.symbolic import Function, symbol
 from papers_arm import de_luca_frame, paper_frame
@@ -380,47 +380,6 @@ def test_the_area_law_holds_to_the_square_of_the_radius_T7(r3: hk.Strategy, plan
         short.append(1 - np.mean(ratios))
     assert 1e-4 < short[0] < 2e-2
     assert short[0] / short[1] == pytest.approx(4, rel=0.1)
-
-
-@pytest.mark.parametrize("turning", [False, True])
-def test_a_forecast_is_near_the_drift_of_a_small_loop_on_a_real_arm(
-    panda: hk.Robot, panda_given: hk.Strategy, turning: bool
-) -> None:
-    """Halving the loop quarters the relative error; a loop that turns the tool: halves it."""
-    start = panda.pose(PANDA_START)[:3, 3]
-    errors = []
-    for size in (0.04, 0.02):
-        corners = start + size * np.array([[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
-        turns = 3 * size * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
-        if turning:  # about two axes and back does not close: undo the leftover turn on the last side
-            from scipy.spatial.transform import Rotation
-
-            left = Rotation.identity()
-            for turn in turns[:3]:
-                left = Rotation.from_rotvec(turn) * left
-            turns[3] = left.inv().as_rotvec()
-        loop = hk.polyline(corners, turns=turns if turning else None)
-        assert loop.closed
-        found = hk.drift(panda_given, loop, PANDA_START, samples=200).since_start[0]
-        told = curvature.predicted_drift(panda_given, loop, PANDA_START)
-        errors.append(np.abs(told.drift - found).max() / np.abs(found).max())
-        assert told.largest == np.abs(told.drift).max()
-    assert errors[1] < 0.1
-    assert errors[0] / errors[1] == (pytest.approx(2, rel=0.5) if turning else pytest.approx(4, rel=0.2))
-
-
-def test_a_forecast_knows_area_direction_and_its_limits(ppr: hk.Robot) -> None:
-    given = hk.moore_penrose(hk.position(ppr))
-    point = ppr.pose(PPR_START)[:3, 3]
-    loop = hk.circle(point, point - [0.1, 0, 0])
-    told = curvature.predicted_drift(given, loop, PPR_START)
-    assert told.area[0, 1] == pytest.approx(np.pi * 0.01, rel=1e-7)
-    assert told.curvature[2, 0, 1] * told.area[0, 1] == pytest.approx(
-        np.pi * 0.01 / 4, rel=1e-6
-    )  # theory 4: area / l^2
-    assert curvature.predicted_drift(given, loop.reversed(), PPR_START).drift == pytest.approx(-told.drift, rel=1e-6)
-    assert curvature.predicted_drift(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
-    fails(OpenPathError, "", lambda: curvature.predicted_drift(given, loop.part(0, 0.5), PPR_START))
 
 
 def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.Strategy, planar_3r: hk.Robot) -> None:

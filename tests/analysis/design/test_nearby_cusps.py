@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import campaign, sampled
-from holokin.analysis.design import advice_case, designed_strategy, nearby_cusps
+from conftest import campaign
+from holokin.analysis.design import advice_case, nearby_cusps
 from holokin.analysis.design.nearby_cusps import NEAR, NearbyCusps, cusps_near
 from holokin.analysis.design.trials import ranked
 from holokin.app.studio.states import leaf_cusps
@@ -94,37 +94,6 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
     assert advice.best.name == order[0 if len(near) == advice_case.MOST else len(near)]
     assert any(text.startswith("It is not proven on the whole arm: ") for text in advice.reasons)
     assert advice.to_dict()["reasons"] == list(advice.reasons)
-
-
-@pytest.mark.campaign
-@sampled(1, ("near", "taken"), [({2}, 1), ({2, 1}, 0), ({2, 1, 0}, 2), (set(), 2)])
-def test_of_designs_that_cost_alike_one_without_a_cusp_nearby_is_taken(
-    near: set[int], taken: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Designs by their degree: those in `near` have a cusp; where all have, the best stays."""
-    seen: list[hk.Strategy] = []
-
-    def given(law: hk.Strategy, q0: Any, _space: Any) -> NearbyCusps:
-        seen.append(law)
-        away = 0.0 if 3 - len(seen) in near else 0.4
-        return NearbyCusps(hk.cusps(law, q0, starts=1), away)
-
-    monkeypatch.setattr(designed_strategy, "cusps_near", given)
-    task, words = hk.position(hk.from_dh(BARS, name="planar")), {"samples": 16, "objective": "travel"}
-    monkeypatch.setattr(designed_strategy, "MORE_SPEED", 3.0)
-    found = hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words)
-    assert found.degree == taken and [one.degree for one in found.looked_at] == [2, 1, 0][: len(seen)]
-    assert len(seen) == min(len(near) + 1, 3) and found.strategy is seen[2 - taken]
-    assert found.cusps is found.looked_at[2 - taken].cusps and len(seen) == min(len(near) + 1, 3)
-    assert [one.cost for one in found.looked_at] == sorted(one.cost for one in found.looked_at)
-    said = str(found).splitlines()[8:]
-    if taken < 2:
-        assert f"Degree {taken} was taken" in said[0] and "0.4 m from the workspace" in said[1]
-    else:
-        assert ("so does one with degree 1, 0" in said[0]) is bool(near)
-    monkeypatch.setattr(designed_strategy, "MORE_SPEED", 1.0)
-    seen.clear()
-    assert hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words).degree == 2 and len(seen) == 1
 
 
 @pytest.mark.campaign

@@ -191,7 +191,7 @@ def test_a_designed_strategy_over_a_held_joint_is_answered_and_proven_and_its_po
 @pytest.fixture(scope="module")
 def design():
     task, space = hk.pose(hk.load("panda")), hk.workspace(box=([0.5, 0.05, 0.4], [0.05, 0.1, 0.05]), tilt=0.3, spin=0.5)
-    return hk.design(task, space, READY, base=hk.lock("panda_joint7"), degree=1, samples=16, avoid_cusps=False)
+    return hk.design(task, space, READY, base=hk.lock("panda_joint7"), degree=1, samples=16)
 
 
 def test_the_whole_arm_is_proven_and_the_file_stands_by_itself(tmp_path):

@@ -15,7 +15,6 @@ from holokin.base.poses import pose_from
 from holokin.motion.ik import EndKind, SelfMotion, self_motion
 from holokin.motion.self_motions.self_motions import cut_class, self_motions_at
 from holokin.motion.self_motions.stretches import onto
-from holokin.symbolic import if_else
 
 ARMS = ("panda", "fr3", "iiwa7", "iiwa14", "xarm7", "openarm-left", "openarm-right")
 
@@ -151,65 +150,6 @@ def test_arcs_end_exactly_where_a_joint_is_at_its_limit_and_leave_nothing_out(na
                 assert min(arc.place_of(q)[1] for arc in motion.arcs) < 0.05
 
 
-LAWS: dict[str, Callable[[hk.Robot], hk.Constraint]] = {
-    "a joint": lambda robot: hk.lock(robot.joint_names[2]),
-    "the held joint": lambda robot: hk.lock(robot.joint_names[6]),
-    "a sum": lambda _: hk.linear([[1.0, 0, -1, 0, 0, 0, 0.5]]),
-    "the elbow": lambda _: hk.arm_angle(),
-}
-
-
-@sampled(2, "law", LAWS)
-@pytest.mark.parametrize("name", ["panda", "xarm7"])
-def test_the_levels_that_serve_a_pose_are_those_of_its_arcs(name: str, law: str) -> None:
-    motion = random_motion(name, 6)
-    robot = motion.task.robot
-    strategy = hk.holonomic(motion.task, LAWS[law](robot))
-    served = motion.levels(strategy)
-    assert served.intervals
-    for part in served.intervals:
-        for level, q, why in ((part.low, part.q_low, part.ends[0]), (part.high, part.q_high, part.ends[1])):
-            gap = strategy.constraint.nearest(np.atleast_1d(hk.motion.ik.leaf_value(strategy, q)) - level)
-            if not served.every:
-                assert abs(float(gap[0])) < STILL
-            assert robot.within(q) and np.abs(robot.pose(q) - motion.pose).max() < STILL
-            if why == "an extremum of g":
-                assert strategy.constraint.rows == 1 and abs(np.linalg.det(stacked(strategy, q))) < 1e-5
-    # At random places of arcs, at every turn that fits, the level serves; and between the intervals none does.
-    rng, every = np.random.default_rng(2), []
-    for arc in motion.arcs:
-        for q in arc.at(rng.uniform(0, arc.length, 200)):
-            for j in np.flatnonzero(robot.upper - robot.lower > 2 * np.pi):
-                q[j] += (
-                    2
-                    * np.pi
-                    * rng.integers(
-                        np.ceil((robot.lower[j] - q[j]) / 6.2832), np.floor((robot.upper[j] - q[j]) / 6.2832) + 1
-                    )
-                )
-            every.append(float(np.ravel(hk.motion.ik.leaf_value(strategy, q))[0]))
-    assert all(served.has(level + d) or served.has(level - d) for level in every for d in (1e-9,))
-    for part in served.intervals:
-        assert served.every or not (served.has(part.low - 1e-6) or served.has(part.high + 1e-6))
-        inside = [part.low <= level <= part.high for level in every] if not strategy.constraint.angular[0] else [True]
-        assert any(inside)
-
-
-def stacked(strategy: hk.HolonomicStrategy, q: np.ndarray) -> np.ndarray:
-    """[J; J_g], the latter by differences."""
-    slope = [
-        float(
-            np.ravel(
-                strategy.constraint.nearest(
-                    np.atleast_1d(strategy.constraint_value(q + d) - strategy.constraint_value(q - d))
-                )
-            )[0]
-        )
-        for d in 1e-6 * np.eye(len(q))
-    ]
-    return np.vstack([strategy.task.jacobian(q), np.array(slope) / 2e-6])
-
-
 def test_self_motions_that_touch_something_everywhere_have_no_arc() -> None:
     task = hk.pose(hk.load("panda"))
     pose = task.robot.pose([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
@@ -235,15 +175,6 @@ def test_a_contact_ends_an_arc_to_round_off() -> None:
     assert all((elbow(arc.q) < 0.05 + STILL).all() for arc in cut.arcs)
 
 
-def test_a_rule_that_jumps_along_an_arc_is_said_to() -> None:
-    motion = random_motion("panda", 6)
-    arc = max(motion.arcs, key=lambda arc: np.ptp(arc.q[:, 2]))
-    middle = float(0.5 * (arc.q[:, 2].min() + arc.q[:, 2].max()))
-    jumping = hk.holonomic(motion.task, hk.custom(lambda q: q[6] + if_else(q[2] > middle, 5.0, 0.0)))
-    smooth = hk.holonomic(motion.task, hk.custom(lambda q: q[6] + 5.0 / (1.0 + (q[2] - middle) ** 2)))
-    assert motion.levels(jumping).jumps and not motion.levels(smooth).jumps
-
-
 def test_at_a_singular_pose_curves_end_at_the_singular_posture() -> None:
     """A shoulder that is stretched along its axis, the elbow square to it: J has rank 5."""
     task = hk.pose(hk.load("iiwa14"))
@@ -260,11 +191,8 @@ def test_out_of_reach_there_is_no_curve_and_what_is_wrong_is_said() -> None:
     far[0, 3] = 3.0
     motion = self_motion(task, far)
     assert motion.components == 0 and not motion.arcs
-    assert not motion.levels(hk.holonomic(task, hk.lock("panda_joint3"))).intervals
     with pytest.raises(ArgumentError):
         self_motion(hk.position(task.robot), far)
-    with pytest.raises(ArgumentError):
-        motion.levels(hk.holonomic(hk.pose(hk.load("fr3")), hk.lock(2)))
 
 
 def test_an_arc_is_walked_by_its_length_and_postures_are_found_on_it() -> None:

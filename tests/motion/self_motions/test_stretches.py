@@ -8,7 +8,6 @@ import pytest
 import holokin as hk
 from conftest import sampled
 from holokin.base.types import Matrix, Vector
-from holokin.motion.ik import self_motion
 from holokin.motion.self_motions.self_motions import self_motions_at
 from holokin.motion.self_motions.stretches import Stretches
 from holokin.motion.self_motions.whole_turns import turns_of
@@ -77,17 +76,6 @@ def test_the_last_posture_of_which_something_is_true_is_found_to_round_off() -> 
     stretches, sign, middle = stretches.some(some), np.sign(end - begin)[some], ((begin + end) / 2)[some]
     q = stretches.halved(lambda Q: sign * (height(Q) - middle) < 0)
     assert height(q) == pytest.approx(middle, abs=1e-12)
-
-
-def test_no_posture_of_an_arc_has_a_level_beyond_those_that_serve_its_pose(panda: hk.Robot) -> None:
-    """Extremes of g that lie within a step of the end of an arc, as at this pose, too."""
-    pose = panda.pose(np.random.default_rng(1).uniform(panda.lower, np.minimum(panda.upper, np.pi), (10, 7))[5])
-    motion = self_motion(hk.pose(panda), pose)
-    strategy = hk.holonomic(motion.task, hk.linear([1.0, 0, -1, 0, 0, 0, 0.5]))
-    served = motion.levels(strategy)
-    for arc in motion.arcs:
-        levels = np.ravel(strategy.constraint_value.batch(arc.at(np.linspace(0, arc.length, 600))))
-        assert all(min(abs(level - i.low) for i in served.intervals) < 1e-9 or served.has(level) for level in levels)
 
 
 def test_what_whole_turns_do_to_each_row_of_g(panda: hk.Robot) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, NotHolonomicError
-from ...base.types import Array, ArrayLike, Matrix, Result, Value, Vector, frozen, positive, whole
+from ...base.types import ArrayLike, Matrix, Result, Value, Vector, frozen, positive, whole
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy, check_solved, radial, self_motion_curve
 from ...symbolic import Function, jacobian, runge_kutta, symbol
@@ -242,27 +242,18 @@ class Deviation(Result):
         return f"{self.rms:.2%} rms, {self.largest:.2%} at most, squared joint speed {self.extra_speed:+.2%}"
 
 
-@typed
-def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | None = None) -> Deviation:
-    """The deviation of `other` from `given` over postures Q (k, n).
-
-    Args:
-        columns: the first task directions only, for instance 3 for positions at constant orientation.
+def _deviation(given: Strategy, other: Strategy, Q: Matrix, columns: int) -> Deviation:
+    """That of `other` from `given` over postures Q (k, n), in the first task directions.
 
     Raises:
-        ArgumentError: strategies of different tasks' sizes. SingularityError: one is singular at one of Q. ShapeError.
+        ArgumentError: strategies of different tasks' sizes. SingularityError: one is singular at one of Q.
     """
     if (given.task.n, given.task.m) != (other.task.n, other.task.m):
         raise ArgumentError("the task of the other strategy", other.task.name, f"it must be that of {given.name!r}")
-    G = given.batch(Q)[:, :, :columns]
-    return deviation_of(G, other.batch(Q)[:, :, :columns] - G)
-
-
-def deviation_of(G: Array, added: Array) -> Deviation:
-    """The deviation of a strategy that adds so much (k, n, d) to G (k, n, d)."""
-    away, size = np.sum(added**2, axis=(1, 2)), np.sum(G**2, axis=(1, 2))
+    G, new = (strategy.batch(Q)[:, :, :columns] for strategy in (given, other))
+    away, size = np.sum((new - G) ** 2, axis=(1, 2)), np.sum(G**2, axis=(1, 2))
     rms, largest = np.sqrt(away.sum() / size.sum()), np.sqrt((away / size).max())
-    return Deviation(float(rms), float(largest), float(np.sum((G + added) ** 2) / size.sum() - 1))
+    return Deviation(float(rms), float(largest), float(np.sum(new**2) / size.sum() - 1))
 
 
 @dataclass(frozen=True)
@@ -344,7 +335,7 @@ def distance_to_repeatable(
     # How far the radial strategy, and the one asked about, are from the given one
 
     def judged(other: Strategy) -> Deviation:
-        inside, edge = (deviation(strategy, other, postures, columns=d) for postures in (Q, rim))
+        inside, edge = (_deviation(strategy, other, postures, d) for postures in (Q, rim))
         return replace(inside, largest=max(inside.largest, edge.largest))
 
     return RepeatableDistance(

@@ -4,16 +4,13 @@ Uses `analysis/coverage` and `analysis/curvature`. Read first: `designed_strateg
 """
 
 from .advice_case import advise
-from .closest_strategy import ClosestHolonomic, closest_holonomic
 from .designed_strategy import Design, SectionMetrics, design
-from .nearby_cusps import DegreeTried, LevelRange, NearbyCusps, level_range
+from .nearby_cusps import LevelRange, NearbyCusps, level_range
 from .objectives import Objective, OwnCost
 from .trials import Advice, Part, RatedStrategy
 
 __all__ = [
     "Advice",
-    "ClosestHolonomic",
-    "DegreeTried",
     "Design",
     "LevelRange",
     "NearbyCusps",
@@ -23,7 +20,6 @@ __all__ = [
     "RatedStrategy",
     "SectionMetrics",
     "advise",
-    "closest_holonomic",
     "design",
     "level_range",
 ]

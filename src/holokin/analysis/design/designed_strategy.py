@@ -24,7 +24,7 @@ from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic.linear import null_space
 from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of
 from .least_costs import Floor, one_redundant
-from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
+from .nearby_cusps import NearbyCusps, cusps_near
 from .objectives import Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
 from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
 
@@ -244,7 +244,6 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     before, after: the base strategy and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold.
-    looked_at: of a design that was to avoid cusps, those of the degrees tried, the highest first, of which one is this.
     """
 
     strategy: HolonomicStrategy
@@ -260,7 +259,6 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     after: SectionMetrics
     checked: SectionMetrics
     kept: int
-    looked_at: tuple[DegreeTried, ...] = ()
 
     @cached_property
     def bound(self) -> float:
@@ -295,8 +293,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     @cached_property
     def cusps(self) -> NearbyCusps:
         """The cusps found on the leaf within the joint limits, and how near to the workspace they are."""
-        known = next((tried.cusps for tried in self.looked_at if tried.degree == self.degree), None)
-        return cusps_near(self.strategy, self.q0, self.workspace) if known is None else known
+        return cusps_near(self.strategy, self.q0, self.workspace)
 
     @property
     def degree(self) -> int:
@@ -318,7 +315,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
             f"  with a polynomial of the tool pose added, degree 0 to {self.degree}: {steps}\n"
             f"  {self._least}\n"
             f"checked at {self.checked.poses} poses: {self.checked}\n"
-            f"{said_of_degrees(self.degree, self.looked_at, self.cusps)}"
+            f"{self.cusps.lines}"
         )
 
     @property
@@ -365,7 +362,6 @@ def design(
     scene: Scene | None = None,
     samples: int = 256,
     seed: int = 0,
-    avoid_cusps: bool = False,
 ) -> Design:
     """The best way to give each tool pose of a workspace its joints: phi(q) = zeta(x), zeta a polynomial of the pose.
 
@@ -387,8 +383,6 @@ def design(
             `certify` proves.
         samples: tool poses of the workspace that the search looks at. Those that the base strategy does not reach from
             the middle of the workspace are left out, and counted.
-        avoid_cusps: where a cusp of the leaf lies in the workspace or near it, a design of a lower degree without such
-            a cusp is taken, if it costs at most a tenth more and serves as much. It takes seconds for each degree.
 
     Raises:
         ArgumentError: the robot is not redundant for the task; bad numbers.
@@ -424,29 +418,9 @@ def design(
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread, near)
     allowed = np.where(np.isfinite(costs.half) & limits, 1 - margin / costs.half, np.inf)
     hard = Limits(allowed, rcond, clearances_of(robot, scene))
-
-    # Search, and, where cusps are to be avoided, search again with lower degrees
+    # Search
     problem = Problem(base_strategy, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
-    best = _solved(problem, Q, there)
-    return _away_from_cusps(problem, best, Q, there) if avoid_cusps else best
-
-
-def _away_from_cusps(problem: Problem, best: Design, Q: Matrix, there: Array) -> Design:
-    """The best design of a problem, or, other things equal, that of the highest degree without a cusp nearby."""
-
-    def serves_as_much(design: Design) -> bool:
-        fewer = design.after.reached < best.after.reached or design.checked.reached < best.checked.reached
-        return design.kept >= best.kept and not fewer
-
-    designs, most, degree = [best], MORE_SPEED * best.costs[-1], best.degree
-    while designs[-1].cusps.near and degree:
-        degree -= 1
-        if best.costs[degree + 1] <= most:
-            lower = _solved(replace(problem, degree=degree), Q, there)
-            if lower.costs[-1] <= most and serves_as_much(lower):
-                designs.append(lower)
-    chosen = designs[-1] if designs[-1].cusps.clear else best
-    return replace(chosen, looked_at=tuple(DegreeTried(d.degree, d.costs[-1], d.cusps) for d in designs))
+    return _solved(problem, Q, there)
 
 
 def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:

@@ -84,6 +84,11 @@ class NearbyCusps(Result, Value):
             f"{turns}; after it a joint is {least.apart:.2g} (rad or m) from where it was"
         )
 
+    @property
+    def lines(self) -> str:
+        """Sentence and loop, each a line that begins with a large letter."""
+        return "\n".join(f"{text[:1].upper()}{text[1:]}." for text in (self.sentence, self.loop) if text)
+
     def __str__(self) -> str:
         return self.sentence
 
@@ -108,38 +113,6 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
         return NearbyCusps(leaf_cusps, np.inf)
     away = tool_away(strategy.task, tool_poses, poses)
     return NearbyCusps(leaf_cusps, float(away.min()), pose=tool_poses[away.argmin()])
-
-
-def _capital(sentence: str) -> str:
-    """A sentence with its first letter large."""
-    return sentence[:1].upper() + sentence[1:]
-
-
-@dataclass(frozen=True)
-class DegreeTried(Result):
-    """A design with polynomials of one degree: its objective, and the cusps of its leaf."""
-
-    degree: int
-    cost: float
-    cusps: NearbyCusps
-
-    def __str__(self) -> str:
-        return f"degree {self.degree}: {self.cost:.5g}; {self.cusps}"
-
-
-def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], cusps: NearbyCusps) -> str:
-    """Lines on the cusps of the design that was chosen, by its degree, of those looked at, the best first."""
-    others = ", ".join(str(tried.degree) for tried in looked_at if tried.degree != chosen)
-    rest = f"; so does one with degree {others}, whose coverage and margins are as good" if others else ""
-    lines = [f"{_capital(cusps.sentence)}{rest}."]
-    if others and cusps.clear:
-        more = looked_at[-1].cost / looked_at[0].cost - 1
-        lines = [
-            f"Degree {chosen} was taken, which costs {more:.1%} more than the best: with degree {others} a "
-            f"cusp lies in the workspace, or within {NEAR:g} m of it.",
-            f"Of degree {chosen} {cusps.sentence}.",
-        ]
-    return "\n".join([*lines, f"{_capital(cusps.loop)}."] if cusps.loop else lines)
 
 
 # --- The levels of a strategy whose leaves serve a whole workspace: how far the elbow may go while the tool works.

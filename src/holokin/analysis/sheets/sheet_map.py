@@ -25,7 +25,6 @@ from ...motion.ik.inverse_function import leads_to
 from ...motion.self_motions.pose_reach import Reach
 from ...path import Path
 from ...path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud, workspace
-from ...proof import UniqueRegion, unique_region
 from ...proof.checker_file import need, numbers, parsed
 from ...robot import Robot
 from ...strategies import HolonomicStrategy
@@ -76,7 +75,6 @@ def rests_of(task: Task, T: Array, clear: Clear | None) -> tuple[Indices, Reach]
 
 
 ON_LEAF = 1e-6  # difference from the level of a sheet [units of g] below which a posture lies on its leaf
-CELLS = 20_000  # cells of a proof that may be examined
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,41 +278,6 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             start of the path. ShapeError, NotFiniteError.
         """
         return follow_sheets(self.task, self.sheets, self.clearances, path, q0, stops, samples, self.workspace.center)
-
-    @typed
-    def certified(
-        self,
-        sheet: int,
-        workspace: PoseRange | None = None,
-        *,
-        budget: int = CELLS,
-        progress: Callable[[str], None] = lambda _text: None,
-    ) -> UniqueRegion:
-        """The part of a box of tool poses over which a sheet is proven to be one function, as of `hk.unique_region`.
-
-        Within the joint limits, and clear of what was named. It hangs together with the pose of the sheet's station
-        that is nearest to the middle of the box. A box with tilt and spin has up to six dimensions: many cells.
-
-        Args:
-            sheet: its index.
-            workspace: `workspace(box=...)`; by default that of the map.
-            budget: cells that may be examined; more prove more.
-            progress: hears how far it is.
-
-        Returns:
-            The region: its share, its certificate, and what is not proven and why.
-
-        Raises:
-            ArgumentError: no such sheet; a workspace that is no box. NoProofError, SingularityError, ExpressionError.
-        """
-        if not 0 <= sheet < len(self):
-            raise ArgumentError("the sheet", sheet, f"give an index from 0 to {len(self) - 1}")
-        space = self.workspace if workspace is None else workspace
-        if not isinstance(space, PoseRange):
-            raise ArgumentError("workspace", str(space), "give a box: hk.workspace(box=...)")
-        chosen = self.sheets[sheet]
-        q = chosen.nearest_station(space.center)
-        return unique_region(chosen.strategy, q, space, scene=self.scene, budget=budget, progress=progress)
 
     @cached_property
     def clear(self) -> Clear | None:

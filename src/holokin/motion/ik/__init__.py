@@ -6,10 +6,8 @@ Uses `motion/self_motions`. Read first: `inverse_function.py`, `leaf.py`, `arm_m
 from ..self_motions.pose_curves import (
     ArcEnd,
     EndKind,
-    LevelInterval,
     SelfMotion,
     SelfMotionArc,
-    ServedLevels,
     self_motion,
 )
 from .arm_inverse import ArmAnswers, ArmInverse, NearAnswer, SheetPostures
@@ -27,13 +25,11 @@ __all__ = [
     "EndKind",
     "InverseKinematics",
     "InverseStatus",
-    "LevelInterval",
     "NearAnswer",
     "Nearest",
     "Postures",
     "SelfMotion",
     "SelfMotionArc",
-    "ServedLevels",
     "SheetPostures",
     "Solutions",
     "all_postures",

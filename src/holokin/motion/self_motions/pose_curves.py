@@ -1,12 +1,11 @@
-"""`self_motion`: all postures that hold the tool at one pose, as curves within the joint limits, and their levels."""
+"""`self_motion`: all postures that hold the tool at one pose, as curves within the joint limits."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise, product
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from ...base.types import (
     Array,
     ArrayLike,
     Flags,
-    Indices,
     Matrix,
     NoTruthValue,
     Result,
@@ -27,18 +25,13 @@ from ...base.types import (
     tool_pose,
 )
 from ...robot import Robot
-from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task, of_one_tool
 from .self_motions import self_motions_at
 from .stretches import Stretches
-from .whole_turns import turns_of
 
 Clear = Callable[[Matrix], Flags]
 """Which postures (k, n) are clear of a scene, as `Clearances.clear`."""
-
-JUMP = 4.0
-"""Step of g, as a multiple of those before and after it, from which on it is looked at whether g jumps there."""
 
 
 class EndKind(StrEnum):
@@ -163,95 +156,9 @@ class SelfMotion(NoTruthValue, Result, Value, ask="`.arcs`"):
         arc, s, _ = min(places, key=lambda place: place[2])
         return arc, s
 
-    def levels(self, strategy: HolonomicStrategy) -> ServedLevels:
-        """The levels c of a strategy, r = 1, whose leaf g(q) = c has a posture of an arc, at any turn within limits.
-
-        Raises: ArgumentError: the strategy is of another task, or has no leaves.
-        """
-        if not isinstance(strategy, HolonomicStrategy):
-            raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
-        if strategy.task != self.task:
-            raise ArgumentError("the strategy", strategy.name, "give one of the task of the self-motion")
-        parts = _intervals(strategy, self.task, self.pose, self._turned(strategy))
-        jumps = any(JUMPS in part.ends for part in parts)
-        return ServedLevels(strategy, _union(parts, strategy.constraint.angular[0]), jumps)
-
-    def _turned(self, strategy: HolonomicStrategy) -> list[SelfMotionArc]:
-        """The arcs, at all turns within the limits of hinges of which a whole turn is another level."""
-        robot = self.task.robot
-        bound = robot.hinges & (robot.upper - robot.lower >= 2 * np.pi) & np.isfinite(robot.upper - robot.lower)
-        if not self.limits or not self.arcs or not bound.any():
-            return list(self.arcs)
-        bound &= ~turns_of(strategy, np.vstack([arc.q[:1] for arc in self.arcs])).free
-        if not bound.any():
-            return list(self.arcs)
-        arcs: list[SelfMotionArc] = []
-        for curve in self.curves:
-            q, ends, turning = curve.q, curve.ends, bound.copy()
-            # A joint that turns round along a closed curve: the curve goes on, over the joint's whole range.
-            wound = bound & curve.closed & (np.abs(q[-1] - q[0]) > np.pi)
-            if wound.any():
-                rounds = int(np.ceil((robot.upper - robot.lower)[wound].max() / (2 * np.pi))) + 1
-                q = np.vstack([q[:-1] + k * (q[-1] - q[0]) for k in range(-rounds, rounds + 1)])
-                ends = ArcEnd(EndKind.SINGULAR), ArcEnd(EndKind.SINGULAR)
-                turning[wound.argmax()] = False
-            first = np.ceil((robot.lower - q.max(axis=0)) / (2 * np.pi))
-            last = np.floor((robot.upper - q.min(axis=0)) / (2 * np.pi))
-            ranges = [np.arange(first[j], last[j] + 1) if turning[j] else np.zeros(1) for j in range(robot.n)]
-            for turns in product(*ranges):
-                pieces = _cut_at_limits(self.task, self.pose, q + 2 * np.pi * np.array(turns), ends, bound)
-                arcs += [SelfMotionArc(self.task, self.pose, part, ends, curve.curve) for part, ends in pieces]
-        return arcs
-
 
 APART = 0.1
 """Joint motion [joint units] from the straight line between neighbours up to which a posture is on an arc."""
-
-EXTREMUM, JUMPS, EVERY = "an extremum of g", "a jump of g", "no end"
-
-
-@dataclass(frozen=True, eq=False)
-class LevelInterval(Value):
-    """Levels from low to high, the postures (n,) at its ends, and what they are: an extremum of g, where [J; J_g] is
-    singular, a jump of it, or the end of an arc. All levels of an angle are from -pi to pi."""
-
-    low: float
-    high: float
-    q_low: Vector
-    q_high: Vector
-    ends: tuple[str, str]
-
-
-@dataclass(frozen=True, eq=False)
-class ServedLevels(NoTruthValue, Result, Value, ask="`.intervals`"):
-    """The intervals of levels of a strategy that serve a tool pose; where the level is an angle, low is in [-pi, pi).
-
-    jumps: g has a jump or no value somewhere along the self-motions, where the intervals are cut.
-    """
-
-    strategy: HolonomicStrategy
-    intervals: tuple[LevelInterval, ...]
-    jumps: bool
-
-    @property
-    def every(self) -> bool:
-        """Whether all levels of an angle serve."""
-        return any(i.high - i.low >= 2 * np.pi for i in self.intervals) and self.strategy.constraint.angular[0]
-
-    def has(self, level: float) -> bool:
-        """Whether a level serves."""
-        turn = 2 * np.pi if self.strategy.constraint.angular[0] else np.inf
-        with np.errstate(invalid="ignore"):
-            rest = [(level - i.low) % turn if turn < np.inf else level - i.low for i in self.intervals]
-        return any(0 <= r <= i.high - i.low for r, i in zip(rest, self.intervals, strict=True))
-
-    def __str__(self) -> str:
-        if not self.intervals:
-            return "no level serves this pose"
-        if self.every:
-            return "every level serves this pose"
-        parts = [f"{i.low:.4g} ({i.ends[0]}) to {i.high:.4g} ({i.ends[1]})" for i in self.intervals]
-        return f"levels that serve this pose: {'; '.join(parts)}" + ("; g jumps along the way" if self.jumps else "")
 
 
 @typed
@@ -285,10 +192,7 @@ def self_motion(task: Task, pose: PoseLike, *, limits: bool = True, clear: Clear
         q = motions.q[motions.curve == k]
         whole = q, _own_ends(task.robot, q, closed)
         curves += [arc_of(p, k) for p in ([whole] if clear is None else _cut_at_contacts(task, x, *whole, clear))]
-    slides = np.zeros(task.n, dtype=bool)
-    arcs = (
-        [arc_of(p, c.curve) for c in curves for p in _cut_at_limits(task, x, c.q, c.ends, slides)] if limits else curves
-    )
+    arcs = [arc_of(p, c.curve) for c in curves for p in _cut_at_limits(task, x, c.q, c.ends)] if limits else curves
     return SelfMotion(task, x, tuple(arcs), tuple(curves), len(motions.closed), limits)
 
 
@@ -316,21 +220,13 @@ def _stretches(task: Task, pose: Matrix, a: Matrix, b: Matrix) -> Stretches:
     return Stretches.between(task, p, R, a, b)
 
 
-def _beside(q: Matrix, rows: Indices) -> tuple[Indices, Indices]:
-    """(the rows with which the stretches beside some rows (k,) of a curve begin, which of the rows they are beside)."""
-    begin, at = np.concatenate([rows - 1, rows]), np.tile(rows, 2)
-    inside = (begin >= 0) & (begin < len(q) - 1)
-    return begin[inside], at[inside]
-
-
 # --- Arcs within the joint limits.
 
 
-def _cut_at_limits(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, ArcEnd], bound: Flags) -> list[Piece]:
-    """The parts of a curve q (k, n) along which the joints are within their limits, at some turn of hinges but for
-    those that are bound (n,) to theirs."""
+def _cut_at_limits(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, ArcEnd]) -> list[Piece]:
+    """The parts of a curve q (k, n) along which the joints are within their limits, at some turn of hinges."""
     robot = task.robot
-    turn = np.where(robot.hinges & ~bound, 2 * np.pi, 0.0)
+    turn = np.where(robot.hinges, 2 * np.pi, 0.0)
     q = _with_turning_points(task, pose, q, turn)
     runs = _runs(robot, q, turn)
     if ends[0].kind is EndKind.CLOSED:
@@ -449,124 +345,3 @@ def _cut_at_contacts(task: Task, pose: Matrix, q: Matrix, ends: tuple[ArcEnd, Ar
             parts, own[1] = [*parts, last[k : k + 1]], contact
         pieces.append((np.vstack(parts), (own[0], own[1])))
     return pieces
-
-
-# --- Levels of a strategy along arcs.
-
-
-class _Rows(NamedTuple):
-    """Postures of an arc along which g is continuous, its values (k,), what their ends are, whether they are closed."""
-
-    q: Matrix
-    level: Vector
-    ends: tuple[str, str]
-    closed: bool
-
-
-def _intervals(
-    strategy: HolonomicStrategy, task: Task, pose: Matrix, arcs: Sequence[SelfMotionArc]
-) -> list[LevelInterval]:
-    """The levels of arcs, each from the least to the largest one; cut where g jumps, or has no value."""
-    angular, parts = strategy.constraint.angular[0], list[_Rows]()
-
-    def g(q: Matrix) -> Vector:
-        return strategy.constraint_value.batch(q).reshape(-1)
-
-    for arc in arcs:
-        level = np.unwrap(g(arc.q)) if angular else g(arc.q)
-        for rows in np.split(np.arange(len(level)), _jumps(arc, g, level, angular)):
-            own = rows[np.isfinite(level[rows])]
-            if len(own):
-                first, last = own[0] == 0, own[-1] == len(level) - 1
-                ends = str(arc.ends[0]) if first else JUMPS, str(arc.ends[1]) if last else JUMPS
-                closed = arc.closed and len(own) == len(level)
-                parts.append(_Rows(arc.q[own], level[own], ends, closed))
-    return _ranges(task, pose, g, parts, angular)
-
-
-def _jumps(arc: SelfMotionArc, g: Callable[[Matrix], Vector], level: Vector, angular: bool) -> Indices:
-    """The rows of an arc before which g jumps: its step is large, and stays so where that of the joints is small."""
-    step = np.abs(np.diff(level))
-    beside = np.maximum(np.append(step[1:], 0), np.append(0, step[:-1]))
-    with np.errstate(invalid="ignore"):
-        doubtful = np.flatnonzero(~(step <= JUMP * beside + 1e-9))
-    if not len(doubtful):
-        return doubtful
-    begin, end = level[doubtful], level[doubtful + 1]
-
-    def ahead(middle: Matrix) -> Flags:
-        """Whether the larger step is ahead of postures (k, n); where g has no value it is so for ever."""
-        value = g(middle)
-        value = begin + (value - begin + np.pi) % (2 * np.pi) - np.pi if angular else value
-        yes = ~(np.abs(value - begin) > np.abs(end - value))
-        begin[yes], end[~yes] = value[yes], value[~yes]
-        return yes
-
-    with np.errstate(invalid="ignore"):
-        _stretches(arc.task, arc.pose, arc.q[doubtful], arc.q[doubtful + 1]).halved(ahead, 24)
-        return doubtful[~(np.abs(end - begin) < 0.1 * step[doubtful])] + 1
-
-
-def _ranges(
-    task: Task, pose: Matrix, g: Callable[[Matrix], Vector], parts: Sequence[_Rows], angular: bool
-) -> list[LevelInterval]:
-    """The levels of parts of arcs, at the ends exact."""
-    # The highest row of each, for g and -g; and the stretches beside rows that are no lower than their neighbours.
-    ends, found = list[tuple[float, Vector, str]](), list[tuple[Matrix, Matrix, Vector, Indices]]()
-    for part, sign in product(parts, (-1.0, 1.0)):
-        height = sign * part.level
-        top = int(height.argmax())
-        inner = part.closed or 0 < top < len(height) - 1
-        ends.append((float(part.level[top]), part.q[top], EXTREMUM if inner else part.ends[int(top > 0)]))
-        padded = np.concatenate([[-np.inf], height, [-np.inf]])
-        begin, at = _beside(part.q, np.flatnonzero((height >= padded[:-2]) & (height >= padded[2:])))
-        found.append((part.q[begin], part.q[begin + 1], part.level[at], np.full(len(at), len(ends) - 1)))
-    if not found:
-        return []
-    a, b, center, end = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    sign = np.where(end % 2, 1.0, -1.0)
-
-    def depth(q: Matrix, k: Indices) -> Vector:
-        """g times -sign, at the turn where it is near to that of a peak."""
-        away = g(q) - center[k]
-        away -= 2 * np.pi * angular * np.round(away / (2 * np.pi))
-        return np.where(np.isfinite(away), -sign[k] * (center[k] + away), np.inf)
-
-    # The extremes between rows, where they are higher.
-    postures, depths = _stretches(task, pose, a, b).least(depth)
-    for i, side, value, q in zip(end.tolist(), sign, -sign * depths, postures, strict=True):
-        if side * value > side * ends[i][0]:
-            ends[i] = float(value), q, EXTREMUM
-    each = zip(ends[::2], ends[1::2], strict=True)
-    return [LevelInterval(low[0], high[0], low[1], high[1], (low[2], high[2])) for low, high in each]
-
-
-def _union(parts: list[LevelInterval], angular: bool) -> tuple[LevelInterval, ...]:
-    """Intervals that do not overlap."""
-    if angular:
-        if full := [part for part in parts if part.high - part.low >= 2 * np.pi]:
-            return (LevelInterval(-np.pi, np.pi, full[0].q_low, full[0].q_high, (EVERY, EVERY)),)
-        shifts = [2 * np.pi * np.floor((part.low + np.pi) / (2 * np.pi)) for part in parts]
-        parts = [_shifted(part, -shift) for part, shift in zip(parts, shifts, strict=True)]
-    merged: list[LevelInterval] = []
-    for part in sorted(parts, key=lambda part: part.low):
-        if merged and part.low <= merged[-1].high:
-            merged[-1] = _joined(merged[-1], part)
-        else:
-            merged.append(part)
-    # Round the circle the last one may go on into the first ones.
-    while angular and len(merged) > 1 and merged[-1].high - 2 * np.pi >= merged[0].low:
-        merged[-1] = _joined(merged[-1], _shifted(merged.pop(0), 2 * np.pi))
-    if angular and len(merged) == 1 and merged[0].high - merged[0].low >= 2 * np.pi:
-        merged = [LevelInterval(-np.pi, np.pi, merged[0].q_low, merged[0].q_high, (EVERY, EVERY))]
-    return tuple(merged)
-
-
-def _shifted(part: LevelInterval, by: float) -> LevelInterval:
-    return LevelInterval(part.low + by, part.high + by, part.q_low, part.q_high, part.ends)
-
-
-def _joined(first: LevelInterval, other: LevelInterval) -> LevelInterval:
-    """Two intervals that overlap, of which the first begins before the other."""
-    last = other if other.high > first.high else first
-    return LevelInterval(first.low, last.high, first.q_low, last.q_high, (first.ends[0], last.ends[1]))

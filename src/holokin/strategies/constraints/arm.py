@@ -247,7 +247,7 @@ def arm_angle(
     shoulder; conventional: the wrist is on the line through the shoulder along V, above it or below; stereographic: it
     is on the half-line from the shoulder along R. Near it the elbow turns once (conventional) or twice (stereographic)
     as the wrist goes round it, so keep that direction where the robot does not work. Some such direction exists,
-    whatever the definition (a field of tangent directions on a sphere, see `obstruction`). Singular (ALGORITHMIC) where
+    whatever the definition (a field of tangent directions on a sphere has a zero). Singular (ALGORITHMIC) where
     the self-motion does not turn the elbow about the line: never when shoulder and wrist are fixed to base and tool and
     the arm is bent, but it may be so on arms with offsets. Rows: 1.
 
