@@ -486,6 +486,15 @@ class Clearances(Value):
         i, p = np.unravel_index(int(np.argmin(judged)), judged.shape)
         return self.pair_at(task, Q[i], int(p), float(apart[i, p]))
 
+    def roomiest(self, task: Task, Q: Matrix) -> PairDistance | None:
+        """The closest pair at that of postures (k, n) at which it has the most room: it is in the way at all others, too,
+        or a nearer one is; None where nothing is asked of any."""
+        near = np.maximum(self.limits, self.wanted)
+        distances = self.distances(Q, near)
+        room = counted(distances, self.limits, self.wanted).min(axis=1, initial=np.inf)
+        rows = slice(k := int(np.argmax(room)), k + 1)
+        return self.closest(task, Q[rows], distances[rows])
+
     def pair_at(self, task: Task, q: Vector, p: int, distance: float) -> PairDistance:
         """Pair p at a posture (n,), where its distance [m] is known."""
         return PairDistance(self.names[p], distance, float(self.limits[p]), q, task.pose(q))
