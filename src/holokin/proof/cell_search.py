@@ -166,14 +166,14 @@ class Extent(NoTruthValue, Enum, ask="`is Extent.WHOLE`"):
     """How far a proof came, and why no farther; the text names cause and cure."""
 
     WHOLE = "all that was asked is proven"
-    SINGULAR = "[J; J_g] is singular, or so nearly that no cell passes the test; choose another constraint or leaf"
-    LIMIT = "a joint is at its limit or beyond it; choose another leaf, or ask with limits=False"
-    NEAR = "shapes are not shown to be as far apart as was asked; choose a leaf that keeps away, or ask for less"
-    BUDGET = "the cells that were allowed are spent; allow more with budget="
-    END = "the leaf could not be followed any farther; choose another leaf, path or constraint"
-    APART = "neighbouring cells could not be shown to share a root; allow smaller ones with a larger budget="
-    ELSEWHERE = "the path comes back to a tool pose with other joints; choose another constraint, leaf or path"
-    RETURN = "the path comes back to a tool pose, and the joints are not shown to; choose another constraint or leaf"
+    SINGULAR = "the robot comes to a singular posture, or too near to one for a proof; choose another constraint or start"
+    LIMIT = "a joint is at its limit or beyond it; choose another start posture, or ask with limits=False"
+    NEAR = "two bodies are nearer than was asked, or too near to that for a proof; choose another start, or ask for less"
+    BUDGET = "the parts that may be examined are all examined; allow more with budget="
+    END = "the strategy could not be followed any farther; choose another start posture, path or constraint"
+    APART = "where two parts meet, they could not be shown to have the same joints; allow smaller ones with more budget="
+    ELSEWHERE = "the path comes back to a tool pose with other joints; choose another constraint, start or path"
+    RETURN = "the path comes back to a tool pose, and the joints could not be shown to; choose another constraint or start"
 
     @property
     def cause(self) -> str:
@@ -220,13 +220,15 @@ class Boxes(Value):
 
 @dataclass(frozen=True, eq=False)
 class Covered(Value):
-    """Boxes that were proven, with their cells and findings; why no more were, and at which box (piece, low)."""
+    """Boxes that were proven, with their cells and findings; why no more were, and at which box (piece, low), with the
+    predicted joints (n,) in its middle: None where it was not looked at."""
 
     boxes: Boxes
     cells: Cells
     findings: Findings
     extent: Extent = Extent.WHOLE
     stopped: tuple[int, tuple[float, ...]] | None = None
+    posture: Vector | None = None
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -400,12 +402,14 @@ def covered(
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
     reasons: list[Extent] = []
+    postures: list[Vector | None] = []
     spent, count, filled, size = 0, 0, 0.0, BATCH
     left, total = boxes, float(domain.shares(boxes.low, boxes.high).sum())
     while len(left):
         if spent >= budget:
             stopped += left.places()
             reasons += [Extent.BUDGET] * len(left)
+            postures += [None] * len(left)
             break
         # The next batch: the smallest boxes, where the proof may fail; in their order, if the budget is not for all.
         if budget - spent < len(left):
@@ -428,6 +432,7 @@ def covered(
         final = ~batch.kept & (too_small(tried, batch.cells) | batch.final)
         stopped += some(tried, final).places()
         reasons += reasons_of(batch, final)
+        postures += list(batch.cells.q0[final])
         _, again, _, parts = smaller(tried, batch, ~batch.kept & ~final)
         left = joined(waiting, again, parts)
         if stopped:
@@ -436,7 +441,7 @@ def covered(
     if not stopped:
         return proven
     first = min(range(len(stopped)), key=lambda i: stopped[i])
-    return replace(proven, extent=reasons[first], stopped=stopped[first])
+    return replace(proven, extent=reasons[first], stopped=stopped[first], posture=postures[first])
 
 
 def too_small(boxes: Boxes, cells: Cells) -> Flags:

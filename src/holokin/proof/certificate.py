@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import posture_text
 from ..base.files import write_text
 from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, number_or_none, some
 from ..base.units import at_least, share_text
+from ..motion.checks import PairDistance
 from ..path.editing import AnyPath
 from ..path.workspaces import Workspace
 from ..symbolic import jacobian, symbol
@@ -90,6 +92,12 @@ def left_open(tree: Any, sides: Sequence[tuple[float, float]]) -> tuple[Matrix, 
 
 FORMAT = "holokin certificate 3"
 
+START = "the start"
+"""Where a proof ends that does not hold its start."""
+
+PART = "What is proven"
+"""What comes after it holds, where not all is proven."""
+
 
 @dataclass(frozen=True, eq=False)
 class Anchors(Value):
@@ -146,7 +154,8 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     whole turns of the joints round it, and `gap` [joint unit] bounds how far else they end from where they began: not
     0, since the path itself is given in doubles; else it is infinite. Of a path that comes back to a tool pose with
     other joints `revisit` holds two such places and the difference of the joints, which is proven, too; a closed path
-    drifts by it. `asked` is the path or the box that the proof was to be about.
+    drifts by it. Where shapes end the proof `near` holds the pair, the distance and the posture, in the middle of the
+    cell that could not be proven; of other ends `reason` says more, where it is known. `asked` is the path or the box that the proof was to be about.
     """
 
     extent: Extent
@@ -166,6 +175,8 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     demands: Demands
     pieces: Matrix
     revisit: Revisit | None
+    near: PairDistance | None
+    reason: str
     asked: AnyPath | Workspace
 
     def __len__(self) -> int:
@@ -187,22 +198,22 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         """What is proven, in one sentence."""
         count, equation, box = len(self), self.equation, isinstance(self.asked, Workspace)
         if not count:
-            return f"Nothing is proven: at {self.where or 'the start'} {self.extent.cause}."
+            return f"Nothing is proven: {self.cause}{'' if self.near else f', at {self.where or START}'}."
         # One posture for each place.
         strategy, with_others, q = equation.strategy, "", ""
         if equation.n > equation.joints:
-            with_others = ", taken with the auxiliary unknowns of the constraint,"
+            with_others = " (taken with the auxiliary unknowns of the constraint)"
             q = ", q the joints and these unknowns"
         if box:
-            part = f"the cells that are joined, {share_text(self.share)} of {self.asked},"
-            function, about = "smooth function of the pose", f"every pose of {self.asked if self.covered else part}"
+            part = f"in the cells that are joined, {share_text(self.share)} of {self.asked},"
+            about = f"{f'everywhere in {self.asked}' if self.covered else part} the tool's pose alone decides the joints"
         else:
-            function = "continuous function of the place, smooth between corners of the path"
-            about = f"every place {'on the path' if self.covered else 'of the path up to there'}"
+            part = "all along the path" if self.covered else "on the path up to there"
+            about = f"{part} the place alone decides the joints, and they do not jump"
         parts = [
-            f"on the leaf of {strategy.name!r} for the task {strategy.task.name!r} through the start, {about} has "
-            f"exactly one posture{with_others} in the tube of its cell ({count} cells); this posture is a {function}, "
-            f"with |det {equation.derivative}| >= {at_least(self.determinant, 2)}{q}"
+            f"{about}: moved by {strategy.name!r} from the start, for the task {strategy.task.name!r}, the robot has "
+            f"one posture{with_others} at each {'pose' if box else 'place'}, no other near it, and is nowhere singular "
+            f"(|det {equation.derivative}| >= {at_least(self.determinant, 2)}{q}; {count} cells)"
         ]
         # Limits and distances.
         if self.limits is not None and np.isfinite(self.to_limit).any():
@@ -215,18 +226,29 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         if np.isfinite(self.gap):
             parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
         if self.whole and not box:
-            one = strategy.task.frames == 1
-            pose, poses = ("a tool pose", "the tool pose") if one else ("the tools' poses", "the tools' poses")
+            pose = "a tool pose" if strategy.task.frames == 1 else "the tools' poses"
             same = "whole turns apart at most" if turned else "the same"
-            parts.append(f"wherever the path comes back to {pose}, the joints are {same}: a function of {poses} on it")
+            parts.append(f"wherever the path comes back to {pose}, the joints are {same}")
         sentence = "; ".join(parts)
         if self.whole:
             return f"{sentence[0].upper()}{sentence[1:]}."
         if self.revisit is not None:
-            return f"The joints are no function of the tool pose here: {self.revisit.words(equation)}; but {sentence}."
+            return f"The joints do not return with the tool: {self.revisit.words(equation)}. {PART}: {sentence}."
         sentence += "" if self.anchors.begun else "; the pose of the start is not proven"
-        place = f"at {self.where} " if self.where else ""
-        return f"Not all is proven, since {place}{self.extent.cause}; but {sentence}."
+        place = f": at {self.where}," if self.where else ":"
+        if not box and self.where != START:
+            place = f", only up to {self.where}:"
+        elif self.near is not None:  # it tells the place itself
+            place = ":"
+        return f"Not all is proven{place} {self.cause}. {PART}: {sentence}."
+
+    @property
+    def cause(self) -> str:
+        """Why not all is proven: the pair, the joint or the motion of the tool, where it is known."""
+        if self.near is not None:
+            little = "" if self.near.too_near else ": too little room for a proof, with convex shapes in place of bodies"
+            return f"{self.near}, the joints at {posture_text(np.round(self.near.q, 4))}{little}"
+        return self.reason or self.extent.cause
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
@@ -263,6 +285,12 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         return self.demands.limits
 
     @property
+    def nearest_pair(self) -> tuple[tuple[str, str], float] | None:
+        """The two bodies that are proven to be as near to each other as no others, and the distance [m] that they keep
+        at least; None where nothing was asked about distances."""
+        return None if self.demands.clear is None else self.demands.clear.nearest(self.findings.apart)
+
+    @property
     def whole(self) -> bool:
         """True where all that was asked is proven: of a path, too, that the same tool pose has the same joints."""
         return self.extent is Extent.WHOLE
@@ -277,7 +305,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         """Why the joints are not said to return with the tool; "" where they are."""
         if self.whole:
             return ""
-        return self.revisit.words(self.equation) if self.revisit is not None else self.extent.cause
+        return self.revisit.words(self.equation) if self.revisit is not None else self.cause
 
     @property
     def boxes(self) -> Boxes:

@@ -29,6 +29,7 @@ from ..path.path import rotation_vector
 from ..path.workspaces import PoseRange, Workspace
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
+from ..strategies.strategy import hardest_motion
 from ..strategies.tasks.frame_task import completing, leaves_free
 from ..symbolic.intervals import Interval
 from .binding import lowered_equation
@@ -49,9 +50,9 @@ from .cell_search import (
     one_root,
     overlapping,
 )
-from .certificate import Anchors, Certificate, Revisit
+from .certificate import START, Anchors, Certificate, Revisit
 from .equation import Equation, Stretches, equation_of
-from .kept_apart import kept_apart
+from .kept_apart import kept_apart, least_room
 from .region_growth import grown
 from .signed_box import SignedBox, signed_box, signed_branch
 from .tube import UP, Cells, centred, examined, least_determinant, norm
@@ -66,8 +67,12 @@ PARTS = 256
 """Parts of a piece for which the motion of the joints is computed."""
 
 
-def walked(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> tuple[Matrix, Extent, str]:
-    """(postures (k, n) at the start and the samples, why they end, where) along a path, limits ignored.
+Ended = tuple[Extent, str, str]
+"""Why postures along a path end, where, and what was said of that."""
+
+
+def walked(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> tuple[Matrix, Ended]:
+    """(postures (k, n) at the start and the samples, how they end) along a path, limits ignored.
 
     Raises:
         StartError: the tool at the start is not where the path begins.
@@ -91,8 +96,8 @@ def walked(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> tuple[Matrix,
             if not step:
                 raise
             why = Extent.SINGULAR if isinstance(problem, SingularityError) else Extent.END
-            return np.array(postures), why, plan.where(step).removeprefix("in cycle 1, ")
-    return np.array(postures), Extent.WHOLE, ""
+            return np.array(postures), (why, plan.where(step).removeprefix("in cycle 1, "), str(problem).rpartition("; ")[0])
+    return np.array(postures), (Extent.WHOLE, "", "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -621,18 +626,18 @@ def certify_cells(
     budget: int = 20_000, keep_in: str | FilePath | None = None, progress: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:  # fmt: skip
     """The same by cells of joints, whatever the strategy: its certificate can be saved, and verified."""
-    began, extent, stop = time.perf_counter(), Extent.WHOLE, ""
+    began, ended = time.perf_counter(), (Extent.WHOLE, "", "")
     strategy, start = provable(strategy), start_posture(strategy.task.robot, q0, limits)
     if isinstance(where, Workspace):
         domain: Domain = PoseRegion.of(strategy, where, start)
     else:
         rotations = strategy.task.pose(start).reshape(-1, 4, 4)[:, :3, :3]
         plan = make_plan(strategy.task, where, 256, rotations.reshape(-1, 3))
-        postures, extent, stop = walked(strategy, plan, start)
+        postures, ended = walked(strategy, plan, start)
         domain = Pathway.of(strategy, plan, postures)
     asked = demands(strategy, start, limits, scene)
     with KeptCells.opened(keep_in, lambda: question(domain, start, asked)) as kept_cells:
-        return certificate(where, domain, start, asked, budget, progress, began, (extent, stop), kept_cells)
+        return certificate(where, domain, start, asked, budget, progress, began, ended, kept_cells)
 
 
 def provable(strategy: Strategy) -> HolonomicStrategy:
@@ -670,10 +675,10 @@ def question(domain: Domain, start: Vector, asked: Demands) -> dict[str, Any]:
 
 def certificate(
     where: AnyPath | Workspace, domain: Domain, start: Vector, asked: Demands, budget: int,
-    progress: Callable[[str], None], began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""),
+    progress: Callable[[str], None], began: float, ended: Ended = (Extent.WHOLE, "", ""),
     kept_cells: KeptCells = NOWHERE,
 ) -> Certificate:  # fmt: skip
-    """What can be proven over a domain. ended: why and where the postures of a path ended early."""
+    """What can be proven over a domain. ended: how the postures of a path ended early."""
     robot = domain.equation.strategy.task.robot
     # The cells, and how far apart the shapes are at least over them.
     proven = _glued(domain, asked, budget, progress, kept_cells)
@@ -681,16 +686,19 @@ def certificate(
         progress(f"{len(proven):,} cells proven, the least distances")
         proven = replace(proven, findings=asked.clear.sharpened(proven.cells, proven.findings))
     # How far the proof came, and whether the joints return with the tool.
-    extent, place = proven.extent, domain.place(proven)
+    extent, place, reason = proven.extent, domain.place(proven), _reason(domain.equation.strategy, proven)
     if extent is Extent.WHOLE and ended[0] is not Extent.WHOLE:
-        extent, place = ended
+        extent, place, reason = ended
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
     anchors, revisit = _anchored(domain, proven, start, closed), None
     if extent is Extent.WHOLE and not anchors.begun:
-        extent, place = Extent.APART, "the start"
+        extent, place = Extent.APART, START
     if extent is Extent.WHOLE and isinstance(domain, Pathway):
         revisits = Revisits(domain, proven)
         extent, revisit = revisits.end() if closed and anchors.turns is None else revisits.anywhere()
+    near = None
+    if asked.clear is not None and extent is Extent.NEAR and proven.posture is not None:
+        near = least_room(asked.clear, domain.equation.strategy.task, proven.posture[: robot.n])
     # What the cells say of the joints.
     boxes, findings = proven.boxes, proven.findings
     low, high = (findings.low.min(axis=0), findings.high.max(axis=0)) if len(proven) else (start, start)
@@ -714,8 +722,22 @@ def certificate(
         demands=asked,
         pieces=domain.given(np.arange(int(boxes.piece.max(initial=0)) + 1)),
         revisit=revisit,
+        near=near,
+        reason=reason,
         asked=where,
     )
+
+
+def _reason(strategy: HolonomicStrategy, proven: Covered) -> str:
+    """Which joint ends a proof at its limit, or which motion of the tool is hard there; "" where that is not known."""
+    robot, q = strategy.task.robot, proven.posture
+    if q is None or not np.isfinite(q).all():
+        return ""
+    q = q[: robot.n]
+    if proven.extent is Extent.LIMIT:
+        i = int(np.argmin(np.minimum(q - robot.lower, robot.upper - q)))
+        return f"{robot.joint_names[i]} is at its limit or beyond it"
+    return hardest_motion(strategy, q) if proven.extent is Extent.SINGULAR else ""
 
 
 def _glued(
@@ -747,7 +769,7 @@ def _glued(
 
 def _both(one: Covered, other: Covered) -> Covered:
     """The cells of both, ended where the first of them is."""
-    ends = [(part.stopped, part.extent) for part in (one, other) if part.stopped is not None]
-    stopped, extent = min(ends, key=lambda end: end[0], default=(None, Extent.WHOLE))
+    ended = [part for part in (one, other) if part.stopped is not None]
+    first = min(ended, key=lambda part: part.stopped or (0, ()), default=one)
     rows = {name: joined(getattr(one, name), getattr(other, name)) for name in ("boxes", "cells", "findings")}
-    return Covered(**rows, extent=extent, stopped=stopped)
+    return replace(first, **rows)

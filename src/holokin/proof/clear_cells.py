@@ -186,13 +186,13 @@ class ClearCells(Value):
     def words(self, apart: Matrix) -> str:
         """The least distance that is proven over cells (k, P), in words."""
         # The pairs that keep the clearance, and those that are only shown not to touch.
-        bounds, names = self.judged(apart), dict.fromkeys(pair.names for pair in self.pairs)
+        names, nearest = dict.fromkeys(pair.names for pair in self.pairs), self.nearest(apart)
         touch = len({pair.names for pair in self.pairs if pair.wanted < self.looked_at.wanted})
         near = f"{touch} of them, which are near at each of {POSTURES} random postures, are only shown not to touch"
         parts = [f"the shapes of {len(names)} pairs keep apart"]
-        if np.isfinite(bounds).any():
-            one, other = self.pairs[int(np.argmin(bounds))].names
-            parts = [f"{parts[0]}, {one} and {other} as the nearest by {at_least(float(bounds.min()))} m or more"]
+        if nearest is not None:
+            (one, other), bound = nearest
+            parts = [f"{parts[0]}, {one} and {other} {self.as_nearest} by {at_least(bound)} m or more"]
         parts += [near] if touch else []
         # What is left out.
         left_out = left_out_words([left for left in self.looked_at.left_out if left.pair not in names])
@@ -200,6 +200,21 @@ class ClearCells(Value):
         bare = sorted({link.link for link in self.looked_at.unseen})
         parts += [f"nothing is said of {brief(', '.join(bare))}, without a shape to look at"] if bare else []
         return ", ".join(parts)
+
+    def nearest(self, apart: Matrix) -> tuple[tuple[str, str], float] | None:
+        """The pair that keeps the least over what is asked of it over cells (k, P), and the distance that is proven of it
+        [m]; None where there is none."""
+        bounds = self.judged(apart) if len(apart) else np.zeros(0)
+        if not np.isfinite(bounds).any():
+            return None
+        p = int(np.argmin(bounds))
+        return self.pairs[p].names, float(apart[:, p].min())
+
+    @property
+    def as_nearest(self) -> str:
+        """What that pair is called: where links are padded, another one may be nearer."""
+        padded = (self.wanted > self.looked_at.wanted).any()
+        return "with the least room over what is asked" if padded else "as the nearest"
 
     def judged(self, apart: Matrix) -> Vector:
         """(P,) what is proven over cells (k, P) at least [m]; infinite of pairs that need not keep the clearance."""

@@ -2,58 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..base.errors import ArgumentError
-from ..base.types import Matrix, Value, Vector
+from ..base.types import Matrix, Vector
 from ..motion import follow
 from ..motion.checks.clearance import FLOOR
-from ..motion.checks.motion_checks import Clearances
+from ..motion.checks.motion_checks import SURE, Clearances, PairDistance
 from ..motion.checks.scene import Scene
 from ..path import Path
 from ..robot import Mesh, Robot, chain_length, foot_of
 from ..strategies import HolonomicStrategy
+from ..strategies.tasks.task import Task
 from .certificate import Certificate
 from .clear_cells import ClearCells, shape_pairs
 
-# --- `TooNear`: a posture on a leaf at which two shapes are nearer than a proof was to show: there none can succeed.
+# --- A posture on a leaf at which two shapes are nearer than a proof was to show: there none can succeed.
 #
 # The distances are those of `check`, at postures that are found in doubles: of meshes their own, not of their hulls.
 
-SURE = 1e-9
-"""Distances [m] are less than asked by more than this, where something is said to be too near: they are rounded."""
-
-
-@dataclass(frozen=True, eq=False)
-class TooNear(Value):
-    """A tool pose (4, 4), the posture q (n,) of the leaf there, and the two things that are `distance` [m] apart at it,
-    negative for how deep the one is in the other, where `wanted` [m] was asked."""
-
-    pose: Matrix
-    q: Vector
-    names: tuple[str, str]
-    distance: float
-    wanted: float
-
-    def __str__(self) -> str:
-        place = ", ".join(f"{x:.4g}" for x in self.pose[:3, 3])
-        asked = f", where {self.wanted:.3g} m was asked" if self.wanted else ""
-        return f"with the tool at [{place}] m {_apart_words(self.names, self.distance)}{asked}"
-
-
-def _apart_words(names: tuple[str, str], distance: float) -> str:
-    """How far apart two things are, or how deep the one is in the other."""
-    both = " and ".join(names)
-    if distance > 0:
-        return f"{both} are {distance:.3g} m apart"
-    return f"{both} overlap by {-distance:.3g} m" if distance else f"{both} touch"
+def looked_at(clear: ClearCells) -> Clearances:
+    """The distances of `check`, of the pairs that a proof is about."""
+    return Clearances(clear.robot, clear.looked_at)
 
 
 def gap_distances(clear: ClearCells, Q: Matrix) -> Matrix:
     """(k, gaps) how far apart things are at postures Q (k, n), as `check` has it: `clear.looked_at.gaps`."""
-    clearances = Clearances(clear.robot, clear.looked_at)
+    clearances = looked_at(clear)
     return clearances.distances(Q, clearances.limits + SURE)
 
 
@@ -62,18 +37,19 @@ def short_of(clear: ClearCells, distances: Matrix) -> Matrix:
     return np.array(clear.looked_at.limits) - SURE - distances
 
 
-def _too_near_at(clear: ClearCells, pose: Matrix, q: Vector) -> TooNear | None:
-    """What is too near at a posture (n,), the worst of it; None where nothing is."""
+def least_room(clear: ClearCells, task: Task, q: Vector) -> PairDistance:
+    """The pair that a proof cannot show to be as far apart as is asked at a posture (n,): the one that is too near by
+    most; where none is, the one whose convex shapes, which the proof is about, have the least room."""
     distances = gap_distances(clear, q[None])[0]
-    short = short_of(clear, distances)
-    worst = int(np.argmax(short))
-    if not short[worst] > 0:
-        return None
-    gaps = clear.looked_at
-    return TooNear(pose, q, gaps.gaps[worst].names, float(distances[worst]), gaps.limits[worst])
+    gap = int(np.argmax(short_of(clear, distances)))
+    if not short_of(clear, distances)[gap] > 0:
+        names = clear.pairs[int(np.argmin(clear.distances(q[None])[0] - clear.wanted))].names
+        gaps = [g for g, other in enumerate(clear.looked_at.gaps) if other.names == names]
+        gap = min(gaps, key=lambda g: float(distances[g]))
+    return looked_at(clear).pair_at(task, q, gap, float(distances[gap]))
 
 
-def too_near_along(certificate: Certificate) -> TooNear | None:
+def too_near_along(certificate: Certificate) -> PairDistance | None:
     """A posture along the path of a certificate at which something is too near; None where samples show none."""
     clear, path = certificate.demands.clear, certificate.asked
     if clear is None or not isinstance(path, Path):
@@ -83,7 +59,8 @@ def too_near_along(certificate: Certificate) -> TooNear | None:
     walk = follow(strategy, path, q0, samples=1000, limits=certificate.limits is not None)
     Q = walk.q[np.isfinite(walk.q).all(axis=1)]
     worst = Q[int(np.argmax(short_of(clear, gap_distances(clear, Q)).max(axis=1)))]
-    return _too_near_at(clear, strategy.task.pose(worst), worst)
+    pair = least_room(clear, strategy.task, worst)
+    return pair if pair.too_near else None
 
 
 EVEN = 1e-11
@@ -151,21 +128,17 @@ def _clearances(robot: Robot, scene: Scene) -> Clearances:
 
 def _check_start(clear: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> None:
     """Raises: ArgumentError: things are nearer at q0 than is asked, or the shapes that stand for them are."""
-    problem = _too_near_at(clear, strategy.task.pose(q0), q0)
-    if problem is not None:
+    problem = least_room(clear, strategy.task, q0)
+    if problem.too_near:
         # A word about units, where what is too near is five times as large as the arm is long.
         shapes = [s for pair in clear.pairs if pair.names == problem.names for s in (pair.one, pair.other)]
         size = max((float(np.ptp(s.points, axis=0).max()) + 2 * s.radius for s in shapes), default=0.0)
         large = size > 5 * max(chain_length(clear.robot), 0.1)
         doubt = f"; one of them is {size:.3g} m large: is it given in mm?" if large else ""
-        fact = f"{_apart_words(problem.names, problem.distance)} there"
-        fact += f", {problem.wanted:.3g} m asked" if problem.wanted else ""
         cure = "move what is in the way, or give another posture or a smaller clearance"
-        raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}{doubt}")
-    room = clear.distances(q0[None])[0] - clear.wanted
-    if not room.min(initial=np.inf) >= 0:
-        pair = clear.pairs[int(np.argmin(room))]
-        fact = f"{pair.names[0]} and {pair.names[1]} are far enough apart there, but not the convex shapes for them"
+        raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{problem}: {cure}{doubt}")
+    if not (clear.distances(q0[None])[0] - clear.wanted).min(initial=np.inf) >= 0:
+        fact = f"{problem}, but the convex shapes that stand for them in the proof are nearer"
         cure = "give a mesh by its convex parts, another posture or a smaller clearance"
         raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}")
 

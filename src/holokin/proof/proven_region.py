@@ -23,7 +23,7 @@ from ..base.poses import PoseLike, pose_from, tool_poses
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, whole
 from ..base.units import at_least, percentages
-from ..motion.checks import Scene
+from ..motion.checks import PairDistance, Scene
 from ..motion.ik import InverseKinematics, InverseStatus, ik
 from ..motion.ik.closed_leaf import ClosedBranch
 from ..motion.ik.inverse_function import leads_to
@@ -36,7 +36,7 @@ from .cell_search import Demands, Extent, KeptCells
 from .certificate import Certificate, clear_cuts, left_open, partition
 from .certify_leaf import certificate, demands, provable, question
 from .clear_cells import ClearCells
-from .kept_apart import TooNear, gap_distances, short_of
+from .kept_apart import gap_distances, looked_at, short_of
 from .signed_box import SignedBox, signed_box, signed_branch
 
 # --- A large box of tool poses about a start: grown where samples are regular, made smaller until it is proven.
@@ -106,7 +106,7 @@ def _proven_box(
             stop = cells.stop(proof.proven)
         if proof.whole or not left:
             return proof, cells, box
-        progress(f"{box}: {proof.extent.cause}")
+        progress(f"{box}: {proof.cause}")
         box = _about(box, tool, 0.8) if proof.extent is Extent.BUDGET else _cut(box, tool, stop)
 
 
@@ -223,7 +223,7 @@ class OpenParts(Value):
     high: Matrix
     cause: Indices
     """(k,) of `CAUSES`."""
-    found: tuple[TooNear | None, ...]
+    found: tuple[PairDistance | None, ...]
     volumes: Vector
     """(k,) shares of the workspace: of its positions by volume, of its turns by the Haar measure."""
 
@@ -244,7 +244,7 @@ class OpenParts(Value):
         return cause
 
     @property
-    def worst(self) -> TooNear | None:
+    def worst(self) -> PairDistance | None:
         """The posture that is short of what was asked by most; None where none was found."""
         postures = (posture for posture in self.found if posture is not None)
         return max(postures, key=lambda posture: posture.wanted - posture.distance, default=None)
@@ -273,15 +273,14 @@ def _open_parts(
     # A part is too near by the worst of them that continues what is proven; else it is as its middle.
     cause = asked.cause[::count].copy()
     cause[cause == NEAR] = UNPROVEN
-    too_near: list[TooNear | None] = [None] * k
+    too_near: list[PairDistance | None] = [None] * k
     for i in range(k):
         rows = np.arange(i * count, (i + 1) * count)
         near = rows[asked.cause[rows] == NEAR]
         for j in near[np.argsort(-asked.short[near])].tolist():
             if clear is not None and not elsewhere(asked.poses[j], asked.q[j]):
-                gaps, g = clear.looked_at, int(asked.gap[j])
-                distance, limit = float(asked.distance[j]), gaps.limits[g]
-                too_near[i] = TooNear(asked.poses[j], asked.q[j], gaps.gaps[g].names, distance, limit)
+                gap, distance = int(asked.gap[j]), float(asked.distance[j])
+                too_near[i] = looked_at(clear).pair_at(region.equation.strategy.task, asked.q[j], gap, distance)
                 cause[i] = NEAR
                 break
         if cause[i] == UNPROVEN and elsewhere(asked.poses[rows[0]], asked.q[rows[0]]):
@@ -362,7 +361,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
         Together they are what is left of `share`, which is exact; what each of them has of it tell `SAMPLED` poses.
         """
-        causes = self.causes(self.workspace.poses(SAMPLED))
+        causes = self._sampled[0]
         names = CAUSES if self.certificate.demands.clear is not None else CAUSES[:NEAR]
         counts = np.bincount(causes[causes >= 0], minlength=len(names))[: len(names)]
         counts[UNPROVEN] += not counts.any()
@@ -374,12 +373,31 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         The postures of the others are those of `ik(pose)`, from q0 straight to the pose: "another posture" where one
         from the nearest pose of the region is another one; "too near" where things are nearer there than was asked.
         """
+        return self._causes(poses)[0]
+
+    def _causes(self, poses: Array) -> tuple[Indices, PairDistance | None]:
+        """The same, and the pair that has the least room at the poses that are too near or not proven."""
         causes, others = np.full(len(poses), -1), np.flatnonzero(~self.contains(poses))
-        asked = _asked_about(self.certificate.demands.clear, poses[others], self._ik)
+        clear = self.certificate.demands.clear
+        asked = _asked_about(clear, poses[others], self._ik)
         for i, k in enumerate(others):
             same = asked.cause[i] in (LIMIT, END) or not self._elsewhere(poses[k], asked.q[i])
             causes[k] = asked.cause[i] if same else ANOTHER
-        return causes
+        of_leaf = np.flatnonzero(np.isin(causes[others], (NEAR, UNPROVEN)) & np.isfinite(asked.distance))
+        if clear is None or not len(of_leaf):
+            return causes, None
+        i = of_leaf[int(np.argmax(asked.short[of_leaf]))]
+        gap, distance = int(asked.gap[i]), float(asked.distance[i])
+        return causes, looked_at(clear).pair_at(self.strategy.task, asked.q[i], gap, distance)
+
+    @cached_property
+    def _sampled(self) -> tuple[Indices, PairDistance | None]:
+        return self._causes(self.workspace.poses(SAMPLED))
+
+    @property
+    def nearest(self) -> PairDistance | None:
+        """What comes nearest in the rest, of `SAMPLED` poses: of the postures that are too near, or else not proven."""
+        return self._sampled[1]
 
     def parts_at(self, poses: Array) -> Indices:
         """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES` their part has."""
@@ -409,12 +427,16 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     def sentence(self) -> str:
         """What is proven, and of a part of a workspace what the rest is."""
         # What holds where it is proven.
-        proof, function, limits = self.certificate, "the joints are one function of the tool pose", ""
-        leaf, cells = f"on the leaf of {self.strategy.name!r} through q0", f"proven by {len(proof):,} cells"
+        proof, function, limits = self.certificate, "the tool's pose alone decides the joints", ""
+        leaf, cells = f"moved by {self.strategy.name!r} from q0", f"proven by {len(proof):,} cells"
         if proof.limits is not None and np.isfinite(proof.to_limit).any():
             room = float(proof.to_limit.min())  # a part may end where a joint is at its limit
             limits = f", at least {at_least(room, 2)}" if room >= 1e-3 else ","
             limits += " within the joint limits"
+        clear = proof.demands.clear
+        if isinstance(proof, Certificate) and clear is not None and proof.nearest_pair is not None:
+            names, bound = proof.nearest_pair
+            limits += f", {' and '.join(names)} {clear.as_nearest} at least {at_least(bound)} m apart"
         if self.whole:
             return (
                 f"over {self.workspace} {function}, {leaf}{limits}: every closed path of the tool inside returns them "
@@ -426,6 +448,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         rest = ", ".join(f"{part} {name}" for part, name in zip(others, causes, strict=True))
         rest = f"the rest, by {SAMPLED:,} poses of the box: {rest or 'none of them'}"
         inside = (np.abs(self.cells.place_of(self.q0)) <= 1).all()
+        rest += f"; the least room: {self.nearest}" if self.nearest is not None else ""
         rest += "; the pose of q0 is not proven" if inside and not self.holds_start else ""
         if not len(proof):
             return f"nothing is proven over {self.workspace}, {leaf}; {rest}"

@@ -83,6 +83,7 @@ class _Search:
         self.state, self.row, self.level = (np.zeros(0, dtype=int) for _ in range(3))
         self.far, self.holds = np.zeros(0), np.zeros(0, dtype=bool)
         self.reasons: dict[int, Extent] = {}
+        self.postures: dict[int, Vector] = {}
         self.done: list[Findings] = []
         n, d, numbers = domain.equation.n, domain.equation.d, domain.equation.family.numbers
         shapes = [(0, n), (0, n, d), (0, n, d * (d + 1) // 2), (0, numbers), (0,)]
@@ -158,14 +159,15 @@ class _Search:
         self.r, self.alone = np.append(self.r, batch.findings.r), np.append(self.alone, batch.findings.alone)
         final = ~kept & batch.rooted & (too_small(boxes, batch.cells) | batch.final)
         final |= ~kept & (np.min(boxes.high - boxes.low, axis=1) < 8 * GRID)
-        self._end(chosen[final], reasons_of(batch, final))
+        self._end(chosen[final], reasons_of(batch, final), batch.cells.q0[final])
         tried, again, halved, parts = smaller(boxes, batch, ~kept & ~final, self.lengths)
         self._replace(chosen[tried], again)
         self._replace(chosen[halved], parts)
 
-    def _end(self, rows: Indices, reasons: list[Extent]) -> None:
+    def _end(self, rows: Indices, reasons: list[Extent], postures: Matrix) -> None:
         self.state[rows] = ENDED
         self.reasons |= dict(zip(rows.tolist(), reasons, strict=True))
+        self.postures |= dict(zip(rows.tolist(), postures, strict=True))
 
     def _replace(self, rows: Indices, parts: Boxes) -> None:
         """Boxes (k,) are replaced: by others (k), or by lower and then upper halves (2 k), which have their faces."""
@@ -246,7 +248,7 @@ class _Search:
             return
         boxes, cells = some(self.boxes, rows), some(self.cells, self.row[rows])
         final, none = too_small(boxes, cells), np.zeros(len(rows), dtype=bool)
-        self._end(rows[final], [Extent.APART] * int(final.sum()))
+        self._end(rows[final], [Extent.APART] * int(final.sum()), cells.q0[final])
         self._replace(rows[~final], halves(boxes, cells, cells.rho / 2, ~final, none))
 
     def _glue(self) -> None:
@@ -287,7 +289,7 @@ class _Search:
         if stop is None:
             return proven
         reason = self.reasons.get(stop, Extent.APART if exhausted else Extent.BUDGET)
-        return replace(proven, extent=reason, stopped=self.boxes.places()[stop])
+        return replace(proven, extent=reason, stopped=self.boxes.places()[stop], posture=self.postures.get(stop))
 
 
 def _grid_faces(counts: list[int]) -> Indices:

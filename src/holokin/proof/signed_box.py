@@ -34,6 +34,7 @@ from ..symbolic.intervals import Interval
 from ..symbolic.taylor_function import Taylor, TaylorFunction
 from .box_proof import PoseRegion, faces
 from .cell_search import Boxes, Demands, Extent
+from .certificate import PART, START
 from .equation import PoseBox
 from .whole_arm import WholeArm, meeting_point
 
@@ -460,21 +461,21 @@ class SignedBox(NoTruthValue, Value, ask="`.whole`"):
     def cause(self) -> str:
         """Why not all is proven."""
         if self.extent is Extent.END:
-            return "no posture has the signs of the start's"
+            return "no posture has the three signs of the start's (as elbow up or down)"
         return f"{self.joint} is at its limit or beyond it" if self.extent is Extent.LIMIT else self.extent.cause
 
     @cached_property
     def theorem(self) -> str:
         """What is proven, in one sentence."""
         if not len(self):
-            return f"Nothing is proven: at {self.where or 'the start'} {self.cause}."
+            return f"Nothing is proven: {self.cause}, at {self.where or START}."
         arm = self.branch.leaf.inverse.arm
         held = " and ".join(arm.robot.joint_names[k] for k in arm.held)
         part = self.asked if self.whole else f"the cells that are joined, {share_text(self.share)} of {self.asked},"
         sentence = (
-            f"every pose of {part} has exactly one posture{f' with {held} held' if held else ''} whose three steps "
-            f"have the signs of the start's, whole turns aside; it is a smooth function of the pose, with "
-            f"[J; J_g] regular ({len(self):,} cells)"
+            f"{f'with {held} held, ' if held else ''}every pose of {part} has exactly one posture with the three signs "
+            "of the start's (as elbow up or down), whole turns aside: the tool's pose alone decides the joints, and the "
+            f"robot is nowhere singular ({len(self):,} cells)"
         )
         if self.holds_start:
             sentence += "; the start is one of these postures"
@@ -484,7 +485,7 @@ class SignedBox(NoTruthValue, Value, ask="`.whole`"):
             sentence += f"; every joint stays {far} its limits"
         if self.whole:
             return f"{sentence[0].upper()}{sentence[1:]}."
-        return f"Not all is proven, since at {self.where} {self.cause}; but {sentence}."
+        return f"Not all is proven: at {self.where}, {self.cause}. {PART}: {sentence}."
 
     @property
     def model(self) -> str:

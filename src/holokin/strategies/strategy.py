@@ -366,26 +366,48 @@ def check_regular(
 HELD = 1e-9
 """Largest rate of a joint that a strategy holds, in motions of length 1."""
 
+HARD = 100.0
+"""A motion of the tool is hard where the joints move as many times as much for it as for the easiest one."""
+
 ALONG = 0.99
 """Share of a direction of the tool that is along one axis, to be called so."""
 
 
-def _impossible(task: Task, J: Matrix, N: Matrix, held: Flags) -> str:
-    """How the joint motions N (n, m) of a strategy cannot move the tool, in words of who sees the machine."""
+def hardest_motion(strategy: Strategy, q: Vector) -> str:
+    """Which motion of the tool a strategy can hardly make at a posture (n,), in words; "" where it makes all with ease.
+
+    It is hard where the joints move `HARD` times as much for it as for the easiest one.
+    """
+    J = strategy.task.jacobian(q)
+    N, held = strategy._allowed(q) or (np.zeros((strategy.task.n, 0)), np.zeros(strategy.task.n, dtype=bool))
+    whole = np.eye(strategy.task.n)
+    for motions, still in ((whole, np.zeros_like(held)), (N, held)):
+        sigma = np.linalg.svd(J @ np.linalg.qr(motions)[0], compute_uv=False)
+        if len(sigma) == strategy.task.m and HARD * sigma[-1] < sigma[0]:
+            return _impossible(strategy.task, J, motions, still, "all joints together" if motions is whole else "")
+    return ""
+
+
+def _impossible(task: Task, J: Matrix, N: Matrix, held: Flags, who: str = "") -> str:
+    """How the joint motions N (n, .) of a strategy cannot, or hardly, move the tool, in words of who sees the machine.
+
+    who: what moves it, by default the joints that are not held.
+    """
     names = [name for name, still in zip(task.robot.joint_names, held, strict=True) if still]
-    who = f"with {' and '.join(names)} held, the other joints" if names else "by this strategy the joints"
+    who = who or (f"with {' and '.join(names)} held, the other joints" if names else "by this strategy the joints")
     U, sigma, _ = np.linalg.svd(J @ np.linalg.qr(N)[0])
     lost = np.flatnonzero(sigma <= 10 * TOLERANCES.rank * sigma[0])
+    who += " cannot" if len(lost) else " can hardly"
     i = int(np.argmax(np.abs(U[:, -1])))
     row = task.row_names[i]
     if len(lost) > 1:
-        return f"{who} cannot move the tool in {len(lost)} of its {task.m} directions"
+        return f"{who} move the tool in {len(lost)} of its {task.m} directions"
     if not abs(U[i, -1]) >= ALONG:
         parts = [name for name, share in zip(task.row_names, U[:, -1], strict=True) if abs(share) > 1 - ALONG]
-        return f"{who} cannot move the tool in one direction, which is made of {', '.join(parts)}"
+        return f"{who} move the tool in one direction, which is made of {', '.join(parts)}"
     if row in ("x", "y", "z"):
-        return f"{who} cannot move the tool along {row}"
-    return f"{who} cannot turn the tool about {row[1:]}" if row[1:] in ("x", "y", "z") else f"{who} cannot change {row}"
+        return f"{who} move the tool along {row}"
+    return f"{who} turn the tool about {row[1:]}" if row[1:] in ("x", "y", "z") else f"{who} change {row}"
 
 
 def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:

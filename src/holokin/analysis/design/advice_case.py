@@ -44,7 +44,7 @@ from .designed_strategy import Design, design
 from .least_costs import Floor, one_redundant
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range
 from .objectives import Objective, costs_of
-from .obstructions import Obstructions, near_words, obstructions
+from .obstructions import Obstructions, obstructions
 from .served_curves import (
     EQUAL,
     ROOM,
@@ -112,7 +112,7 @@ class Case:
         self.task, self.workspace, self.q0, self.scene, self.progress = task, workspace, q0, scene, progress
         self.apart = clearances_of(task.robot, scene)
         if q0 is not None and self.apart is not None:
-            _check_clear(self.apart, q0)
+            _check_clear(task, self.apart, q0)
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
         # The postures of the poses: all, as curves, or those that a search finds
@@ -123,7 +123,7 @@ class Case:
             raise _nothing(task, workspace, self.reach)
         progress("what is in the way")
         some = within or _some_within(task, T, self.reach)
-        self.blocked, clear = obstructions(self.apart, some.q, some.pose, len(T))
+        self.blocked, clear = obstructions(task, self.apart, some.q, some.pose, len(T))
         looked_at = self.blocked.postures > 0
         if self.blocked.impossible[looked_at].all():
             raise _blocked(task, workspace, self.blocked, looked_at)
@@ -322,6 +322,10 @@ class Case:
     def _rated(self, trial: Trial) -> RatedStrategy:
         """What is known of a strategy after its trial: where it serves nothing, no margin and no rcond."""
         c, served, margins, rcond, joint = trial.candidate, trial.served, np.zeros(self.task.n), 0.0, 0
+        closest, clearance = None, trial.clearance
+        if self.apart is not None and clearance is not None and served.any():
+            nearest = trial.q[served][[int(np.argmin(clearance[served]))]]
+            closest = self.apart.closest(self.task, nearest)
         if served.any():
             margins, rcond = trial.margins[served].min(axis=0), float(trial.rcond[served].min())
             joint = int(np.argmin(margins))
@@ -329,7 +333,8 @@ class Case:
             name=c.name, same=trial.same, keys=c.keys, strategy=strategy_of(trial), q0=trial.q0,
             coverage=trial.coverage, served=served, easy=trial.easy, margin=float(margins[joint]),
             joint=self.task.robot.joint_names[joint], rcond=rcond, squared_speed=trial.squared_speed,
-            speed=ratio(trial, self.floor), clearance=_least(trial.clearance, served), clear=trial.clear,
+            speed=ratio(trial, self.floor), clearance=_least(clearance, served), closest=closest,
+            clear=trial.clear,
         )  # fmt: skip
 
     def _looked_at(self, rated: RatedStrategy) -> RatedStrategy:
@@ -338,12 +343,12 @@ class Case:
         clearance, wanted, closest = None, 0.0, None
         if self.apart is not None and covered.reached.any():
             clearance, wanted = np.full(len(covered), np.nan), self.apart.wanted
-            distances = counted(self.apart.distances(covered.q[covered.reached], wanted), self.apart.limits, wanted)
-            clearance[covered.reached] = least = distances.min(axis=1, initial=np.inf)
-            served = keeps(least, wanted)
+            q = covered.q[covered.reached]
+            distances = self.apart.distances(q, np.maximum(self.apart.limits, wanted))
+            least = counted(distances, self.apart.limits, wanted).min(axis=1, initial=np.inf)
+            clearance[covered.reached], served = least, keeps(least, wanted)
             covered = covered.blocked(lambda _: served)
-            if served.any() and np.isfinite(least[served]).any():
-                closest = self.apart.names[int(distances[served].min(axis=0).argmin())]
+            closest = self.apart.closest(self.task, q[served], distances[served]) if served.any() else None
         self.checked[rated.name] = covered
         served = covered.reached
         return replace(
@@ -367,12 +372,12 @@ class Case:
         if self.apart is not None and blocked.any():
             causes += self.blocked.causes(blocked & self.blocked.impossible)
             elsewhere = covered.q[blocked & ~self.blocked.impossible]
-            short = self.apart.limits - self.apart.distances(elsewhere, self.apart.wanted)
-            pairs = Counter(int(p) for p in short.argmax(axis=1))
-            causes += [
-                (f"{near_words(self.apart.names[p], self.apart.limits[p])} on this leaf", k)
-                for p, k in pairs.most_common()
-            ]
+            distances = self.apart.distances(elsewhere, np.maximum(self.apart.limits, self.apart.wanted))
+            short = self.apart.limits - distances
+            pairs = short.argmax(axis=1)
+            for p, k in Counter(pairs.tolist()).most_common():
+                i = np.flatnonzero(pairs == p)[int(np.argmax(short[pairs == p, p]))]
+                causes.append((f"at worst, {self.apart.pair_at(self.task, elsewhere[i], p, float(distances[i, p]))}", k))
         return sorted(causes, key=lambda cause: -cause[1])
 
     def floor_of(self, rated: RatedStrategy) -> float:
@@ -397,14 +402,12 @@ class Case:
         return None if part is None else Part(rated, *part)
 
 
-def _check_clear(apart: Clearances, q0: Vector) -> None:
+def _check_clear(task: Task, apart: Clearances, q0: Vector) -> None:
     """Raises: ArgumentError: two shapes are too near at the start posture."""
-    distances = apart.distances(q0[None], apart.wanted)[0]
-    if not keeps(distances, apart.limits).all():
-        worst = int(np.argmax(apart.limits - distances))
-        what = f"the distance of {' and '.join(apart.names[worst])} at the start posture [m]"
-        cure = f"{apart.limits[worst]:.3g} are asked for: give another start, move what stands there, or allow the pair"
-        raise ArgumentError(what, float(distances[worst]), cure)
+    nearest = apart.closest(task, q0[None])
+    if nearest is not None and not keeps(nearest.distance, nearest.wanted):
+        cure = f"{nearest}: give another start, move what stands there, or allow the pair"
+        raise ArgumentError("q0", np.round(q0, 4).tolist(), cure)
 
 
 def _all_within(task: Task, T: Array) -> Within:

@@ -66,8 +66,7 @@ def _nearest(best: RatedStrategy) -> str:
             f"The joint nearest to a limit is {best.joint}, with {max(best.margin, 0.0):.1%} of its range left."
         )
     if best.closest is not None:
-        one, other = best.closest
-        told.append(f"The two shapes nearest to each other are {one} and {other}, {best.clearance:.3f} m apart.")
+        told.append(f"At its nearest to anything, {best.closest}.")
     return " ".join(told)
 
 
@@ -104,7 +103,8 @@ def _alternative(strategies: Sequence[RatedStrategy], cusps: Mapping[str, Nearby
         other, when = others[0], "the first does not suit you"
     facts = [f"serves {other.coverage:.1%}"]
     if best.clear > other.clear + EQUAL or best.clear == 1 > other.clear:
-        facts.append(f"keeps well clear at {1 - other.clear / other.coverage:.0%} less of that")
+        nearest = "" if other.closest is None else f" ({other.closest} at its nearest)"
+        facts.append(f"keeps well clear at {1 - other.clear / other.coverage:.0%} less of that{nearest}")
     elif best.easy > other.easy + EASY:
         facts.append(f"is near limits or singular postures at {1 - other.easy / other.coverage:.0%} of that")
     facts.append(f"needs {more_speed(float(np.sqrt(other.squared_speed / best.squared_speed)))} the first")

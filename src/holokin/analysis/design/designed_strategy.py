@@ -10,7 +10,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError, PathError
 from ...base.types import Array, ArrayLike, Flags, Matrix, NoTruthValue, Result, Value, Vector, not_negative, whole
-from ...motion.checks import Scene
+from ...motion.checks import PairDistance, Scene
 from ...motion.checks.check_report import counted
 from ...motion.ik import ik
 from ...motion.ik.solutions import InverseStatus
@@ -38,8 +38,8 @@ class SectionMetrics(Result, Value):
     worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m], NaN where a joint has none;
     joint_limits, the greatest |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is;
     rcond, the least of [J; J_g]; travel, the mean squared distance of the joints between two poses [rad^2]; own, the
-    mean of each cost of your own; clearance, the least distance of two shapes [m], infinite where none was looked at,
-    and closest, the names of these two. See `Objective`.
+    mean of each cost of your own; clearance, the least distance of two shapes [m], less what links are padded, infinite
+    where none was looked at, and closest, these two, and where that is. See `Objective`.
     """
 
     poses: int
@@ -53,12 +53,12 @@ class SectionMetrics(Result, Value):
     travel: float
     own: dict[str, float] = field(default_factory=dict)
     clearance: float = np.inf
-    closest: tuple[str, str] | None = None
+    closest: PairDistance | None = None
 
     def __str__(self) -> str:
         more = "".join(f"; {name} {value:.5g}" for name, value in self.own.items())
         if self.closest is not None:
-            more += f"; the least distance is {self.clearance:.3g} m, between {' and '.join(self.closest)}"
+            more += f"; at their nearest, {self.closest}"
         fastest = ""
         if np.isfinite(self.worst_speed):
             fastest = f"; at a tool speed of 1 m/s the fastest joint has {self.worst_speed:.3g} times its speed limit"
@@ -156,10 +156,11 @@ class Problem(Value):
         sampled = TiltedLeaves(strategy, c).through(Q, np.zeros((len(Q), strategy.constraint.rows, c.d)))
         off = np.abs(Q - costs.middle) / costs.half
         k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
-        distances = np.full((1, 1), np.inf)
+        clearance, closest = np.inf, None
         if apart is not None:
-            distances = counted(apart.distances(Q), apart.limits, apart.wanted)
-        closest = int(distances.min(axis=0).argmin())
+            distances = apart.distances(Q, np.maximum(apart.limits, apart.wanted))
+            clearance = float(counted(distances, apart.limits, apart.wanted).min())
+            closest = apart.closest(strategy.task, Q, distances)
         shares = np.sqrt(np.sum((sampled.G * costs.columns) ** 2, axis=2)) * costs.speeds
         return SectionMetrics(
             poses=poses,
@@ -172,8 +173,8 @@ class Problem(Value):
             rcond=float(strategy.gain.batch(Q)[1].min()),
             travel=costs.travel(Q, sampled.G, sampled.rcond).value,
             own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
-            clearance=float(distances.min()),
-            closest=None if apart is None or not np.isfinite(distances).any() else apart.names[closest],
+            clearance=clearance,
+            closest=closest,
         )
 
     def _weights(self, sampled: Sampled) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...base.types import Absent, Array, Flags, Indices, Matrix, NoTruthValue, Result, Value, Vector, plain_data
-from ...motion.checks import Clearances, Scene
+from ...motion.checks import Clearances, PairDistance, Scene
 from ...motion.checks.check_report import keeps
 from ...motion.ik.closed_leaf import leaf_class
 from ...path.workspaces import Box, PoseRange, Workspace
@@ -112,8 +112,8 @@ class RatedStrategy(Result, Value):
     a limit over the joint's range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not
     looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: the root of that over the least of the
     postures found there, within the limits. clearance: the least distance of two shapes [m] at the poses that it
-    serves, inf where nothing was asked of it; closest: their names, where that was looked at. clear: share of the poses
-    that are served with 0.01 m more of it than was asked for.
+    serves, less what links are padded; inf where nothing was asked of it; closest: the two shapes, and where that is.
+    clear: share of the poses that are served with 0.01 m more of it than was asked for.
     """
 
     name: str
@@ -130,7 +130,7 @@ class RatedStrategy(Result, Value):
     squared_speed: float
     speed: float
     clearance: float = np.inf
-    closest: tuple[str, str] | None = None
+    closest: PairDistance | None = None
     clear: float = 1.0
 
     @property
@@ -141,8 +141,8 @@ class RatedStrategy(Result, Value):
             return facts[0]
         if np.isfinite(self.margin):
             facts.append(f"{self.joint} is the joint nearest to a limit, with {self.margin:.1%} of its range left")
-        if np.isfinite(self.clearance):
-            facts.append(f"shapes come to {self.clearance:.3f} m of each other")
+        if self.closest is not None:
+            facts.append(f"{self.closest} at its nearest")
         if np.isfinite(self.speed):
             facts.append(f"it needs {more_speed(self.speed)} the least possible there")
         return ", ".join([*facts[:-1], f"and {facts[-1]}"]) if len(facts) > 1 else facts[0]

@@ -25,7 +25,7 @@ from .level_ranges import branches_by_curves
 from .set_cover import Cover, continued, fewest, labelled, same_postures
 from .sheet import Sheet, known, nearby, neighbours, postures_of_sheets, spread_out, turn_length
 from .sheet_growth import fitting_candidates
-from .sheet_map import PoseRest, Sheets, rests_of
+from .sheet_map import PoseRest, Sheets, in_the_way, rests_of
 
 SHARE = 0.995
 """Of the poses that the arm reaches, to be served: the rest lies next to limits and the edge of reach."""
@@ -109,14 +109,19 @@ def sheets(
     if not search and q0 is None:
         raise ArgumentError("search", search, "give postures q0, whose leaves are compared, or let it search")
     count, limit = whole("samples", samples), positive("seconds", seconds)
-    clear = None if scene is None else Clearances.of(task.robot, scene).clear
+    apart = None if scene is None else Clearances.of(task.robot, scene)
+    clear = None if apart is None else apart.clear
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)
     progress("which poses can be reached")
     rest, reach = rests_of(task, T, clear)
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
-        raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest, reach)}", "move or turn it")
+        blocked = T[rest == PoseRest.BLOCKED]
+        pair = in_the_way(task, blocked[0], apart) if len(blocked) else None
+        example = f" (for instance, at the best posture of one, {pair})" if pair else ""
+        fact = f"of the workspace {workspace} no pose is served: {_why(rest, reach)}{example}"
+        raise OutOfReachError(fact, "move or turn it")
     # The fewest of many leaves that serve the share.
     end = time.monotonic() + limit
     leaves = _Leaves(task, T[within], reach.q[within], strategies, clear, rcond, share, search)

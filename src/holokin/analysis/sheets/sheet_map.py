@@ -20,7 +20,7 @@ from ...base.errors import ArgumentError, BranchError, FileError, HolokinError, 
 from ...base.files import replacing
 from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_poses
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
-from ...motion.checks import Clear, Clearances, Scene
+from ...motion.checks import Clear, Clearances, PairDistance, Scene
 from ...motion.ik.inverse_function import leads_to
 from ...motion.self_motions.pose_reach import Reach
 from ...path import Path
@@ -72,6 +72,12 @@ def rests_of(task: Task, T: Array, clear: Clear | None) -> tuple[Indices, Reach]
             if len(postures) and clear(postures).any():
                 rest[i] = PoseRest.NOT_COVERED
     return rest, reach
+
+
+def in_the_way(task: Task, pose: Matrix, apart: Clearances | None) -> PairDistance | None:
+    """The pair that is too near at a tool pose (4, 4), at that posture of those found that has the most room."""
+    Q = np.zeros((0, task.n)) if apart is None else postures_within_limits(task, pose)
+    return None if apart is None or not len(Q) else apart.roomiest(task, Q)
 
 
 ON_LEAF = 1e-6  # difference from the level of a sheet [units of g] below which a posture lies on its leaf
@@ -232,6 +238,17 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         return PoseRest(int(rests[0]))
 
     @typed
+    def reason(self, pose: PoseLike) -> str:
+        """The text of `why`; where something is in the way, with the pair, its distance and where the tool is.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        """
+        rest = self.why(pose)
+        pair = in_the_way(self.task, self._pose(pose), self.clearances) if rest is PoseRest.BLOCKED else None
+        return rest.text if pair is None else f"{rest.text}: at the best one, {pair}"
+
+    @typed
     def seams(self, at: Where = None) -> Seams:
         """Where the arm changes from one sheet to another with its tool still: the fastest change for each pair.
 
@@ -324,11 +341,19 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             lines.append(f"  sheet {s}: {sheet}; {count}")
         for rest in list(PoseRest)[1:]:
             if (self.rest == rest).any():
-                lines.append(f"  {(self.rest == rest).sum()} of {len(self.poses)} poses: {rest.text}")
+                example = "" if rest is not PoseRest.BLOCKED else self._in_the_way
+                lines.append(f"  {(self.rest == rest).sum()} of {len(self.poses)} poses: {rest.text}{example}")
         fewest = "the fewest possible" if self.least_cuts == len(self.cuts) else f"at least {self.least_cuts}"
         jumps = f"at {len(self.cuts)} of {len(self.pairs)} pairs of neighbouring poses the joints jump"
         lines.append(f"  {jumps} ({fewest} with these sheets)")
         return "\n".join(lines)
+
+    @cached_property
+    def _in_the_way(self) -> str:
+        """What is in the way at a pose, of those that are not served for that."""
+        blocked = self.poses[self.rest == PoseRest.BLOCKED]
+        pair = in_the_way(self.task, blocked[0], self.clearances)
+        return "" if pair is None else f"; for instance, at the best posture of one, {pair}"
 
     def _pose(self, pose: PoseLike) -> Matrix:
         given = pose_numbers("a tool pose", pose)

@@ -79,7 +79,7 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
 
     The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
     for accelerating is not in them. hindrance: why there is no motion; then there are no rows. ends: a joint that comes
-    to its limit, or two things that come too near to each other; on a closed self-motion those of both ways round.
+    to its limit, or two things, how near they come to each other, and where; on a closed self-motion those of both ways round.
     """
 
     q: Matrix
@@ -319,7 +319,7 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | Clearances | None) -> 
     """
     robot, (p, R) = task.robot, task._place(q[0])
     speeds = speed_limits(robot)
-    if (blocked := _blocked(q, clear)) is not None:
+    if (blocked := _blocked(task, q, clear)) is not None:
         return blocked
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
     for finer in range(FINER):
@@ -349,20 +349,21 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | Clearances | None) -> 
     extremes[1:-1] = np.where(turns, b - (c - a) ** 2 / np.where(turns, 8 * bend, 1.0), b)
     if (ended := _first_limit(robot, extremes)) is not None:
         return ended
-    if (blocked := _blocked(close, clear)) is not None:
+    if (blocked := _blocked(task, close, clear)) is not None:
         return blocked
     return StillMotion(q, float(np.max(np.abs(slope) / speeds)) * curve.s)
 
 
-def _blocked(q: Matrix, clear: Clear | Clearances | None) -> StillMotion | None:
-    """None if postures (k, n) are clear; else no motion, and what the first one that is not comes near to."""
+def _blocked(task: Task, q: Matrix, clear: Clear | Clearances | None) -> StillMotion | None:
+    """None if postures (k, n) are clear; else no motion, and the pair that is too near at the first one that is not."""
     if clear is None:
         return None
     free = clear.clear(q) if isinstance(clear, Clearances) else clear(q)
     if free.all():
         return None
     first = q[[int(np.argmin(free))]]
-    return _hindered(q.shape[1], Hindrance.BLOCKED, clear.touching(first) if isinstance(clear, Clearances) else ())
+    pair = clear.closest(task, first) if isinstance(clear, Clearances) else None
+    return _hindered(task.n, Hindrance.BLOCKED, () if pair is None else (str(pair),))
 
 
 def held(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:

@@ -344,10 +344,10 @@ def _distance_section(certificate: Certificate) -> Section:
     # The nearest place, and what is assumed of the shapes.
     notes: list[Note | str] = []
     if near is not None:
+        bound, pair = near
         notes.append(
-            f"The least distance that is proven over {place_words(certificate)} is {at_least(near.bound)} m, of "
-            f"{pair_words(near.names)}: in the cell about the tool position {_point_text(near.pose[:3, 3])} m, at "
-            f"which the distance is {near.distance:.4g} m. {_posture(certificate, near.q)}"
+            f"Proven over {place_words(certificate)}: {pair_words(pair.names)} {clear.as_nearest} are {at_least(bound)} "
+            f"m apart or more. In the middle of the cell where this is, {pair}. {_posture(certificate, pair.q)}"
         )
     if assumed := assumed_words(certificate):
         notes.append(Note(f"{assumed}.", "bad"))
@@ -568,7 +568,7 @@ def print_certificates(
             continue
         remarks.append(Note(f"{brief(name)}: {certificate}", "good" if certificate.whole else "warning"))
         if not certificate.whole:
-            remarks.append(Note(f"  {certificate.extent.value}", "warning"))
+            remarks.append(Note(f"  what helps: {certificate.extent.cure}", "warning"))
         if worst := refuted_by(certificate):
             remarks.append(Note(f"  refuted: {worst}", "bad"))
         tone = _CHECKED.get(words[name].outcome, "warning")

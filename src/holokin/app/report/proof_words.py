@@ -11,13 +11,14 @@ import numpy as np
 from ...base.errors import brief
 from ...base.types import Matrix, Vector, kept
 from ...base.units import at_least, at_most
+from ...motion.checks import PairDistance
 from ...motion.checks.clearance import FLOOR, FloorGap, LinkGap
 from ...path import Path
 from ...path.editing import paths_of
 from ...path.workspaces import PoseRange, Workspace
 from ...proof import Certificate, Extent, joint_rates
 from ...proof.clear_cells import AROUND, MOST_POINTS, ClearCells
-from ...proof.kept_apart import TooNear, gap_distances, too_near_along
+from ...proof.kept_apart import gap_distances, looked_at, too_near_along
 from ...proof.proven_region import region_of
 from ...proof.recheck import CheckerWord, Outcome
 from ...robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape
@@ -27,21 +28,8 @@ from .plots import joint_unit
 # --- What a certificate says of distances, in words: shapes, pairs, the nearest place, and postures that are too near.
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class Nearest:
-    """Where the least distance is proven that was asked for: the pair, the bound, the tool pose (4, 4) and posture (n,)
-    in the middle of its cell, and the distance at this posture."""
-
-    names: tuple[str, str]
-    bound: float
-    pose: Matrix
-    q: Vector
-    distance: float
-
-
 @kept
-def refuted_by(certificate: Certificate) -> TooNear | None:
+def refuted_by(certificate: Certificate) -> PairDistance | None:
     """A posture that is nearer than was asked, where what was asked is not proven; None where none was found."""
     if certificate.whole or certificate.demands.clear is None:
         return None
@@ -94,20 +82,19 @@ def _lengths(values: Sequence[float] | Vector, between: str) -> str:
     return between.join(f"{float(x):.4g}" for x in values)
 
 
-def nearest_of(certificate: Certificate) -> Nearest | None:
-    """Where the least distance is proven; None where nothing is, or no pair is held against the clearance."""
-    clear = certificate.demands.clear
-    if clear is None or not len(certificate):
+def nearest_of(certificate: Certificate) -> tuple[float, PairDistance] | None:
+    """The least distance [m] that is proven, and how far apart its pair is in the middle of the cell where it is; None
+    where nothing is proven, or no pair is held against the clearance."""
+    clear, nearest = certificate.demands.clear, certificate.nearest_pair
+    if clear is None or nearest is None:
         return None
-    apart, bounds = certificate.findings.apart, clear.judged(certificate.findings.apart)
-    p = int(np.argmin(bounds))
-    if not np.isfinite(bounds[p]):
-        return None
-    i = int(np.argmin(apart[:, p]))
-    task, q = certificate.equation.strategy.task, certificate.cells.q0[i, : certificate.equation.joints]
-    names = clear.pairs[p].names
-    gaps = [g for g, gap in enumerate(clear.looked_at.gaps) if gap.names == names]
-    return Nearest(names, float(bounds[p]), task.pose(q), q, float(gap_distances(clear, q[None])[0, gaps].min()))
+    names, bound = nearest
+    shapes = [p for p, pair in enumerate(clear.pairs) if pair.names == names]
+    i = int(np.argmin(certificate.findings.apart[:, shapes].min(axis=1)))
+    q = certificate.cells.q0[i, : certificate.equation.joints]
+    distances = gap_distances(clear, q[None])[0]
+    gap = min((g for g, of in enumerate(clear.looked_at.gaps) if of.names == names), key=lambda g: distances[g])
+    return bound, looked_at(clear).pair_at(certificate.equation.strategy.task, q, gap, float(distances[gap]))
 
 
 def least_of_pairs(certificate: Certificate) -> list[tuple[tuple[str, str], float, float]]:
@@ -246,12 +233,12 @@ def verdict(certificate: Certificate, word: CheckerWord) -> Verdict:
         line = "NOT PROVEN that the joints return with the tool"
         return Verdict(line, f"{only} {_capital(certificate.returning)}.", False)
     if not certificate.whole:
-        stop = f" The proof stopped at {certificate.where}." if certificate.where else ""
+        stop = f" The proof came to {certificate.where}." if certificate.where else ""
         worst = refuted_by(certificate)
         if worst is not None:
             stop = f" In the rest it is REFUTED: {worst}."
         line = f"NOT ALL IS PROVEN: only {share_words(certificate)}"
-        return Verdict(line, f"{_capital(certificate.extent.cause)}.{stop}", False)
+        return Verdict(line, f"{_capital(certificate.cause)}.{stop}", False)
     verified = word.outcome is Outcome.VERIFIED
     known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
     limits = "" if certificate.limits is not None else " Joint limits are not part of the proof."
@@ -266,10 +253,11 @@ def _apart(certificate: Certificate) -> str:
         return ""
     if near is None:
         return " There the shapes that are listed below do not touch."
-    asked = f"of those that are to keep {clear.looked_at.wanted:g} m apart, " if clear.looked_at.wanted else ""
+    bound, pair = near
+    asked = f" that are to keep {clear.looked_at.wanted:g} m apart or more" if clear.looked_at.wanted else ""
     return (
-        f" There the shapes that are listed below keep apart: {asked}{pair_words(near.names)} are the nearest, by "
-        f"{at_least(near.bound)} m or more."
+        f" There the bodies{asked} do so, {pair_words(pair.names)} {clear.as_nearest} by {at_least(bound)} m or more; "
+        "they are listed below."
     )
 
 

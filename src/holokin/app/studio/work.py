@@ -274,7 +274,7 @@ class SheetFollower:
                 if known != LOOKED_FOR or sheets is None:
                     self._asker = None
                     return
-            text = sheets.why(np.frombuffer(key).reshape(4, 4)).text
+            text = sheets.reason(np.frombuffer(key).reshape(4, 4))
             with self._lock:
                 if self._why[0] == key:
                     self._why = (key, text)

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, RobotFileError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, not_negative
+from ...base.types import Array, Flags, Indices, Matrix, Result, Value, Vector, not_negative
+from ...base.units import at_least
 from ...robot import Robot, chain_length, joints_above, with_capsules
 from ...robot.links import SLENDER
 from ...robot.tree import Frames, joint_frames
@@ -315,6 +316,57 @@ def check(
     return CheckReport(tuple(findings), len(samples.t), duration, scene.clearance, *notes)
 
 
+SURE = 1e-9
+"""A distance [m] is less than asked by more than this, where two bodies are said to be too near: it is rounded."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class PairDistance(Result, Value):
+    """How far apart two bodies are at one posture.
+
+    Of meshes it is the distance of their convex hulls, which is no larger than theirs, as long as it is what is asked
+    at least; below it their own.
+
+    Attributes:
+        names: two links, a link and an obstacle, or a link and the floor.
+        distance: between them [m]; negative for how deep the one is in the other.
+        wanted: what is asked of them [m].
+        q: the posture (n,).
+        pose: of the tool there (4, 4), of several tools (F, 4, 4).
+    """
+
+    names: tuple[str, str]
+    distance: float
+    wanted: float
+    q: Vector
+    pose: Array
+
+    @property
+    def too_near(self) -> bool:
+        """Whether they are nearer than is asked, by more than round-off."""
+        return self.distance < self.wanted - SURE
+
+    @property
+    def fact(self) -> str:
+        """The two bodies and their distance, which is rounded down, and what is asked of them."""
+        both = " and ".join(self.names)
+        if self.distance <= 0:
+            fact = f"{both} overlap by {-self.distance:.3g} m" if self.distance else f"{both} touch"
+        else:
+            fact = f"{both} are {at_least(self.distance)} m apart"
+        return f"{fact}, where {self.wanted:.3g} m is asked" if self.wanted else fact
+
+    @property
+    def place(self) -> str:
+        """Where the tool is."""
+        tools = self.pose.reshape(-1, 4, 4)[:, :3, 3]
+        return " and ".join(f"[{', '.join(f'{x:.4g}' for x in np.round(p, 4) + 0.0)}]" for p in tools) + " m"
+
+    def __str__(self) -> str:
+        return f"{self.fact}, with the tool at {self.place}"
+
+
 Clear = Callable[[Matrix], Flags]
 """Which of some postures (k, n) are clear (k,)."""
 
@@ -419,6 +471,33 @@ class Clearances(Value):
         for i, row in zip(blocked, gaps, strict=True):
             words[i] = " and ".join(self.names[int(np.nanargmin(row))])
         return words
+
+    def closest(self, task: Task, Q: Matrix, distances: Matrix | None = None) -> PairDistance | None:
+        """The two bodies that have the least room over what is asked of them, or are deepest in each other, of all at
+        postures (k, n); None where nothing is asked of any.
+
+        distances: those of Q (k, P), where they are known.
+        """
+        near = np.maximum(self.limits, self.wanted)
+        apart = self.distances(Q, near) if distances is None else distances
+        judged = counted(apart, self.limits, self.wanted)
+        if not np.isfinite(judged).any():
+            return None
+        i, p = np.unravel_index(int(np.argmin(judged)), judged.shape)
+        return self.pair_at(task, Q[i], int(p), float(apart[i, p]))
+
+    def roomiest(self, task: Task, Q: Matrix) -> PairDistance | None:
+        """The closest pair at that of postures (k, n) at which it has the most room: it is in the way at all others, too,
+        or a nearer one is; None where nothing is asked of any."""
+        near = np.maximum(self.limits, self.wanted)
+        distances = self.distances(Q, near)
+        room = counted(distances, self.limits, self.wanted).min(axis=1, initial=np.inf)
+        rows = slice(k := int(np.argmax(room)), k + 1)
+        return self.closest(task, Q[rows], distances[rows])
+
+    def pair_at(self, task: Task, q: Vector, p: int, distance: float) -> PairDistance:
+        """Pair p at a posture (n,), where its distance [m] is known."""
+        return PairDistance(self.names[p], distance, float(self.limits[p]), q, task.pose(q))
 
     def slopes(self, Q: Matrix, near: float) -> tuple[Matrix, Array]:
         """The distances of pairs that are nearer than `near` (k, P), infinite for others, and their slopes (k, P, n).

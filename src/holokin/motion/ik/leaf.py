@@ -22,6 +22,7 @@ from ...robot import start_posture
 from ...robot.joints import WOUND
 from ...strategies import HolonomicStrategy, Jump, Strategy, holonomic
 from ...strategies.constraints import custom
+from ...strategies.strategy import hardest_motion
 from ...strategies.tasks.frame_task import completed
 from ...strategies.tasks.task import Task
 from ...symbolic import Function, symbol
@@ -175,7 +176,7 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: 
     """Why a path along a leaf got no farther than q."""
     if ended is PathEnd.TRIED:
         return BranchError(
-            f"{tries:,} pieces of the path along the leaf of {strategy.name!r} did not lead to its end",
+            f"{strategy.name!r} did not lead to the end of the path in {tries:,} pieces",
             "go in shorter ways, or keep them away from singular postures",
         )
     try:
@@ -185,14 +186,14 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: 
     posture, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
     if rcond > REGULAR and ended is not PathEnd.FOLD:
         return BranchError(
-            f"no step along the leaf of {strategy.name!r} from {posture} could be shown to keep to its branch, "
-            f"though [J; J_g] is regular there (rcond {rcond:.1e})",
+            f"from {posture} no step of {strategy.name!r} could be shown to go on without a jump of the joints, though "
+            f"the posture is not singular (rcond {rcond:.1e})",
             "take a start nearer by; the pose may be out of reach, or a constraint of yours have kinks and jumps",
         )
     return BranchError(
-        f"the leaf of {strategy.name!r} ends at {posture}: there [J; J_g] turns singular and no nearby posture on "
-        "it follows the path",
-        "choose another constraint, or another leaf (start posture)",
+        f"{strategy.name!r} leads no farther than {posture}: "
+        f"{hardest_motion(strategy, q) or 'it is singular there'}, and no posture nearby follows the path",
+        "choose another constraint, or another start posture",
     )
 
 
