@@ -22,9 +22,9 @@ from ...path.workspaces import Box, PoseRange, Workspace, workspace
 from ...robot import Robot
 from ...strategies.tasks.task import Task
 from .job_parts import build_robot, build_tasks
-from .runner import is_job, open_one_job, run_job, workspace_of_job
+from .runner import alone_says, is_job, open_one_job, run_job, workspace_of_job
 from .schema import Job, job_table
-from .templates import check_new, circle_job, passes, robot_name, table, toml, toml_key, write_new
+from .templates import beside, check_new, circle_job, passes, robot_keys, robot_name, table, toml, toml_key, write_new
 
 # --- Axes and postures as one types them beside a command.
 
@@ -94,10 +94,8 @@ def question(
         tip, base, trust_units: of a robot, as of `load`. task: "pose", "axis" or "position".
     """
     if is_job(name):
-        options = {"--box": box, "--tilt": tilt, "--tip": tip, "--base": base, "--task": task}
-        for option, value in (options | {"--trust-units": trust_units or None}).items():
-            if value is not None:
-                raise ArgumentError(f"{option} beside a job", value, f"a job says all of it: write it into {name}")
+        chain = {"--tip": tip, "--base": base, "--trust-units": trust_units}
+        alone_says(name, chain | {"--box": box, "--tilt": tilt, "--task": task})
         return _of_job(name)
     chain = chain_to_tool(name, tip, base, trust_units)
     keys = {"name": name, "tip": chain.tip if chain.base else None, "base": base, "trust_units": trust_units or None}
@@ -190,19 +188,14 @@ def _begin(advice: Advice, keys: dict[str, Any]) -> str:
 def _moved(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
     """The content of a job with the files that it names, for a job in another folder."""
 
-    def beside(given: Mapping[str, Any], key: str) -> dict[str, Any]:
-        name = given.get(key)
-        if not isinstance(name, str) or not FilePath(name).suffix:
-            return dict(given)
-        return dict(given) | {key: robot_name(str(file.parent / name), path)}
+    def moved_file(given: Mapping[str, Any]) -> dict[str, Any]:
+        return beside(given, "file", file, path)
 
-    moved = dict(keys) | {"robot": beside(keys["robot"], "name"), "path": beside(keys["path"], "file")}
-    if "parts" in moved["robot"]:
-        moved["robot"]["parts"] = [beside(part, "name") for part in moved["robot"]["parts"]]
+    moved = dict(keys) | {"robot": robot_keys(keys["robot"], file, path), "path": moved_file(keys["path"])}
     if "others" in moved["path"]:
-        moved["path"]["others"] = [beside(other, "file") for other in moved["path"]["others"]]
+        moved["path"]["others"] = [moved_file(other) for other in moved["path"]["others"]]
     if "workspace" in keys:
-        moved["workspace"] = beside(keys["workspace"], "file")
+        moved["workspace"] = moved_file(keys["workspace"])
     return moved
 
 
