@@ -175,7 +175,7 @@ def test_along_a_path_with_a_floor(panda: hk.Robot) -> None:
 def test_the_checker_verifies_the_distances(panda: hk.Robot, tmp_path: Path) -> None:
     proof = hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(obstacles=[TABLE], clearance=0.05))
     rejected, text = recheck(proof.save(tmp_path / "clear.json"), robot=panda)
-    assert proof.whole and not rejected and "m apart or more, 0.05 claimed" in text
+    assert proof.whole and not rejected and "m apart or more, 0.05 m claimed" in text
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.03])

@@ -229,7 +229,7 @@ def _export_motion(language: str) -> Callable[..., None]:
         else:
             program, timed, checked = program_of_job(*opened, language, strategy, short=name, changes=changes)
         if checked is not None:
-            show(checked.table(units))
+            show(checked.table())
             if not (checked.passed or anyway):
                 show("nothing was written: the motion fails the job's [checks]; cure it, or give --anyway")
                 raise typer.Exit(1)
@@ -244,8 +244,7 @@ def _export_motion(language: str) -> Callable[..., None]:
             show(f"{program.targets} targets, even motion between them within {far}")
         else:
             show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
-        joints = list(zip(timed.joint_names, timed.joint_units, strict=True))
-        show("\n".join([*(units.reworded(note, joints) for note in program.notes), timed.table(units)]))
+        show("\n".join([*program.notes, timed.table(units)]))
         if code:
             raise typer.Exit(code)
 

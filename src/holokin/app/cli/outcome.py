@@ -207,14 +207,18 @@ def each_minute(say: Callable[[str], None]) -> Callable[[str], None]:
     return say_or_print
 
 
-def show(text: str, *, newline: bool = True) -> None:
+def show(text: str) -> None:
     """Print to stdout, in the units of the job; in silence once its reader has gone.
 
     Raises:
         WriteError: it cannot be written; what is printed later is dropped.
     """
+    _print(as_printed(text), True)
+
+
+def _print(text: str, newline: bool) -> None:
     try:
-        typer.echo(as_printed(text), nl=newline)
+        typer.echo(text, nl=newline)
     except BrokenPipeError:
         _mute(sys.stdout)
     except OSError as problem:
@@ -233,7 +237,7 @@ def show_rich(draw: Callable[[Any], None]) -> None:
     screen, text = Console(), io.StringIO()
     width = screen.width if screen.is_terminal or os.environ.get("COLUMNS", "").isdigit() else 120
     draw(Console(file=text, force_terminal=screen.is_terminal, width=width))
-    show(text.getvalue(), newline=False)
+    _print(text.getvalue(), False)  # a section is in the units of the job already
 
 
 def _mute(stream: Any) -> None:

@@ -21,10 +21,10 @@ def studio(
     ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the browser.")] = False,
 ) -> None:
-    """Show a job (panda-circle) or a robot as a page in the browser: drag the tool or a loop, and see which joints drift.
+    """Show a job or a robot as a page in the browser: drag the tool or a loop, and see which joints drift.
 
-    Every strategy has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input,
-    as of `holokin run`. Needs the extra "studio".
+    Without a name it is the job panda-circle. Every strategy has a robot of its own colour. Ctrl-C in the terminal ends
+    the page (exit code 130); 2 is bad input, as of `holokin run`. Needs the extra "studio".
     """
     from ..studio import DEFAULT, open_session
     from ..studio.server import studio as open_page
