@@ -138,7 +138,7 @@ class PrintedUnits:
         if joints:
             text = self._with_postures(text, joints, units)
         if len(units) == 1:
-            text = re.sub(r"(?<=\d) rad or m\b", f" {units[0]}", text)
+            text = re.sub(r"(?<=\d)( or more)? (?:rad or m\b|\(rad or m\))", rf" {units[0]}\1", text)
         if self.angle == "deg":
             text = _TWICE.sub(r"\1", text)
         return _QUANTITY.sub(self._quantity, _LISTED.sub(self._list, text))

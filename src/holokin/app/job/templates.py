@@ -70,9 +70,9 @@ def beside(keys: Mapping[str, Any], key: str, file: FilePath, path: FilePath) ->
 def robot_keys(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
     """[robot] of a job in `file`, for one in another folder."""
     moved = beside(keys, "name", file, path)
-    return moved | (
-        {"parts": [beside(part, "name", file, path) for part in moved["parts"]]} if "parts" in moved else {}
-    )
+    if "parts" in moved:
+        moved["parts"] = [beside(part, "name", file, path) for part in moved["parts"]]
+    return moved
 
 
 def check_new(path: FilePath) -> None:

@@ -223,7 +223,7 @@ def _changed(words: Words, change: Callable[[str], str]) -> Words:
     return replace(words, text=change(words.text), then=change(words.then), detail=change(words.detail))
 
 
-_OF_COLUMN = re.compile(r"\[((?:rad|m)(?:/s)?)\]")
+_OF_COLUMN = re.compile(r"\[((?:rad|m)(?:/s)?|rad or m)\]")
 
 
 def _column(name: str, cells: Sequence[str], change: Callable[[str], str]) -> tuple[str, Callable[[str], str]]:
@@ -233,7 +233,7 @@ def _column(name: str, cells: Sequence[str], change: Callable[[str], str]) -> tu
         return name, change
 
     def with_unit(cell: str) -> str:
-        return change(f"{cell} {unit[1]}").rpartition(" ")[0] if cell.strip("-") else cell
+        return change(f"{cell} {unit[1]}").partition(" ")[0] if cell.strip("-") else cell
 
     return name.replace(unit[0], f"[{change(f'1 {unit[1]}').partition(' ')[2]}]"), with_unit
 
