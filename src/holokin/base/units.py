@@ -83,6 +83,7 @@ _QUANTITY = re.compile(
 )
 _LISTED = re.compile(rf"(?P<rows>{_ROW}(?: \+- {_ROW})?) (?P<unit>(?:rad|m){_END}")
 _TWICE = re.compile(rf"{_NUMBER}(?: to {_NUMBER})? rad(?:/s)? \(({_NUMBER}(?: to {_NUMBER})? deg(?:/s)?)\)")
+_NAMED = re.compile(rf"\[(rad|m)\] is ({_NUMBER})")
 _UNIT = re.compile(r"(?<![\w/^])(rad|m)(?![\w])")
 
 
@@ -123,7 +124,8 @@ class PrintedUnits:
 
     def said(self, value: float, unit: str, digits: int = 4) -> str:
         """A value with its unit as they are printed."""
-        return f"{self.factor(unit) * value:.{digits}g} {self.name(unit)}".rstrip()
+        text = f"{self.factor(unit) * value:.{digits}g}"
+        return f"{f'{float(text):.0f}' if 'e+' in text else text} {self.name(unit)}".rstrip()
 
     def reworded(self, text: str, joints: Sequence[tuple[str, str]] = ()) -> str:
         """A text with its quantities in rad or m as they are printed, and postures of joints, each (name, unit).
@@ -141,6 +143,7 @@ class PrintedUnits:
             text = re.sub(r"(?<=\d)( or more)? (?:rad or m\b|\(rad or m\))", rf" {units[0]}\1", text)
         if self.angle == "deg":
             text = _TWICE.sub(r"\1", text)
+        text = _NAMED.sub(lambda m: f"[{self.name(m[1])}] is {_scaled(m[2], self.factor(m[1]))}", text)
         return _QUANTITY.sub(self._quantity, _LISTED.sub(self._list, text))
 
     def _with_postures(self, text: str, joints: Sequence[tuple[str, str]], units: list[str]) -> str:
@@ -153,7 +156,9 @@ class PrintedUnits:
 
         each = ", ".join(f"{re.escape(name)} {_NUMBER}" for name, _ in joints)
         row = ", ".join([_NUMBER] * len(joints))
-        return re.sub(rf"(?<!\w)({each}(?![\w.])|(?<=q = )\[{row}\])(?: {' or '.join(units)}\b)?", posture, text)
+        return re.sub(
+            rf"(?<!\w)({each}(?![\w.])|(?:(?<=q = )|(?<=q0 is ))\[{row}\])(?: {' or '.join(units)}\b)?", posture, text
+        )
 
     def _list(self, match: re.Match[str]) -> str:
         """Numbers in brackets, with the unit behind them."""

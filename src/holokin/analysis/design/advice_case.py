@@ -403,7 +403,9 @@ def _check_clear(apart: Clearances, q0: Vector) -> None:
     if not keeps(distances, apart.limits).all():
         worst = int(np.argmax(apart.limits - distances))
         what = f"the distance of {' and '.join(apart.names[worst])} at the start posture [m]"
-        cure = f"{apart.limits[worst]:.3g} are asked for: give another start, move what stands there, or allow the pair"
+        cure = (
+            f"{apart.limits[worst]:.3g} m are asked for: give another start, move what stands there, or allow the pair"
+        )
         raise ArgumentError(what, float(distances[worst]), cure)
 
 
