@@ -277,10 +277,14 @@ class PoseRange(Workspace):
 
 @dataclass(frozen=True, eq=False)
 class PoseCloud(Workspace):
-    """Given poses (k, 4, 4), as many as there are; `source` says where they are from."""
+    """Given poses (k, 4, 4), as many as there are; `source` says where they are from.
+
+    directed: the tool's z axes are given, and its turns about them are not: for tasks of positions and of this axis.
+    """
 
     given: Array
     source: str = "given poses"
+    directed: bool = False
 
     @property
     def size(self) -> int:

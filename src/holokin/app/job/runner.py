@@ -152,7 +152,7 @@ def build_workspace(table: WorkspaceTable, at_start: Matrix, file: FilePath) -> 
         JobError, FileError.
     """
     if table.kind == "poses":
-        return read_workspace(file.parent / str(table.file), ignore=table.ignore)
+        return read_workspace(file.parent / str(table.file), ignore=table.ignore, axis=table.axis)
     rotation = None if table.rotation == "down" else at_start if table.rotation == "start" else table.rotation
     box = cylinder = sphere = None
     if table.kind == "box":
