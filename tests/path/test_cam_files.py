@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import sampled
+from conftest import PANDA_START, sampled
 from holokin.base.errors import ArgumentError, FileError
 
 DOWN = [0, 0, -1]
@@ -722,9 +722,31 @@ samples = 100
             run(keys)
 
 
-def test_directions_alone_make_no_workspace(tmp_path: Path) -> None:
-    """Whether they point into the work or out of it a workspace could not say, and has no notes to say what it took."""
-    file = tmp_path / "w.csv"
-    file.write_text(f"{XYZ},i,j,k\n0,0,0,0,0,1\n10,0,0,0,0,1\n")
-    with pytest.raises(FileError, match="its column 'i' is neither a position"):
-        hk.path.read_workspace(file)
+def test_directions_make_a_workspace_for_tasks_of_the_tool_axis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The postures that serve it have the tool's z axis along them: out of the work they are turned round, and said."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    axes = np.array([[0, 0, -1], [0.3, 0, -1], [0, -0.4, -1], [0.2, 0.2, -1]])
+    axes = axes / np.linalg.norm(axes, axis=1)[:, None]
+    points = np.array([[450, 0, 300], [450, 100, 300], [400, -100, 350], [500, 0, 400]])
+    for name, given, axis in (("in.csv", axes, None), ("out.csv", -axes, "out")):
+        rows = "\n".join(",".join(map(str, row)) for row in np.hstack([points, given]))
+        (tmp_path / name).write_text(f"{XYZ},i,j,k\n{rows}\n")
+        space = hk.path.read_workspace(tmp_path / name, axis=axis)
+        assert ("into the work" in str(space)) == (axis is None) and "its turn about it free" in str(space)
+        task = hk.pose(hk.load("panda"), orientation="axis")
+        G = hk.holonomic(task, hk.lock("panda_joint3", "panda_joint7"))
+        found = hk.coverage(G, space, PANDA_START)
+        assert found.share == 1.0
+        poses = task.robot.pose(found.q)
+        assert np.abs(poses[:, :3, 3] - points / 1000).max() < 1e-6 and np.abs(poses[:, :3, 2] - axes).max() < 1e-6
+        whole = hk.pose(hk.load("panda"))
+        with pytest.raises(ArgumentError, match='a task with orientation="axis"'):
+            hk.coverage(hk.holonomic(whole, hk.lock("panda_joint3")), space, PANDA_START)
+        across = hk.pose(hk.load("panda"), orientation="axis", axis="x")
+        with pytest.raises(ArgumentError, match="whose axis is z"):
+            hk.coverage(hk.holonomic(across, hk.lock("panda_joint3", "panda_joint7")), space, PANDA_START)
+    (tmp_path / "p.csv").write_text(f"{XYZ}\n0,0,0\n")
+    with pytest.raises(ArgumentError, match="no directions of the tool"):
+        hk.path.read_workspace(tmp_path / "p.csv", axis="out")

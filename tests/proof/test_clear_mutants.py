@@ -156,7 +156,7 @@ OTHER_WORDS: dict[str, tuple[Callable[[Data], Any], str]] = {
         lambda d: without(d, *(place(d, pair) for pair in d["clear"]["pairs"] if "wall" in pair["names"])),
         "it says nothing of 7 pairs",
     ),
-    "a smaller distance": (lambda d: pairs(d, "wall", last(d))[0].update(apart=0.001), "0.001 claimed"),
+    "a smaller distance": (lambda d: pairs(d, "wall", last(d))[0].update(apart=0.001), "0.001 m claimed"),
     "another gripper": (lambda d: shape(d, "gripper").update(link="pen"), "its own is pen (SHA-256"),
 }  # fmt: skip
 

@@ -292,10 +292,10 @@ KEPT = "what was computed is in .trajectory"
 class JointLimitError(HolokinError):
     """A posture outside the joint limits: the joint that is farthest outside."""
 
-    def __init__(self, joint: str, value: float, lower: float, upper: float, cure: str = "") -> None:
+    def __init__(self, joint: str, value: float, lower: float, upper: float, unit: str, cure: str = "") -> None:
         self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
-        past = max(lower - value, value - upper)
-        self.fact = f"joint {joint!r} is at {value:.6g}, {past:.3g} outside its limits [{lower:.6g}, {upper:.6g}]"
+        past = f"{max(lower - value, value - upper):.3g} {unit} outside its limits [{lower:.6g}, {upper:.6g}] {unit}"
+        self.fact = f"joint {joint!r} is at {value:.6g} {unit}, {past}"
         self.cure = cure or "choose another start posture or path, or widen the limits in the robot description"
         super().__init__(f"{self.fact}; {self.cure}")
 

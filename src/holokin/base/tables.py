@@ -435,8 +435,8 @@ _NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|m|inch|in|d
 class Units:
     """What the caller says of a file; None where its header must say it.
 
-    With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, directions
-    are refused, and times are left out. Columns that `ignore` names, or fits with a *, are not there. `columns` names
+    With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, and times
+    are left out. Columns that `ignore` names, or fits with a *, are not there. `columns` names
     those of a file without a header. `maker` says whose angles they are, `into` whether axes i, j, k point into the
     work, as the tool's z axis does. `place` is what messages call a row.
     """
@@ -677,8 +677,7 @@ def _orientation(
     file: Path, known: Mapping[str, object], header: Sequence[str], units: Units
 ) -> tuple[str, tuple[str, ...]]:
     """(kind, names of the columns) of the orientation; ("", ()) where there is none."""
-    whole = {kind: names for kind, names in NAMED.items() if not (units.assumed and kind in AXES)}
-    there = [(kind, names) for kind, names in whole.items() if all(name in known for name in names)]
+    there = [(kind, names) for kind, names in NAMED.items() if all(name in known for name in names)]
     if units.maker is not None and len(there) == 1:
         there = [(_of_maker(file, there[0][0], units.maker), there[0][1])]
     if not there and (units.order is not None or not units.assumed):
@@ -687,7 +686,7 @@ def _orientation(
         fact = f"its columns hold more than one orientation: {listed(there[0][1])} and {listed(there[1][1])}"
         raise FileError(file, fact, "keep one of them")
     if not there:
-        some = [n for names in (*whole.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
+        some = [n for names in (*NAMED.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
         some = [n for n in some if n in known and n not in TIMES]
         if some:
             fact = f"its column {some[0]!r} alone is no orientation"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -73,19 +75,25 @@ WORDS = {
 
 _FACTORS = {"deg": 180 / np.pi, "rad": 1.0, "mm": 1000.0, "m": 1.0}
 _NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+_ROW = rf"[\[(]{_NUMBER}(?:, {_NUMBER})*[\])]"
+_END = r"(?:/s(?:\^[23])?)?)(?![\w/^\u00b2\u00b3]|\.\w| (?:or|and) (?:rad|m)\b)"
 _QUANTITY = re.compile(
     rf"(?<![\w.,^/-])(?P<before>(?:{_NUMBER}(?:, | and | or | to | x | by ))*)(?P<value>{_NUMBER}) "
-    r"(?P<unit>(?:rad|m)(?:/s(?:\^[23])?)?)(?![\w/^\u00b2\u00b3]| (?:or|and) (?:rad|m)\b)"
+    rf"(?P<unit>(?:rad|m){_END}"
 )
+_LISTED = re.compile(rf"(?P<rows>{_ROW}(?: \+- {_ROW})?) (?P<unit>(?:rad|m){_END}")
+_TWICE = re.compile(rf"{_NUMBER}(?: to {_NUMBER})? rad(?:/s)? \(({_NUMBER}(?: to {_NUMBER})? deg(?:/s)?)\)")
+_NAMED = re.compile(rf"\[(rad|m)\] is ({_NUMBER})")
 _UNIT = re.compile(r"(?<![\w/^])(rad|m)(?![\w])")
 
 
-def _scaled(number: str, factor: float) -> str:
-    """A number in another unit, with one digit more than it had, and at least three."""
+def _scaled(number: str, factor: float, bound: Callable[[float, int], str] | None = None) -> str:
+    """A number in another unit, with one digit more than it had, and at least three; a bound on its side."""
     if factor == 1.0:
         return number
-    digits = len(re.sub(r"e.*|\D", "", number).lstrip("0")) + 1
-    text = f"{factor * float(number):.{max(digits, 3)}g}"
+    digits = max(len(re.sub(r"e.*|\D", "", number).lstrip("0")) + 1, 3)
+    value = factor * float(number)
+    text = f"{value:.{digits}g}" if bound is None or factor == 1000.0 else bound(value, digits)
     return f"{float(text):.0f}" if "e+" in text else text
 
 
@@ -116,38 +124,59 @@ class PrintedUnits:
 
     def said(self, value: float, unit: str, digits: int = 4) -> str:
         """A value with its unit as they are printed."""
-        return f"{self.factor(unit) * value:.{digits}g} {self.name(unit)}".rstrip()
+        text = f"{self.factor(unit) * value:.{digits}g}"
+        return f"{f'{float(text):.0f}' if 'e+' in text else text} {self.name(unit)}".rstrip()
 
     def reworded(self, text: str, joints: Sequence[tuple[str, str]] = ()) -> str:
         """A text with its quantities in rad or m as they are printed, and postures of joints, each (name, unit).
 
-        A posture is "q1 0.1, q2 0.2" or "q = [0.1, 0.2]", with all of the joints. Other lists of numbers before one
-        unit, and what is "m or rad", stay as they are.
+        A posture is "q1 0.1, q2 0.2" or "q = [0.1, 0.2]", with all of the joints; what is "rad or m" is of joints, and
+        has a unit where theirs is one. Lists of numbers without brackets, and what is "m or rad", stay as they are. A
+        lower bound is not made larger, and an upper one not smaller.
         """
         if self.plain:
             return text
-        factors = self.factors([unit for _, unit in joints])
         units = list(dict.fromkeys(unit for _, unit in joints))
+        if joints:
+            text = self._with_postures(text, joints, units)
+        if len(units) == 1:
+            text = re.sub(r"(?<=\d)( or more)? (?:rad or m\b|\(rad or m\))", rf" {units[0]}\1", text)
+        if self.angle == "deg":
+            text = _TWICE.sub(r"\1", text)
+        text = _NAMED.sub(lambda m: f"[{self.name(m[1])}] is {_scaled(m[2], self.factor(m[1]))}", text)
+        return _QUANTITY.sub(self._quantity, _LISTED.sub(self._list, text))
+
+    def _with_postures(self, text: str, joints: Sequence[tuple[str, str]], units: list[str]) -> str:
+        factors = self.factors([unit for _, unit in joints])
 
         def posture(match: re.Match[str]) -> str:
             by = iter(factors)
             scaled = re.sub(rf"(?<=[ \[]){_NUMBER}(?=[,\]]|$)", lambda m: _scaled(m[0], next(by)), match[1])
             return f"{scaled} {' or '.join(map(self.name, units))}"
 
-        if joints:
-            each = ", ".join(f"{re.escape(name)} {_NUMBER}" for name, _ in joints)
-            row = ", ".join([_NUMBER] * len(joints))
-            text = re.sub(rf"(?<!\w)({each}(?![\w.])|(?<=q = )\[{row}\])(?: {' or '.join(units)}\b)?", posture, text)
-        return _QUANTITY.sub(self._quantity, text)
+        each = ", ".join(f"{re.escape(name)} {_NUMBER}" for name, _ in joints)
+        row = ", ".join([_NUMBER] * len(joints))
+        return re.sub(
+            rf"(?<!\w)({each}(?![\w.])|(?:(?<=q = )|(?<=q0 is ))\[{row}\])(?: {' or '.join(units)}\b)?", posture, text
+        )
+
+    def _list(self, match: re.Match[str]) -> str:
+        """Numbers in brackets, with the unit behind them."""
+        factor = self.factor(match["unit"])
+        return f"{re.sub(_NUMBER, lambda m: _scaled(m[0], factor), match['rows'])} {self.name(match['unit'])}"
 
     def _quantity(self, match: re.Match[str]) -> str:
-        """A number, or "a to b", with its unit; a longer list as it is."""
+        """A number, or "a to b" and "a x b", with its unit; another list as it is."""
         before, value, unit = match["before"], match["value"], match["unit"]
-        factor = self.factor(unit)
-        if factor == 1.0 or (before and not re.fullmatch(rf"{_NUMBER} to ", before)):
+        factor, head, rest = self.factor(unit), match.string[: match.start()], match.string[match.end() :]
+        between = head.endswith("between ") and re.fullmatch(rf"{_NUMBER} and ", before)
+        if factor == 1.0 or not (between or re.fullmatch(rf"(?:{_NUMBER} (?:to|x) )*", before)):
             return match[0]
-        first = f"{_scaled(before.split()[0], factor)} to " if before else ""
-        return f"{first}{_scaled(value, factor)} {self.name(unit)}"
+        least = head.endswith(("at least ", "over ")) or rest.startswith(" or more")
+        most = head.endswith(("at most ", "under ")) or rest.startswith(" or less")
+        bound = at_least if least else at_most if most else None
+        first = re.sub(_NUMBER, lambda m: _scaled(m[0], factor), before)
+        return f"{first}{_scaled(value, factor, bound)} {self.name(unit)}"
 
     @property
     def plain(self) -> bool:
@@ -170,3 +199,20 @@ def printed_units(words: str | Sequence[str]) -> PrintedUnits:
         if units.setdefault(kind, unit) != unit:
             raise ArgumentError("the unit", word, f"{units[kind]} is asked for, too: give one of them")
     return PrintedUnits(units.get("rad", "rad"), units.get("m", "m"))
+
+
+# --- The units in which a command prints: the sentences that it says, the errors and the tables.
+
+_as_printed: ContextVar[Callable[[str], str]] = ContextVar("a text in the units in which this command prints")
+_as_printed.set(str)
+
+
+def print_in(units: PrintedUnits, joints: Callable[[], Sequence[tuple[str, str]]] = tuple) -> None:
+    """From now on print in these units; `joints` gives name and unit of each, for postures."""
+    known = cache(joints)
+    _as_printed.set(str if units.plain else lambda text: units.reworded(text, known()))
+
+
+def as_printed(text: str) -> str:
+    """A text in the units of what runs: those of its job, else rad and m."""
+    return _as_printed.get()(text)

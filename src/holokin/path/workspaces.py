@@ -179,7 +179,7 @@ class Cylinder(Solid):
         return near & (np.abs(away[:, 2]) <= self.height * (1 + 1e-12))
 
     def __str__(self) -> str:
-        return f"cylinder about {_three(self.center)}, radius {self.radius:g} m, half height {self.height:g} m"
+        return f"cylinder about {_three(self.center)} m, radius {self.radius:g} m, half height {self.height:g} m"
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ class Sphere(Solid):
         return np.linalg.norm(points - self.center, axis=1) <= self.radius * (1 + 1e-12)
 
     def __str__(self) -> str:
-        return f"sphere about {_three(self.center)}, radius {self.radius:g} m"
+        return f"sphere about {_three(self.center)} m, radius {self.radius:g} m"
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,10 +277,14 @@ class PoseRange(Workspace):
 
 @dataclass(frozen=True, eq=False)
 class PoseCloud(Workspace):
-    """Given poses (k, 4, 4), as many as there are; `source` says where they are from."""
+    """Given poses (k, 4, 4), as many as there are; `source` says where they are from.
+
+    directed: the tool's z axes are given, and its turns about them are not: for tasks of positions and of this axis.
+    """
 
     given: Array
     source: str = "given poses"
+    directed: bool = False
 
     @property
     def size(self) -> int:

@@ -206,7 +206,9 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
             q = ", q the joints and these unknowns"
         if box:
             part = f"in the cells that are joined, {share_text(self.share)} of {self.asked},"
-            about = f"{f'everywhere in {self.asked}' if self.covered else part} the tool's pose alone decides the joints"
+            about = (
+                f"{f'everywhere in {self.asked}' if self.covered else part} the tool's pose alone decides the joints"
+            )
         else:
             part = "all along the path" if self.covered else "on the path up to there"
             about = f"{part} the place alone decides the joints, and they do not jump"
@@ -246,7 +248,9 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     def cause(self) -> str:
         """Why not all is proven: the pair, the joint or the motion of the tool, where it is known."""
         if self.near is not None:
-            little = "" if self.near.too_near else ": too little room for a proof, with convex shapes in place of bodies"
+            little = (
+                "" if self.near.too_near else ": too little room for a proof, with convex shapes in place of bodies"
+            )
             return f"{self.near}, the joints at {posture_text(np.round(self.near.q, 4))}{little}"
         return self.reason or self.extent.cause
 

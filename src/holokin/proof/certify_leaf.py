@@ -96,7 +96,11 @@ def walked(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> tuple[Matrix,
             if not step:
                 raise
             why = Extent.SINGULAR if isinstance(problem, SingularityError) else Extent.END
-            return np.array(postures), (why, plan.where(step).removeprefix("in cycle 1, "), str(problem).rpartition("; ")[0])
+            return np.array(postures), (
+                why,
+                plan.where(step).removeprefix("in cycle 1, "),
+                str(problem).rpartition("; ")[0],
+            )
     return np.array(postures), (Extent.WHOLE, "", "")
 
 

@@ -151,7 +151,7 @@ class Clear:
         for pair, least in zip(self.pairs, self.least, strict=True):
             a, b = map(text_of, pair["names"])
             far = float(least.lower()) * DOWN
-            lines.append(f"{a} and {b}: {far:.4g} m apart or more, {pair['apart']:.4g} claimed")
+            lines.append(f"{a} and {b}: {far:.4g} m apart or more, {pair['apart']:.4g} m claimed")
         for shape in (self.shapes[i] for i in used if self.shapes[i]["joint"] < 0):
             name, points, radius = text_of(shape["link"]), shape["points"], shape["radius"]
             rows = [[point[i] for point in points] for i in range(3)]

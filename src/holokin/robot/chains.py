@@ -216,8 +216,8 @@ def nearer_or_other(robot: Robot, place: Vector, tip: str | None = None) -> str:
 def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
     """Raises: ArgumentError where the poses (k, 4, 4) of a workspace are too far away to be in metres."""
     if doubt := doubtful_unit(robot, poses[:, :3, 3], tip):
-        first = poses[0, :3, 3].tolist()
-        raise ArgumentError("the position of the first pose of the workspace", first, f"all are {doubt}")
+        first = f"at [{', '.join(f'{x:.6g}' for x in poses[0, :3, 3])}] m"
+        raise ArgumentError("the first pose of the workspace", first, f"all are {doubt}")
 
 
 def check_radians(what: str, angles: Vector, overruled: str = "") -> None:

@@ -461,7 +461,8 @@ class Robot(ByValue):
         if past[i] > TOLERANCES.limit:
             facts = float(array[i]), float(self.lower[i]), float(self.upper[i])
             rad = "give angles in rad, as np.radians(...) makes them of degrees, or take whole turns off"
-            raise JointLimitError(self.joint_names[i], *facts, cure=rad if past[i] > WOUND else cure)
+            unit = self.coordinates[i].unit
+            raise JointLimitError(self.joint_names[i], *facts, unit, cure=rad if past[i] > WOUND else cure)
 
     @typed
     def q_of(

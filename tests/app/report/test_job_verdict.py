@@ -79,15 +79,35 @@ def test_a_sentence_is_printed_in_the_units_or_left_alone() -> None:
         ("at q1 0.1, slide 2 0.2, where", "at q1 5.73, slide 2 200 deg or mm, where"),
         ("start: q1 0.1, slide 2 0.2 rad or m.", "start: q1 5.73, slide 2 200 deg or mm."),
         ("0.1 rad/s, 2 m/s^2, 10 m", "5.73 deg/s, 2000 mm/s^2, 10000 mm"),
-        *((same, same) for same in ("0.3, 0.2 and 0.1 m", "[0.1, 0.2] m", "0.3 rad/m^2", "5e-09 m or rad", "1,024 m")),
+        ("box [0.4, 0, 0.4] +- [0.1, 0, 0.05] m, tool down", "box [400, 0, 400] +- [100, 0, 50] mm, tool down"),
+        ("0.1 to 0.2 x -0.1 to 0.3 m", "100 to 200 x -100 to 300 mm"),
+        ("between 0.1 and 0.2 m", "between 100 and 200 mm"),
+        ("-2.8973 to 2.8973 rad (-166.0 to 166.0 deg)", "-166.0 to 166.0 deg"),
+        ("the distance [m] is -0.338; 0.2 m are asked for", "the distance [mm] is -338; 200 mm are asked for"),
+        (
+            "at least 0.10 rad, 0.10 rad or more, at most 0.11 rad",
+            "at least 5.72 deg, 5.72 deg or more, at most 6.31 deg",
+        ),
+        *(
+            (same, same)
+            for same in ("0.3, 0.2 and 0.1 m", "0.3 rad/m^2", "5e-09 m or rad", "1,024 m", "wrote a 5 m.toml")
+        ),
         *((same, same) for same in ("64 samples of 1 ms", "at q1 0.1 alone", "q = [1, 2, 3]", "2-3 m", "1-m")),
     ):
         assert DEGREES.reworded(text, joints) == expected
         assert SI.reworded(text, joints) == text
+    hinges = [("q1", "rad"), ("q2", "rad")]
+    assert (
+        DEGREES.reworded("stays 1 or more (rad or m) from, 0.1 rad or m", hinges)
+        == "stays 57.2 deg or more from, 5.73 deg"
+    )
+    assert DEGREES.reworded("stays 1 or more (rad or m) from", joints) == "stays 1 or more (rad or m) from"
     row = Section("0.1 m", ["0.1 m"], head=["[0.1 m]"], rows=[[Note("0.1 rad", detail="0.1 m")]], parts=[Section()])
     seen = row.reworded(DEGREES.reworded)
     assert (seen.title, seen.notes, seen.head) == ("0.1 m", ["100 mm"], ["[0.1 m]"])
     assert seen.rows == [[Note("5.73 deg", detail="100 mm")]]
+    column = Section(head=["pair", "least [m]"], rows=[["a", "0.12"], ["b", "-"]]).reworded(DEGREES.reworded)
+    assert (list(column.head), column.rows) == (["pair", "least [mm]"], [["a", "120"], ["b", "-"]])
 
 
 @pytest.mark.parametrize("words", ["gradians", "degrees, inch", "", "deg rad", ["mm", "m"]])

@@ -39,9 +39,10 @@ from ...motion.ik.leaf import leaf_step
 from ...motion.self_motions.pose_reach import Reach, reach_of
 from ...path.path import turn_between
 from ...path.workspaces import PoseRange, Workspace, pose_cloud
-from ...robot import check_metres, start_posture
+from ...robot import start_posture
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
+from .pose_coordinates import task_poses
 
 
 class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
@@ -290,8 +291,7 @@ def coverage(
     task, robot = strategy.task, strategy.task.robot
     of_one_tool(task, "coverage")
     start = start_posture(robot, q0, limits)
-    poses = workspace.poses(samples if samples is not None else workspace.size or SAMPLES, seed)
-    check_metres(robot, poses, task.tip)
+    poses = task_poses(task, workspace, samples if samples is not None else workspace.size or SAMPLES, seed)
     if reach is not None and len(reach.within) != len(poses):
         raise ShapeError("the reach", (len(poses),), reach.within.shape, "give that of the same poses")
     _check_planar(task, start, poses)
@@ -355,9 +355,8 @@ def posture_reach(task: Task, workspace: Workspace, near: ArrayLike, *, samples:
     Raises:
         ShapeError, NotFiniteError, ArgumentError.
     """
-    poses = workspace.poses(samples, seed)
     of_one_tool(task, "coverage")
-    check_metres(task.robot, poses, task.tip)
+    poses = task_poses(task, workspace, samples, seed)
     begin = task.robot.checked(near, "the posture to begin from")
     return reach_of(task, poses[:, :3, 3], poses[:, :3, :3], np.tile(begin, (len(poses), 1)))
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from ...base.errors import ArgumentError
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ...path.workspaces import PoseCloud, Workspace
+from ...robot import check_metres
 from ...strategies.constraints.constraint import ChartFunction
 from ...strategies.right_inverses import Terms, monomials, monomials_up_to
 from ...strategies.tasks.frame_task import FrameTask, parts_of
@@ -53,6 +55,23 @@ class Coordinates(Value):
     def at(self, Q: Matrix) -> Matrix:
         """u (k, d) of the tool poses at postures (k, n)."""
         return (self.chart.value_batch(Q) - self.middle) @ self.P / self.scale
+
+
+def task_poses(task: Task, workspace: Workspace, count: int, seed: int = 0) -> Array:
+    """Tool poses (k, 4, 4) of a workspace for a task.
+
+    Raises:
+        ArgumentError: they are too far away to be in metres; or they have directions of the tool's z axis alone, and
+            the task asks for more.
+    """
+    if isinstance(workspace, PoseCloud) and workspace.directed and task.orientation is not None:
+        z = isinstance(task, FrameTask) and task.orientation == "axis" and np.allclose(task.axis[:2], 0.0)
+        if not z:
+            cure = 'the poses do not say how the tool is turned about its z axis: give a task with orientation="axis"'
+            raise ArgumentError("the task", task.name, f"{cure}, whose axis is z, or whole orientations")
+    poses = workspace.poses(count, seed)
+    check_metres(task.robot, poses, task.tip)
+    return poses
 
 
 def chart_of(task: Task, rotation: Matrix) -> FrameTask:

@@ -20,12 +20,11 @@ from ...motion.self_motions.pose_reach import Reach, all_known, reach_of
 from ...motion.self_motions.self_motions import self_motions_at
 from ...path.workspaces import PoseRange, Workspace, pose_cloud
 from ...proof.kept_apart import clearances_of
-from ...robot import check_metres
 from ...strategies import holonomic
 from ...strategies.constraints import tilted
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.cover_workspace import Coverage, PoseStatus, coverage, largest_part
-from ..coverage.pose_coordinates import chart_of, coordinates_of
+from ..coverage.pose_coordinates import chart_of, coordinates_of, task_poses
 from ..coverage.starts import (
     SPREAD,
     Candidate,
@@ -113,8 +112,7 @@ class Case:
         self.apart = clearances_of(task.robot, scene)
         if q0 is not None and self.apart is not None:
             _check_clear(task, self.apart, q0)
-        T = workspace.poses(POSES)
-        check_metres(task.robot, T, task.tip)
+        T = task_poses(task, workspace, POSES)
         # The postures of the poses: all, as curves, or those that a search finds
         progress("which poses can be reached")
         within = _all_within(task, T) if one_redundant(task) and all_known(task) else None

@@ -16,13 +16,13 @@ from ...motion.ik import ik
 from ...motion.ik.solutions import InverseStatus
 from ...path.workspaces import Workspace
 from ...proof.kept_apart import clearances_of
-from ...robot import check_metres, start_posture
+from ...robot import start_posture
 from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import Constraint, linear, tilted
 from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic.linear import null_space
-from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of
+from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, task_poses
 from .least_costs import Floor, one_redundant
 from .nearby_cusps import NearbyCusps, cusps_near
 from .objectives import Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
@@ -407,8 +407,8 @@ def design(
         cure = "give what to keep clear of, too: scene=hk.Scene(obstacles=[...]), or hk.Scene() for the links alone"
         raise ArgumentError("the weight of clearance", goal.clearance, cure)
     # Reach the poses with the base strategy; they say in which coordinates polynomials are written
-    poses, others = workspace.poses(whole("samples", samples), seed), workspace.poses(4 * samples, seed + 1)
-    check_metres(robot, poses, task.tip)
+    poses = task_poses(task, workspace, whole("samples", samples), seed)
+    others = workspace.poses(4 * samples, seed + 1)
     base_strategy, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
     Q, there = reached(base_strategy, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)

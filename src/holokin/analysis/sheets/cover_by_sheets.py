@@ -15,9 +15,9 @@ from ...motion.checks import Clear, Clearances, Scene
 from ...motion.self_motions.pose_reach import Reach
 from ...motion.self_motions.self_motions import self_motions_at
 from ...path.workspaces import Workspace
-from ...robot import check_metres
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
+from ..coverage.pose_coordinates import task_poses
 from ..coverage.starts import Candidate, check_that_joints_move
 from .branch import Branch, branches_by_signs
 from .candidate_sheets import CandidateSheets
@@ -111,8 +111,7 @@ def sheets(
     count, limit = whole("samples", samples), positive("seconds", seconds)
     apart = None if scene is None else Clearances.of(task.robot, scene)
     clear = None if apart is None else apart.clear
-    T = workspace.poses(min(count, workspace.size or count), seed)
-    check_metres(task.robot, T, task.tip)
+    T = task_poses(task, workspace, min(count, workspace.size or count), seed)
     progress("which poses can be reached")
     rest, reach = rests_of(task, T, clear)
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)

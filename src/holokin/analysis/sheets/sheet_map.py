@@ -586,4 +586,4 @@ def _workspace_of(keys: Mapping[str, Any], poses: Array) -> Workspace:
 def _unserved(position: Vector, sheets: int) -> OutOfReachError:
     fact = f"none of the {sheets} sheets serves" if sheets != 1 else "the only sheet does not serve"
     cure = "ask s.why(pose), keep to the workspace, or ask for more of it: hk.sheets(..., share=1)"
-    return OutOfReachError(f"{fact} the pose at {posture_text(position)}", cure, position=position)
+    return OutOfReachError(f"{fact} the pose at {posture_text(position)} m", cure, position=position)

@@ -18,7 +18,7 @@ from .outcome import (
     RobotName,
     Scales,
     Signs,
-    TipName,
+    Tip,
     TrustUnits,
     counts_of_words,
     robot_of_option,
@@ -47,7 +47,7 @@ Order = Annotated[str | None, typer.Option(help="Of --poses with numbered quater
 def audit(
     log: Logs,
     robot: RobotName,
-    tip: TipName = None,
+    tip: Tip = None,
     base: Base = None,
     trust_units: TrustUnits = False,
     position: Annotated[

@@ -15,13 +15,22 @@ from ...version import build
 
 if TYPE_CHECKING:
     from ...proof import WholeArm
-from .outcome import Base, Tip, TrustUnits, each_minute, ending, robot_of_option, show, show_rich
+from .outcome import (
+    Base,
+    MaybeRobot,
+    RobotOrJob,
+    Tip,
+    TrustUnits,
+    each_minute,
+    ending,
+    robot_of_option,
+    show,
+    show_rich,
+)
 
 
 def certify(
-    job: Annotated[
-        str, typer.Argument(metavar="JOB|ROBOT", help="A job; with --whole-arm a robot, too: a name or a model's file.")
-    ],
+    job: RobotOrJob,
     workspace: Annotated[
         bool, typer.Option("--workspace", help="Over the box of its [workspace], not along its path.")
     ] = False,
@@ -62,7 +71,8 @@ def certify(
     every strategy with leaves, 1 when not, or when the checker rejects a certificate, 2 on bad input.
     """
     from ...proof.recheck import Outcome, ask_checker
-    from ..job import certify_job, is_job, open_one_job
+    from ...robot import catalogue, is_model
+    from ..job import alone_says, certify_job, is_job, open_one_job
     from ..report.job_result import CellsFiles, check_folder
     from ..report.proof_report import print_certificates, write_certificates
 
@@ -78,8 +88,10 @@ def certify(
                 f"{option} beside --whole-arm", given, "leave it out: the proof has no cells and no box"
             )
     of_robot = whole_arm and not is_job(job)
-    if not of_robot and (given := [word for word in (strategy, tip, base) if word is not None] + [True] * trust_units):
-        raise ArgumentError("--strategy, --tip, --base or --trust-units", given[0], "they are of a robot, --whole-arm")
+    if not of_robot:
+        if not is_job(job) and (is_model(job) or job in catalogue()):
+            raise ArgumentError("a robot", job, "it is certified with --whole-arm; else give a job")
+        alone_says(job, {"--strategy": strategy, "--tip": tip, "--base": base, "--trust-units": trust_units})
     if of_robot:
         name, title, prove = _of_robot(job, strategy, tip, base, trust_units)
         several = False
@@ -160,11 +172,9 @@ def _of_robot(
 
 def check_certificate(
     file: Annotated[Path, typer.Argument(help="The .json file of a certificate.")],
-    robot: Annotated[
-        str | None, typer.Option(help="Compare it with a robot: a name of the catalogue, a file of a model, or a job.")
-    ] = None,
-    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
-    base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
+    robot: MaybeRobot = None,
+    tip: Tip = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
     sample: Annotated[
         float | None, typer.Option(help="Verify this share of the cells alone, drawn at random: 0.01 for 1 %.")

@@ -16,7 +16,7 @@ from .outcome import (
     RobotName,
     Scales,
     Signs,
-    TipName,
+    Tip,
     TrustUnits,
     counts_of_words,
     robot_of_option,
@@ -33,7 +33,7 @@ TimeColumn = Annotated[str | None, typer.Option(help="Name of the time column of
 def check(
     log: Log,
     robot: RobotName,
-    tip: TipName = None,
+    tip: Tip = None,
     base: Base = None,
     trust_units: TrustUnits = False,
     floor: Annotated[float | None, typer.Option(help="Height of the floor [m] in the frame of the base.")] = None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...base.errors import ArgumentError
-from .outcome import TrustUnits, ending, show
+from .outcome import Base, OneJob, RobotOrJob, Tip, TrustUnits, ending, show
 
 if TYPE_CHECKING:
     from ..job import Job
@@ -19,15 +19,13 @@ if TYPE_CHECKING:
 
 
 def export_web(
-    name: Annotated[
-        str, typer.Argument(metavar="JOB | ROBOT", help="A job, or a robot: a catalogue name or a model file.")
-    ],
+    name: RobotOrJob,
     out: Annotated[Path | None, typer.Option(help="The HTML file to write; by default out/NAME-web.html.")] = None,
     strategy: Annotated[
         str | None, typer.Option(help="The strategy beside the pseudo-inverse; by default the first with leaves.")
     ] = None,
-    tip: Annotated[str | None, typer.Option(help="Of a model: the link that is the tool.")] = None,
-    base: Annotated[str | None, typer.Option(help="Of a model: the link that stands still.")] = None,
+    tip: Tip = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
     cusps: Annotated[
         bool, typer.Option("--cusps", help="Look for a loop after which the joints are elsewhere, and offer it.")
@@ -66,7 +64,6 @@ def export_web(
     show(f"wrote {file}: {' and '.join(plan.strategies)}, {file.stat().st_size / 1000:.0f} kB")
 
 
-OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
 Folder = Annotated[Path | None, typer.Option(help="The folder to write; by default one in out/, named like the job.")]
 StrategyName = Annotated[
     str | None,
@@ -232,7 +229,7 @@ def _export_motion(language: str) -> Callable[..., None]:
         else:
             program, timed, checked = program_of_job(*opened, language, strategy, short=name, changes=changes)
         if checked is not None:
-            show(checked.table(units))
+            show(checked.table())
             if not (checked.passed or anyway):
                 show("nothing was written: the motion fails the job's [checks]; cure it, or give --anyway")
                 raise typer.Exit(1)
@@ -247,8 +244,7 @@ def _export_motion(language: str) -> Callable[..., None]:
             show(f"{program.targets} targets, even motion between them within {far}")
         else:
             show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
-        joints = list(zip(timed.joint_names, timed.joint_units, strict=True))
-        show("\n".join([*(units.reworded(note, joints) for note in program.notes), timed.table(units)]))
+        show("\n".join([*program.notes, timed.table(units)]))
         if code:
             raise typer.Exit(code)
 

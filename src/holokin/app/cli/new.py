@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ...base.errors import ArgumentError
-from .outcome import TrustUnits, show
+from .outcome import Base, MaybeRobot, Tip, TrustUnits, show
 
 
 def new(
@@ -16,15 +16,12 @@ def new(
     template: Annotated[
         str | None, typer.Option("--from", help="The packaged job to copy; by default panda-circle.")
     ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(help="Write a job for this robot instead: a catalogue name, .urdf, .xacro, .xml or .toml."),
-    ] = None,
-    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
-    base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
+    robot: MaybeRobot = None,
+    tip: Tip = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
 ) -> None:
-    """Write a job file of your own: a copy of a packaged one, or a small circle for a robot."""
+    """Write a job file of your own: a copy of a packaged one, or a small circle for a robot, given by --robot."""
     from ..job import new_job, new_job_for
 
     if robot is not None and template is not None:

@@ -16,14 +16,17 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ...base.errors import HolokinError, UnknownNameError, WriteError
+from ...base.units import SI, as_printed, print_in
 
 if TYPE_CHECKING:
     from ...robot import Robot
+    from ..job import Job
 
 BAD_INPUT, UNEXPECTED, SIGNAL = 2, 3, 128
 """Exit codes, besides 0 and 1: input or a file that cannot be used; a fault of holokin itself; stopped by Ctrl-C, which
@@ -78,7 +81,12 @@ class Ending:
         raise KeyboardInterrupt
 
     def leave(self) -> None:
-        """Give back what `listen` took, but for Ctrl-C."""
+        """Give back what `listen` took, but for Ctrl-C.
+
+        A KeyboardInterrupt that left a text which was being run, as dataclasses have one, is noted in Python for good,
+        and `python -m` then ends by SIGINT, whatever the exit code. Another text clears that.
+        """
+        exec("")
         sys.unraisablehook, sys.excepthook = self._hooks
         if signal.getsignal(signal.SIGTERM) == self._hear:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -118,8 +126,9 @@ _running.set(Ending())
 
 
 def set_ending(of_command: Ending) -> None:
-    """Of the command that runs from now on."""
+    """Of the command that runs from now on, which prints in rad and m until a job is named."""
     _running.set(of_command)
+    print_in(SI)
 
 
 def ending() -> Ending:
@@ -164,6 +173,7 @@ class Telling:
         if self._status is not None:
             from rich.text import Text
 
+            text = as_printed(text)
             self._status.update(Text(f"{self._name}: {text}" if self._name else text))
 
     def announce(self, text: str) -> None:
@@ -176,9 +186,9 @@ class Telling:
 
 
 def complain(text: str) -> None:
-    """Print to stderr, if it can be written."""
+    """Print to stderr, in the units of the job, if it can be written."""
     try:
-        typer.echo(text, err=True)
+        typer.echo(as_printed(text), err=True)
     except OSError:
         _mute(sys.stderr)
 
@@ -197,12 +207,16 @@ def each_minute(say: Callable[[str], None]) -> Callable[[str], None]:
     return say_or_print
 
 
-def show(text: str, *, newline: bool = True) -> None:
-    """Print to stdout; in silence once its reader has gone.
+def show(text: str) -> None:
+    """Print to stdout, in the units of the job; in silence once its reader has gone.
 
     Raises:
         WriteError: it cannot be written; what is printed later is dropped.
     """
+    _print(as_printed(text), True)
+
+
+def _print(text: str, newline: bool) -> None:
     try:
         typer.echo(text, nl=newline)
     except BrokenPipeError:
@@ -223,7 +237,7 @@ def show_rich(draw: Callable[[Any], None]) -> None:
     screen, text = Console(), io.StringIO()
     width = screen.width if screen.is_terminal or os.environ.get("COLUMNS", "").isdigit() else 120
     draw(Console(file=text, force_terminal=screen.is_terminal, width=width))
-    show(text.getvalue(), newline=False)
+    _print(text.getvalue(), False)  # a section is in the units of the job already
 
 
 def _mute(stream: Any) -> None:
@@ -303,6 +317,36 @@ class TaskKind(StrEnum):
     POSITION = "position"
 
 
+# --- A robot or a job on the command line. A job says of which chain it is, and in which units one prints.
+
+
+def print_as(job: Job, file: Path) -> None:
+    """Print all that follows in the units of a job, the postures of its robot, too."""
+
+    def joints() -> list[tuple[str, str]]:
+        from ..job.job_parts import build_robot
+
+        with contextlib.suppress(HolokinError):  # said where the robot is used
+            return [(c.name, c.unit) for c in build_robot(job, file).coordinates]
+        return []
+
+    print_in(job.printed_units, joints)
+
+
+def _named(name: str | None) -> str | None:
+    """What was typed for a robot or a job; of a job its units are those of what is printed from now on."""
+    from ...robot import catalogue, is_model
+
+    if name is None or is_model(name) or name in catalogue():
+        return name
+    from ..job import is_job, open_one_job  # the reader of job files takes 13 MB
+
+    with contextlib.suppress(HolokinError):  # said where it is opened
+        if is_job(name):
+            print_as(*open_one_job(name)[1:])
+    return name
+
+
 def robot_of_option(name: str, tip: str | None = None, base: str | None = None, trust_units: bool = False) -> Robot:
     """The robot of --robot: of the catalogue, of a file, or of a job. A tip chooses a chain of a model alone.
 
@@ -311,17 +355,27 @@ def robot_of_option(name: str, tip: str | None = None, base: str | None = None, 
     """
     from ...robot import catalogue, is_model, load
 
-    tip = tip if is_model(name) else None
     if is_model(name) or name in catalogue():
-        return load(name, tip=tip, base=base, trust_units=trust_units)
-    from ..job import robot_of_file  # the reader of job files takes 13 MB
+        return load(name, tip=tip if is_model(name) else None, base=base, trust_units=trust_units)
+    from ..job import robot_of_file
 
     return robot_of_file(name, tip, base, trust_units)
 
 
-RobotOrJob = Annotated[
-    str,
-    typer.Argument(metavar="ROBOT|JOB", help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file; or a job."),
+_KNOWN = "Catalogue name, model (.urdf, .xacro, .xml) or .toml file; or a job, whose robot it is."
+OneJob = Annotated[
+    str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.", callback=_named)
+]
+RobotOrJob = Annotated[str, typer.Argument(metavar="ROBOT|JOB", help=_KNOWN, callback=_named)]
+MaybeRobotOrJob = Annotated[str | None, typer.Argument(metavar="[ROBOT|JOB]", help=_KNOWN, callback=_named)]
+RobotName = Annotated[str, typer.Option("--robot", metavar="ROBOT|JOB", help=_KNOWN, callback=_named)]
+MaybeRobot = Annotated[str | None, typer.Option("--robot", metavar="ROBOT|JOB", help=_KNOWN, callback=_named)]
+Tip = Annotated[
+    str | None, typer.Option(help="The link that is the tool; by default that of the arm, or of the robot's own table.")
+]
+Base = Annotated[str | None, typer.Option(help="Of a model: the link that stands still; by default the root.")]
+TrustUnits = Annotated[
+    bool, typer.Option("--trust-units", help="The robot's numbers are in rad and m, whatever they look like.")
 ]
 Box = Annotated[
     str | None,
@@ -329,15 +383,6 @@ Box = Annotated[
 ]
 Tilt = Annotated[
     float | None, typer.Option(min=0.0, max=180.0, help="With --box: how far the tool leans to all sides [degrees].")
-]
-Tip = Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")]
-RobotName = Annotated[
-    str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file; or a job, whose robot it is.")
-]
-TipName = Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")]
-Base = Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")]
-TrustUnits = Annotated[
-    bool, typer.Option("--trust-units", help="The robot's numbers are in rad and m, whatever they look like.")
 ]
 Task = Annotated[
     TaskKind | None, typer.Option(help="What the tool must hold: axis is its point and the direction of an axis.")

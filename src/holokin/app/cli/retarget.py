@@ -17,7 +17,7 @@ from .outcome import (
     RobotName,
     Scales,
     Signs,
-    TipName,
+    Tip,
     TrustUnits,
     counts_of_words,
     ending,
@@ -37,8 +37,10 @@ def retarget(
     strategy: Annotated[
         str, typer.Option(help='A kind of a job and its keys: "lock joint3", "linear 1 0 -1 0 0 0 0", "arm-angle".')
     ],
-    out: Annotated[Path, typer.Option(help="The folder of the new dataset, which does not exist yet.")],
-    tip: TipName = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The folder of the new dataset, a new one; by default out/DATASET-retargeted.")
+    ] = None,
+    tip: Tip = None,
     base: Base = None,
     trust_units: TrustUnits = False,
     q0: Annotated[
@@ -105,7 +107,8 @@ def retarget(
     # The new dataset, and what to do where it was not written.
     with ending().telling("retarget") as say:
         say(f"{data.frames} frames")
-        done = learning.retarget(data, solver, sources, out, tip=tip, bad=bad, double=double)
+        target = Path("out", f"{dataset.resolve().name}-retargeted") if out is None else out
+        done = learning.retarget(data, solver, sources, target, tip=tip, bad=bad, double=double)
     show(str(done))
     for name in {STATE, ACTION} & set(data.features) - {source.name for source in sources}:
         show(f"{name} does not name the joints of {arm.name}, or was not asked for: it is as it was")

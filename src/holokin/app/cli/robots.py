@@ -6,17 +6,11 @@ from typing import Annotated
 
 import typer
 
-from .outcome import Base, TrustUnits, show
+from .outcome import Base, MaybeRobotOrJob, TrustUnits, show
 
 
 def robots(
-    robot: Annotated[
-        str | None,
-        typer.Argument(
-            help="A URDF, xacro or MJCF file: list its tips and the joints that lead there. A catalogue name, a .toml "
-            "file or a job: describe this robot."
-        ),
-    ] = None,
+    robot: MaybeRobotOrJob = None,
     tip: Annotated[
         list[str] | None, typer.Option(help="Of a model: describe the robot that ends here; may be given again.")
     ] = None,
@@ -25,6 +19,8 @@ def robots(
 ) -> None:
     """List the robots of the catalogue with joints and reach, the chains of a model, or what one robot is.
 
+    Of a model it lists the tips and the joints that lead there; with --tip, and of other robots and of jobs, it says
+    what this robot is.
     The reach is the largest distance of the (first) tip from the base's origin within the joint limits, as computed.
     """
     from ...base.errors import ArgumentError

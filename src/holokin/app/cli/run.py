@@ -9,7 +9,7 @@ import typer
 
 from ...base.errors import ArgumentError
 from ...version import build
-from .outcome import ending, show, show_rich
+from .outcome import ending, print_as, show, show_rich
 
 if TYPE_CHECKING:
     from ..job import Job
@@ -47,6 +47,7 @@ def run(
         check_folder(out, name)
     # One after the other; whatever happens to one, the others are done.
     for name, job, file in opened:
+        print_as(job, file)
         with ending().telling(name) as say:
             try:
                 if job.paths:

@@ -6,19 +6,13 @@ from typing import Annotated
 
 import typer
 
-from .outcome import TrustUnits, show
+from .outcome import Base, MaybeRobotOrJob, Tip, TrustUnits, show
 
 
 def studio(
-    what: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[JOB | ROBOT]",
-            help="A packaged job, a job file, a robot of the catalogue or a file; by default panda-circle.",
-        ),
-    ] = None,
-    tip: Annotated[str | None, typer.Option(help="Of a model: the link that is the tool.")] = None,
-    base: Annotated[str | None, typer.Option(help="Of a model: the link that stands still.")] = None,
+    what: MaybeRobotOrJob = None,
+    tip: Tip = None,
+    base: Base = None,
     trust_units: TrustUnits = False,
     port: Annotated[int, typer.Option(help="Where the page is; the next free one if it is in use.")] = 8080,
     host: Annotated[
@@ -29,8 +23,8 @@ def studio(
 ) -> None:
     """Show a job or a robot as a page in the browser: drag the tool or a loop, and see which joints drift.
 
-    Every strategy has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input,
-    as of `holokin run`. Needs the extra "studio".
+    Without a name it is the job panda-circle. Every strategy has a robot of its own colour. Ctrl-C in the terminal ends
+    the page (exit code 130); 2 is bad input, as of `holokin run`. Needs the extra "studio".
     """
     from ..studio import DEFAULT, open_session
     from ..studio.server import studio as open_page

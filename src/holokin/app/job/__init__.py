@@ -5,7 +5,7 @@ Uses all that a job may name. Read first: `schema.py`, `runner.py`.
 
 from .advice_job import axis_of
 from .paths_job import run_paths
-from .runner import PAPER, expand, is_job, open_job, open_one_job, packaged_jobs, robot_of_file, run_job
+from .runner import PAPER, alone_says, expand, is_job, open_job, open_one_job, packaged_jobs, robot_of_file, run_job
 from .schema import Job, read_job
 from .strategy_tables import KINDS, keys_of
 from .templates import new_job, new_job_for, packaged_text
@@ -23,6 +23,7 @@ __all__ = [
     "KINDS",
     "PAPER",
     "Job",
+    "alone_says",
     "axis_of",
     "certify_job",
     "default_strategy",

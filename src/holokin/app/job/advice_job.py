@@ -23,9 +23,9 @@ from ...robot import Robot
 from ...strategies.tasks.task import Task
 from .job_parts import build_robot, build_tasks
 from .paths_job import run_paths
-from .runner import is_job, open_one_job, run_job, workspace_of_job
+from .runner import alone_says, is_job, open_one_job, run_job, workspace_of_job
 from .schema import job_of, job_table
-from .templates import check_new, circle_job, job_text, passes, robot_name, write_new
+from .templates import beside, check_new, circle_job, job_text, passes, robot_keys, robot_name, write_new
 
 # --- Axes and postures as one types them beside a command.
 
@@ -96,10 +96,8 @@ def question(
         any_start: of a job: whether it may begin in another posture, its tool where it is at the start.
     """
     if is_job(name):
-        options = {"--box": box, "--tilt": tilt, "--tip": tip, "--base": base, "--task": task}
-        for option, value in (options | {"--trust-units": trust_units or None}).items():
-            if value is not None:
-                raise ArgumentError(f"{option} beside a job", value, f"a job says all of it: write it into {name}")
+        chain = {"--tip": tip, "--base": base, "--trust-units": trust_units}
+        alone_says(name, chain | {"--box": box, "--tilt": tilt, "--task": task})
         return _of_job(name, any_start)
     if any_start:
         raise ArgumentError("--any-start", True, "it is of a job: for a robot each start is tried")
@@ -194,22 +192,19 @@ def _begin(advice: Advice, keys: dict[str, Any]) -> str:
 def moved_job(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
     """The content of a job with the files that it names, for a job in another folder."""
 
-    def beside(given: Mapping[str, Any], key: str = "file") -> dict[str, Any]:
-        name = given.get(key)
-        if not isinstance(name, str) or not FilePath(name).suffix:
-            return dict(given)
-        return dict(given) | {key: robot_name(str(file.parent / name), path)}
+    def moved_file(given: Mapping[str, Any], key: str = "file") -> dict[str, Any]:
+        return beside(given, key, file, path)
 
-    def every(given: Mapping[str, Any], key: str, of: str = "file") -> dict[str, Any]:
-        return dict(given) | ({key: [beside(one, of) for one in given[key]]} if key in given else {})
+    def moved_files(given: Mapping[str, Any], key: str) -> dict[str, Any]:
+        return dict(given) | ({key: [moved_file(one) for one in given[key]]} if key in given else {})
 
-    moved = dict(keys) | {"robot": every(beside(keys["robot"], "name"), "parts", "name")}
+    moved = dict(keys) | {"robot": robot_keys(keys["robot"], file, path)}
     paths = keys["path"] if isinstance(keys["path"], list) else [keys["path"]]
-    paths = [every(beside(one), "others") for one in paths]
+    paths = [moved_files(moved_file(one), "others") for one in paths]
     moved["path"] = paths if isinstance(keys["path"], list) else paths[0]
-    moved |= {part: beside(keys[part]) for part in ("workspace", "sheets") if part in keys}
+    moved |= {part: moved_file(keys[part]) for part in ("workspace", "sheets") if part in keys}
     if "checks" in keys:
-        moved["checks"] = every(beside(keys["checks"], "srdf"), "obstacles")
+        moved["checks"] = moved_files(moved_file(keys["checks"], "srdf"), "obstacles")
         for one in moved["checks"].get("obstacles", []):
             if isinstance(one.get("pieces"), list):
                 one["pieces"] = [robot_name(str(file.parent / piece), path) for piece in one["pieces"]]

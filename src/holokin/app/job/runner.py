@@ -115,13 +115,26 @@ def is_job(name: str) -> bool:
 def robot_of_file(
     name: str, tip: str | Sequence[str] | None = None, base: str | None = None, trust_units: bool = False
 ) -> Robot:
-    """The robot of a job, or one by catalogue name or file. Raises: as `open_job` and `load`."""
+    """The robot of a job, or one by catalogue name or file. Raises: as `open_job` and `load`; ArgumentError.
+
+    Args:
+        tip: of a model; beside a job, or a robot of the catalogue, one of the tools that it has.
+        base, trust_units: of a model.
+    """
     if is_job(name):
-        if tip or base:
-            raise ArgumentError("the tip or the base", tip or base, "a job says it itself: leave it out")
         _, job, file = open_one_job(name)
-        return build_robot(job, file)
+        robot = build_robot(job, file)
+        tools = [known.name for known in robot.tips] if len(robot.tips) > 1 else []
+        alone_says(name, {"--tip": None if tip in tools else tip, "--base": base, "--trust-units": trust_units})
+        return robot
     return load(name, tip=tip or None, base=base, trust_units=trust_units)
+
+
+def alone_says(name: str, options: Mapping[str, Any]) -> None:
+    """Refuse options that a job says itself. Raises: ArgumentError: one is given."""
+    for option, given in options.items():
+        if given is not None and given is not False:
+            raise ArgumentError(f"{option} beside a job", given, f"a job says it itself: write it into {name}")
 
 
 # --- [workspace] and [sheets] of a job.
@@ -141,7 +154,7 @@ def build_workspace(table: WorkspaceTable, at_start: Matrix, file: FilePath) -> 
         JobError, FileError.
     """
     if table.kind == "poses":
-        return read_workspace(file.parent / str(table.file), ignore=table.ignore)
+        return read_workspace(file.parent / str(table.file), ignore=table.ignore, axis=table.axis)
     rotation = None if table.rotation == "down" else at_start if table.rotation == "start" else table.rotation
     box = cylinder = sphere = None
     if table.kind == "box":

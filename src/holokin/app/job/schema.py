@@ -147,6 +147,7 @@ class WorkspaceTable(KindTable):
     half_height: Annotated[Size | None, needed_by("cylinder")] = None
     file: Annotated[str | None, needed_by("poses")] = None
     ignore: Annotated[Names, of("poses")] = Field(default=[])
+    axis: Annotated[Literal["into", "out"] | None, of("poses")] = None
     rotation: Annotated[Literal["down", "start"] | Rotation, of(*SOLIDS)] = "down"
     tilt_deg: Annotated[HalfTurn, of(*SOLIDS)] = 0.0
     spin_deg: Annotated[HalfTurn, of(*SOLIDS)] = 0.0

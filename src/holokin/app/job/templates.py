@@ -16,11 +16,10 @@ from ...analysis.coverage import fitting_task, locked_joints, regular_starts
 from ...base.errors import ArgumentError, HolokinError, JobError, UnknownNameError
 from ...base.files import aside, write_text, writing
 from ...base.types import Vector
-from ...robot import load
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task
-from .runner import packaged_jobs, run_job
-from .schema import LONGEST_TITLE, Job
+from .runner import is_job, open_one_job, packaged_jobs, robot_of_file, run_job
+from .schema import LONGEST_TITLE, Job, job_table
 
 # --- Writing job files: TOML values, robot files as a job names them, and files that must be new.
 
@@ -100,6 +99,22 @@ def robot_name(robot: str, path: FilePath) -> str:
     except ValueError:  # another drive
         near = FilePath(robot).absolute()
     return (near if near.parts.count("..") < 2 else FilePath(robot).absolute()).as_posix()
+
+
+def beside(keys: Mapping[str, Any], key: str, file: FilePath, path: FilePath) -> dict[str, Any]:
+    """Keys of a job in `file`, with the file that one of them names as a job in another folder names it."""
+    name = keys.get(key)
+    if not isinstance(name, str) or not FilePath(name).suffix:
+        return dict(keys)
+    return dict(keys) | {key: robot_name(str(file.parent / name), path)}
+
+
+def robot_keys(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
+    """[robot] of a job in `file`, for one in another folder."""
+    moved = beside(keys, "name", file, path)
+    if "parts" in moved:
+        moved["parts"] = [beside(part, "name", file, path) for part in moved["parts"]]
+    return moved
 
 
 def check_new(path: FilePath) -> None:
@@ -210,10 +225,12 @@ def new_job_for(
 ) -> None:
     """Write a job for a robot to a new file: a small circle from a regular start posture, with three strategies.
 
+    Of a job it takes the robot, as its [robot] says it.
+
     Every strategy is followed round the circle before the file is written. Nothing is expected in it.
 
     Args:
-        robot: a name of the catalogue, a model or a .toml file. tip, base, trust_units: as of `load`.
+        robot: a name of the catalogue, a model or a .toml file, or a job. tip, base, trust_units: as of `load`.
 
     Raises:
         JobError: the file exists. RobotFileError, UnknownNameError: of the robot. ArgumentError: a robot without
@@ -221,11 +238,15 @@ def new_job_for(
     """
     # The robot and its task.
     check_new(path)
-    arm = load(robot, tip=tip, base=base, trust_units=trust_units)
+    arm = robot_of_file(robot, tip, base, trust_units)
     task = fitting_task(arm)
-    keys = {"name": robot_name(robot, path) if FilePath(robot).suffix else robot}
-    keys |= {key: link for key, link in (("tip", tip), ("base", base)) if link is not None}
-    keys |= {"trust_units": True} if trust_units else {}
+    if is_job(robot):
+        file = open_one_job(robot)[2]
+        keys = robot_keys(job_table(file)["robot"], file, path)
+    else:
+        keys = {"name": robot_name(robot, path) if FilePath(robot).suffix else robot}
+        keys |= {key: link for key, link in (("tip", tip), ("base", base)) if link is not None}
+        keys |= {"trust_units": True} if trust_units else {}
     if task.orientation is not None:
         held = "with the tool's orientation held"
     elif task.m == (2 if arm.planar else 3):

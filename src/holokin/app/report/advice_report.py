@@ -12,6 +12,7 @@ from ...analysis.design import Advice, RatedStrategy
 from ...analysis.design.trials import is_proven
 from ...base.errors import brief
 from ...base.types import Vector
+from ...base.units import as_printed
 from ...robot import Coordinate, Robot, Tip, knows_masses, reach
 from .plots import HOLONOMIC, INK, PAGE, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
@@ -66,7 +67,7 @@ SHOWN = 6
 
 def print_advice(advice: Advice, console: Any) -> None:
     """Print the advice in lines, and below it the best strategies as a table."""
-    Section(brief(advice.subject, 600), notes=advice.reasons).rich(console)
+    Section(as_printed(brief(advice.subject, 600)), notes=advice.reasons).rich(console)
     clear = right("clearance\nmin [m]") if advice.scene else []
     head = ["strategy", *right("workspace\nserved", "nearest limit\n[of its range]"), "joint", *right("rcond\nmin")]
     rows = []

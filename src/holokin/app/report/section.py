@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from typing import Any, Literal, final
 
 from ...base.errors import brief
+from ...base.units import as_printed
 from .plots import BAD, GOOD, HOLONOMIC_TEXT, WARNING, legible, style
 
 Tone = Literal["", "good", "holonomic", "warning", "bad", "failed", "small", "strong", "code"]
@@ -103,15 +105,27 @@ class Section:
     parts: Sequence[Section] = ()
 
     def reworded(self, change: Callable[[str], str]) -> Section:
-        """The same with each sentence, caption and cell of the table changed, but for titles and headings."""
+        """The same with each sentence, caption and cell of the table changed, but for the title.
+
+        A column of numbers whose heading has a unit in brackets is changed as if each had this unit behind it.
+        """
 
         def each(listed: Sequence[Words]) -> list[Words]:
-            return [change(w) if isinstance(w, str) else _changed(w, change) for w in listed]
+            return [_changed(words, change) for words in listed]
 
         texts = {part: each(getattr(self, part)) for part in ("notes", "remarks", "points")}
         parts = [part.reworded(change) for part in self.parts]
         figure = self.figure and replace(self.figure, caption=change(self.figure.caption))
-        return replace(self, figure=figure, rows=[each(row) for row in self.rows], parts=parts, **texts)
+        head: list[Column | str] = []
+        changes: list[Callable[[str], str]] = []
+        for k, entry in enumerate(self.head):
+            name, *side = (entry,) if isinstance(entry, str) else entry
+            name, change_cell = _column(name, [_plain(row[k]) for row in self.rows], change)
+            head.append((name, side[0]) if side else name)
+            changes.append(change_cell)
+        cells = changes or [change] * max(map(len, self.rows), default=0)
+        rows = [[_changed(cell, each) for cell, each in zip(row, cells, strict=False)] for row in self.rows]
+        return replace(self, figure=figure, head=head, rows=rows, parts=parts, **texts)
 
     @property
     def columns(self) -> list[Column]:
@@ -145,8 +159,11 @@ class Section:
         head, body = cells("th", [name for name, _ in self.columns]), "".join(cells("td", row) for row in self.rows)
         return f"<div class='wide'><table><thead>{head}</thead><tbody>{body}</tbody></table></div>"
 
-    def rich(self, console: Any, indent: str = "") -> None:
-        """Print the section on a console of rich, without its figure."""
+    def rich(self, console: Any) -> None:
+        """Print the section on a console of rich, in the units of what runs, without its figure."""
+        self.reworded(as_printed)._rich(console, "")
+
+    def _rich(self, console: Any, indent: str) -> None:
         # The table under its title, names of facts pale.
         if self.rows:
             from rich.table import Table
@@ -180,10 +197,14 @@ class Section:
         for words in (*self.notes, *self.remarks, *self.points):
             console.print(f"{indent}{_plain(words)}", style=_color(words), markup=False, highlight=False)
         for part in self.parts:
-            part.rich(console, indent)
+            part._rich(console, indent)
 
     def __str__(self) -> str:
-        """The section in plain text, columns of one width."""
+        """The section in plain text, in the units of what runs, columns of one width."""
+        return self.reworded(as_printed)._text
+
+    @property
+    def _text(self) -> str:
         lines = [self.title] if self.title else []
         lines += map(_plain, self.notes)
         if self.rows:
@@ -192,12 +213,29 @@ class Section:
             widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
             lines += ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
         lines += map(_plain, (*self.remarks, *self.points))
-        lines += [f"  {line}" for part in self.parts for line in str(part).splitlines()]
+        lines += [f"  {line}" for part in self.parts for line in part._text.splitlines()]
         return "\n".join(lines)
 
 
-def _changed(note: Note, change: Callable[[str], str]) -> Note:
-    return replace(note, text=change(note.text), then=change(note.then), detail=change(note.detail))
+def _changed(words: Words, change: Callable[[str], str]) -> Words:
+    if isinstance(words, str):
+        return change(words)
+    return replace(words, text=change(words.text), then=change(words.then), detail=change(words.detail))
+
+
+_OF_COLUMN = re.compile(r"\[((?:rad|m)(?:/s)?|rad or m)\]")
+
+
+def _column(name: str, cells: Sequence[str], change: Callable[[str], str]) -> tuple[str, Callable[[str], str]]:
+    """(heading, what changes the cells) of a column; of one with a unit and numbers alone these have that unit."""
+    unit = _OF_COLUMN.search(name)
+    if unit is None or not all(re.fullmatch(r"-|-?[\d.]+(?:e[-+]?\d+)?|", cell) for cell in cells):
+        return name, change
+
+    def with_unit(cell: str) -> str:
+        return change(f"{cell} {unit[1]}").partition(" ")[0] if cell.strip("-") else cell
+
+    return name.replace(unit[0], f"[{change(f'1 {unit[1]}').partition(' ')[2]}]"), with_unit
 
 
 def _plain(words: Words) -> str:

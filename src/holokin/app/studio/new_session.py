@@ -23,7 +23,7 @@ from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import pose
 from ..job import Job, is_job, open_one_job
 from ..job.job_parts import build_begin, build_paths, build_strategy, build_tasks, naming, title_of
-from ..job.runner import sheets_of_job
+from ..job.runner import alone_says, sheets_of_job
 from ..job.templates import task_keys
 from .followers import Loop, circle_loop, entered, loop_start
 from .session import Session
@@ -60,6 +60,7 @@ def open_session(name: str, *, tip: str | None = None, base: str | None = None, 
         ArgumentError: no joint is to spare. HolokinError: what reading jobs and robots raises.
     """
     if is_job(name):
+        alone_says(name, {"--tip": tip, "--base": base, "--trust-units": trust_units})
         return session_of_job(*open_one_job(name))
     chain = chain_to_tool(name, tip, base, trust_units)
     keys = {"name": name, "tip": chain.tip if is_model(name) else tip, "base": chain.base}

@@ -415,7 +415,7 @@ class ArmInverse(Value):
     def _reason(self, T: Matrix) -> tuple[str, HolokinError]:
         """Why a pose has no answer, in short, and as an error."""
         robot, p = self._robot, T[:3, 3]
-        where = f"the pose at {posture_text(p)}"
+        where = f"the pose at {posture_text(p)} m"
         q, share, within = self._arcs(T) if self._whole is None else self._whole._arcs_of(self._spins(T))
         if not (share > 0).any():
             fact = f"{where} is out of reach of {robot.name!r}: no posture has it"
@@ -425,9 +425,10 @@ class ArmInverse(Value):
             best = q[int(np.where(share > 0, within, -np.inf).argmax())]
             i = int(np.argmax(robot.beyond(best)))
             facts = robot.joint_names[i], float(best[i]), float(robot.lower[i]), float(robot.upper[i])
+            unit = "rad" if robot.hinges[i] else "m"
             cure = "of all postures of the pose this is the nearest to the limits: give another pose, or widen them"
-            past = f"{robot.beyond(best)[i]:.2g} {'rad' if robot.hinges[i] else 'm'}"
-            return f"limits: joint {facts[0]!r} by {past} at best", JointLimitError(*facts, cure=cure)
+            past = f"{robot.beyond(best)[i]:.2g} {unit}"
+            return f"limits: joint {facts[0]!r} by {past} at best", JointLimitError(*facts, unit, cure)
         words = [] if self.touches is None else [word for word in self.touches(kept) if word]
         most = max(sorted(set(words)), key=words.count, default="something")
         fact = f"{where} has no posture that keeps clear: of {len(kept)} that were looked at most touch {most}"

@@ -556,7 +556,7 @@ class InverseKinematics(Value):
         near, alone = self.region.near(p[None], R[None])  # type: ignore[union-attr]
         if not np.isfinite(near).all():
             raise OutOfReachError(
-                f"the pose at {posture_text(p)} does not belong to the region",
+                f"the pose at {posture_text(p)} m does not belong to the region",
                 "give a pose in it, ask for a larger region, or none",
                 position=p,
             )

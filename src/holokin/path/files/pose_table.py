@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -84,29 +85,41 @@ def read_workspace(
     order: Literal["xyzw", "wxyz"] | None = None,
     rotation: ArrayLike | None = None,
     ignore: Sequence[str] = (),
+    axis: Literal["into", "out"] | None = None,
 ) -> PoseCloud:
     """A workspace of the tool poses in a CSV file, a line each, in the frame of the robot's base.
 
-    The columns are those of `read_paths`, but for directions of the tool, which are no whole orientations; without a
-    unit they are in m and rad. With x, y, z alone the tool points down everywhere, as in `hk.workspace`, or as
-    `rotation` says; a task of positions looks at the positions alone.
+    The columns are those of `read_paths`; without a unit they are in m and rad. With x, y, z alone the tool points down
+    everywhere, as in `hk.workspace`, or as `rotation` says; a task of positions looks at the positions alone.
+    Directions of the tool, i, j, k or nx, ny, nz, are no whole orientations: they are for a task of the tool's z axis,
+    orientation="axis", and for one of positions.
 
     Args:
         units, angles, order: as of `read_paths`, where the header does not say it.
         rotation: of the tool (3, 3), for a file of positions alone.
         ignore: columns to leave out, as of `read_paths`. Times are left out, and what `Coverage.save` wrote behind
             the poses.
+        axis: whether the directions point "into" the work, as the tool's z axis does, or "out" of it. By default
+            "into", which the workspace says of itself.
 
     Raises:
         FileError: as of `read_paths`.
-        ArgumentError: a rotation that is none, or for a file that has rotations.
+        ArgumentError: a rotation that is none, or for a file that has rotations or directions; an axis for one that
+            has none.
     """
     if rotation is not None:
         rotation = finite("the rotation", rotation, (3, 3))
         check_rotation("the rotation", rotation)
-    read = pose_rows(Path(path), "pose", Units(units, angles, order, True, tuple(ignore)))
-    if rotation is not None and read.rotations is not None:
+    into = None if axis is None else axis == "into"
+    read = pose_rows(Path(path), "pose", Units(units, angles, order, True, tuple(ignore), into=into))
+    if axis is not None and read.axes is None:
+        raise ArgumentError("axis", axis, f"leave it out: {path} has no directions of the tool")
+    if rotation is not None and (read.rotations is not None or read.axes is not None):
         raise ArgumentError("rotation", rotation.tolist(), f"leave it out: {path} has a rotation for each pose")
+    if read.axes is not None:
+        turns = np.concatenate([rotations_along(along[None]) for along in read.axes])
+        source = f"{path}, the tool's z axis as it says{'' if axis else ', into the work'}, its turn about it free"
+        return replace(pose_cloud(pose_from(read.points, turns), source), directed=True)
     if read.rotations is not None:
         return pose_cloud(pose_from(read.points, read.rotations), str(path))
     source = f"{path} with the tool down" if rotation is None else f"{path} with one rotation"
