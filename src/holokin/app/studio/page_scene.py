@@ -31,7 +31,7 @@ from ...robot import (
     reach,
 )
 from ...robot.tree import Frames, joint_frames
-from ..report.plots import LOOP, START, color_of, rgb
+from ..report.plots import LOOP, START, rgb
 from ..report.robot_view import pieces_of
 
 # --- The links of a robot as triangles to look at: its own meshes, or capsules where it has none that can be read.
@@ -245,9 +245,9 @@ def _clustered(mesh: Any, cell: float) -> tuple[tuple[Indices, Indices], Indices
     return (first, inverse.reshape(-1)), faces[np.sort(keep)]
 
 
-# of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart
-OPACITY = 0.62
-ALONE = 0.4  # of the only ghost that there is: the robot is seen through it
+TINT = 0.75  # share of the strategy's colour in the solid robot; the rest is the robot's own, in which parts are told apart
+# of a ghost that stands well away from the robot: less, and the colours of both mix to one that is in no legend
+OPACITY = 0.9
 APART = 0.03  # distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen
 # distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker
 TOUCHING = 0.003
@@ -329,12 +329,10 @@ class Scene:
         self._sizes = [float(np.linalg.norm(look.points, axis=1).max()) for look in self.looks]
         self._elbow = elbow_joint(robot, self.q0)
         self._floor()
-        self._draw_robot()
 
-    def set_strategies(self, names: Sequence[str], colors: Sequence[str] = (), lead: int = 0) -> None:
-        """A ghost for each strategy in its colour (#RRGGBB); that of the `lead` is the robot, in its own colours."""
-        self.names, self.lead = tuple(names), lead
-        self.colors = tuple(colors) or tuple(color_of(i) for i in range(len(names)))
+    def set_strategies(self, names: Sequence[str], colors: Sequence[str], lead: int = 0) -> None:
+        """A robot for each strategy in its colour (#RRGGBB): that of the `lead` solid, the others as ghosts."""
+        self.names, self.colors = tuple(names), tuple(colors)
         for handle in [*self._ghosts, *self._labels, *(line for line, _ in self._lines.values())]:
             handle.remove()
         self._ghosts, self._labels, self._lines = [], [], {}
@@ -351,14 +349,18 @@ class Scene:
             label = self.server.scene.add_label(f"/names/{index}", name, anchor="bottom-center", visible=False)
             self._labels.append(label)
         self._scales = 0.996 - 0.002 * (np.arange(count) % 6)  # within one another, where two stand in one place
+        self.set_lead(lead)
         self.show(np.tile(self.q0, (count, 1)))
+
+    def set_lead(self, index: int) -> None:
+        """Draw the robot of another strategy solid; where it stands is told by `show`."""
+        self.lead = index
+        self._solid = [self._solid_part(look, rgb(self.colors[index])) for look in self.looks]
 
     def show(self, Q: ArrayLike) -> None:
         """The robots of all strategies at their postures Q (k, n) [rad or m]."""
-        postures, lead = np.asarray(Q, dtype=float), self.lead
-        if not len(postures):
-            postures, lead = self.q0[None], 0
-        positions, turns = frames_of(self.robot, postures)
+        lead = self.lead
+        positions, turns = frames_of(self.robot, np.asarray(Q, dtype=float))
         elbows = positions[self._elbow + 1]
         with self.server.atomic():
             for handle, frame in zip(self._solid, self._joints, strict=True):
@@ -478,19 +480,16 @@ class Scene:
         scene.set_background_image(np.full((2, 2, 3), _SKY, dtype=np.uint8), format="png")
         scene.add_grid("/floor", size, size, position=(0.0, 0.0, height), **lines, **plane)
 
-    def _draw_robot(self) -> None:
+    def _solid_part(self, look: Look, color: tuple[int, int, int]) -> Any:
+        """What a joint of the solid robot carries, in a colour that is mixed with its own; it is dull."""
         tm = trimesh_package()
-        for look in self.looks:
-            dull = tm.visual.TextureVisuals(
-                material=tm.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.7)
-            )
-            tints = linear(look.colors)
-            dull.vertex_attributes["color"] = np.column_stack([tints, np.full(len(tints), 255, dtype=np.uint8)])
-            mesh = tm.Trimesh(look.points, look.triangles, visual=dull, process=False)
-            _ = mesh.vertex_normals  # written only where they are known already; without them all is drawn flat
-            self._solid.append(
-                self.server.scene.add_mesh_trimesh(f"/robot/{look.joint + 1}", mesh, receive_shadow=False)
-            )
+        material = tm.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.7)
+        visual = tm.visual.TextureVisuals(material=material)
+        mixed = linear(TINT * np.array(color) + (1 - TINT) * look.colors)
+        visual.vertex_attributes["color"] = np.column_stack([mixed, np.full(len(mixed), 255, dtype=np.uint8)])
+        mesh = tm.Trimesh(look.points, look.triangles, visual=visual, process=False)
+        _ = mesh.vertex_normals  # written only where they are known already; without them all is drawn flat
+        return self.server.scene.add_mesh_trimesh(f"/robot/{look.joint + 1}", mesh, receive_shadow=False)
 
     def _line(self, name: str, points: Matrix, color: str, thickness: float) -> None:
         handle = self._lines.get(name)
@@ -541,8 +540,7 @@ def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
     """
     turned = 2 * np.sqrt(np.clip(1 - (turns @ turns.T) ** 2, 0.0, 1.0))
     away = np.linalg.norm(positions[:, None] - positions, axis=2) + size * turned
-    most = ALONE if len(away) == 2 else OPACITY
-    opacity = most * np.clip((away[lead] - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+    opacity = OPACITY * np.clip((away[lead] - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
     before = np.tri(len(away), k=-1, dtype=bool)  # of two ghosts in one place the first is drawn
     before[:, lead] = False
     nearest = np.where(before, away, np.inf).min(axis=1)

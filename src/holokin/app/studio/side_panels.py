@@ -412,6 +412,7 @@ class SavePanel:
 
 # --- The panel with all of these, and what runs.
 
+WIDTH = 320  # of the panel [pixels]
 ENDLESS = 0  # cycles that mean: for ever
 ELSEWHERE = 1e-6  # joint difference [rad, m] to the start posture at which a strategy does not stand there
 ROUND = ("as drawn", "the other way")  # the ways round a loop: not clockwise, clockwise
@@ -448,7 +449,7 @@ class Panels:
         gui.set_panel_label("holokin studio")
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(350)
+        gui.main_panel.set_width(WIDTH)
         joints = f"{session.robot.name}: {session.task.n} joints for {session.task.m} coordinates of the tool"
         shared = "All browsers on this page see and move the same robots."
         remarks = map(warning, page.scene.remarks)

@@ -141,7 +141,8 @@ class Page:
 
     def set_lead(self, index: int) -> None:
         """Whose robot is drawn solid."""
-        self.lead = self.scene.lead = index
+        self.lead = index
+        self.scene.set_lead(index)
         self.drawn = -1
 
     @contextmanager
@@ -404,6 +405,9 @@ def frame_of(normal: Vector, towards: Vector) -> Matrix:
 MOST_LINES = 12  # strategies in a plot at most: more lines nobody tells apart
 KEPT = 400  # points of a line at most
 SOFT = 0.1  # drift [rad or m] to which its plot goes at least
+WIDE = 300  # width of the column [pixels]
+# width of the scene over its height below which a browser has the column as a bar at its edge: the robot needs the room
+NARROW = 0.7
 _EMPTY = np.array([0.0, 1.0])
 
 
@@ -415,12 +419,13 @@ class Charts:
         self._drawn: tuple[Any, ...] = ()
         robot, gui = page.session.robot, page.server.gui
         self._names = short_names(robot.joint_names)
-        panel = gui.add_panel()
-        panel.dock_left()
-        panel.set_width(330)
+        self._panel = gui.add_panel()
+        self._panel.dock_left()
+        self._panel.set_width(WIDE)
+        self._seen: set[int] = set()  # browsers whose window was too narrow for it
         # The joint of the second plot: first the one that the self-motion moves most.
         restless = int(np.argmax(np.linalg.norm(page.session.task.null_space(page.session.home), axis=1)))
-        with panel.add_tab("What the joints do"):
+        with self._panel.add_tab("What the joints do"):
             self.title = gui.add_markdown("")
             self.drift = self._plot("cycle", dots=True)
             hint = "The joint of the plot below, with a line for each strategy"
@@ -446,6 +451,7 @@ class Charts:
 
     def draw(self, snap: Snapshot) -> None:
         """Bring plots to a snapshot; those without news are left alone."""
+        self._make_room()
         states = snap.strategies[:MOST_LINES]
         news = (snap.number, self.pick.value)
         if news == self._drawn:
@@ -477,6 +483,20 @@ class Charts:
         else:
             self.history.data = (_EMPTY, *[np.full(2, scale * state.q[joint]) for state in states])
         self.bars.content = self._bars(snap)
+
+    def _make_room(self) -> None:
+        """In a browser whose window is narrow the column is a bar, once: who opens it there wants to see it.
+
+        viser places the panel of all browsers in all of them alike, but for a handle of one browser with its name.
+        """
+        from viser._gui_handles import MainPanelHandle
+
+        for number, client in self.page.server.get_clients().items():
+            if number not in self._seen and client.camera.image_width < NARROW * client.camera.image_height:
+                self._seen.add(number)
+                handle = MainPanelHandle(client.gui)
+                handle._placement_uuid = self._panel._placement_uuid
+                handle.minimize()
 
     def _scales(self, soft: bool) -> dict[str, Any]:
         smallest = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
