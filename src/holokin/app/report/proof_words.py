@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from ...base.errors import brief
-from ...base.types import Matrix, Vector, kept
+from ...base.types import Vector, kept
 from ...base.units import at_least, at_most
 from ...motion.checks import PairDistance
 from ...motion.checks.clearance import FLOOR, FloorGap, LinkGap
