@@ -9,7 +9,7 @@ from ...base.extra_module import renamed
 from .advice_case import advise
 from .designed_strategy import Design, SectionMetrics, design
 from .nearby_cusps import LevelRange, NearbyCusps, level_range
-from .objectives import Objective, OwnCost
+from .objectives import Objective
 from .trials import Advice, Part, RatedStrategy
 
 __all__ = [
@@ -18,7 +18,6 @@ __all__ = [
     "LevelRange",
     "NearbyCusps",
     "Objective",
-    "OwnCost",
     "Part",
     "RatedStrategy",
     "SectionMetrics",
