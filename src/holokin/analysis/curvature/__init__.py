@@ -19,7 +19,6 @@ from .leaf_geometry import (
     distance_to_repeatable,
     general_form,
 )
-from .lie_filtration import Filtration, Integrability, filtration
 from .verdict import Accuracy, Ball, Evidence, Region, Verdict, around, ball, box
 
 __all__ = [
@@ -30,9 +29,7 @@ __all__ = [
     "Cusps",
     "Deviation",
     "Evidence",
-    "Filtration",
     "GeneralForm",
-    "Integrability",
     "MeasuredCurvature",
     "Region",
     "RepeatableDistance",
@@ -44,7 +41,6 @@ __all__ = [
     "curvature",
     "cusps",
     "distance_to_repeatable",
-    "filtration",
     "general_form",
     "involutivity",
     "involutivity_of",
