@@ -19,7 +19,7 @@ import pytest
 from benchmarks.fuzz.calls import things
 
 import holokin as hk
-from holokin.analysis.design import OwnCost, advice_case
+from holokin.analysis.design import Objective, advice_case
 from holokin.base.errors import CallError, NoAttributeError
 from holokin.base.types import LONGEST, NoTruthValue, Result, Shown
 from public_nouns import public_classes
@@ -49,7 +49,7 @@ def instances() -> dict[type, Any]:
     space = hk.workspace(box=(robot.pose(q0)[:2, 3], [0.05, 0.05]))
     more = [
         hk.design(task, space, q0, degree=1, samples=8), hk.cusps(law, q0), hk.unique_region(law, q0),
-        OwnCost("mine", function=len), hk.robot.DHRow(a=1.0),
+        hk.robot.DHRow(a=1.0),
         hk.survey(["ppr"], {"mp": hk.moore_penrose}, {"c": {"kind": "circle", "size": 0.1}}, cycles=1, workers=0),
     ]  # fmt: skip
     found: dict[type, Any] = {}
@@ -94,7 +94,7 @@ def from_a_stranger() -> list[Any]:
         robot, task, law, hk.lock(2, name=EVIL), loop, walk, ik, ik.batch(space.poses(5)), ik.nearest(robot.pose(q0)),
         hk.involutivity(hk.moore_penrose(task), hk.around(q0, 0.1), samples=4), hk.check(walk, robot=robot),
         hk.coverage(law, space, q0, samples=4), hk.audit(law, task, q0=q0, dt=0.1, cycles=3),
-        hk.drift(law, loop, q0, samples=20), hk.certify(law, loop, q0), OwnCost(EVIL, function=len),
+        hk.drift(law, loop, q0, samples=20), hk.certify(law, loop, q0),
         hk.design(task, space, q0, degree=0, samples=4),
     ]  # fmt: skip
 
@@ -153,9 +153,9 @@ def test_a_table_says_what_was_found() -> None:
 
 @pytest.mark.parametrize("value", [1.0, 3, None, True, "x", np.eye(3), [1, 2], {"a": 1}, hk.motion.Status.COMPLETE])
 def test_a_part_of_any_kind_is_shown(value: Any) -> None:
-    cost = OwnCost("mine", function=len)
-    object.__setattr__(cost, "weight", value)
-    assert repr(cost).startswith("OwnCost(name='mine'") and cost._repr_html_().startswith("<div>")
+    cost = Objective(1.0)
+    object.__setattr__(cost, "length", value)
+    assert repr(cost).startswith("Objective(squared_speed=1") and cost._repr_html_().startswith("<div>")
 
 
 # --- Results that may say no are neither True nor False; who asks is told what to ask.
@@ -168,7 +168,7 @@ NO_QUESTION = {
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse", "ArmInverse", "ArmMap", "NearAnswer", "SheetPostures",
-    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path", "PathFile",
+    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "PathFile",
     "PostureTask", "RatedStrategy", "Recording", "Robot", "RowStrategy", "SelfMotionCurve",
     "SelfMotionArc", "ArcEnd", "EndKind",
     "FrameTask", "StackedTask", "Segment", "Samples",
@@ -260,7 +260,7 @@ def results() -> dict[str, Any]:
     found = [
         hk.involutivity(given, hk.around(q0, 0.1), samples=4),
         hk.involutivity(function, hk.around(q0, 0.1), samples=2).accuracy, curvature.measured_curvature(function, q0),
-        curvature.filtration(given, q0), curvature.general_form(law, q0),
+        curvature.general_form(law, q0),
         curvature.distance_to_repeatable(given, curvature.ball(q0, 0.05), law, samples=8), cusps, *cusps.witnesses[:1],
         hk.coverage(law, space, q0, samples=8),
         hk.analysis.coverage.posture_reach(task, space, q0, samples=8), advised, advised.best, advised.part,
@@ -277,7 +277,6 @@ VERDICT_FIRST = {
     "CuspWitness": r"round a closed tool path of \S+ m .* the joints do not come back",
     "Cusps": r"(no cusp|cuspidal|\d+ cusps?)\b",
     "Design": r"all hard limits of the design .* are kept at \d+ of \d+ poses",
-    "Filtration": r"completely non-holonomic: .*: 2 -> 3 of 3",
     "GeneralForm": r"what is 0 in the general form",
     "LevelRange": r"(levels of .* serve|no level serves)",
     "MeasuredCurvature": r"the largest curvature is \S+ \+- ",

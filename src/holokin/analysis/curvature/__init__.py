@@ -21,7 +21,6 @@ from .leaf_functions import (
     general_form,
     leaf_function,
 )
-from .lie_filtration import Filtration, Integrability, filtration
 from .verdict import Accuracy, Ball, Evidence, Region, Verdict, around, ball, box
 
 __all__ = [
@@ -32,9 +31,7 @@ __all__ = [
     "Cusps",
     "Deviation",
     "Evidence",
-    "Filtration",
     "GeneralForm",
-    "Integrability",
     "LeafFunction",
     "MeasuredCurvature",
     "Region",
@@ -47,7 +44,6 @@ __all__ = [
     "curvature",
     "cusps",
     "distance_to_repeatable",
-    "filtration",
     "general_form",
     "involutivity",
     "involutivity_of",

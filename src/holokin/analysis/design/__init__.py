@@ -6,7 +6,7 @@ Uses `analysis/coverage` and `analysis/curvature`. Read first: `designed_strateg
 from .advice_case import advise
 from .designed_strategy import Design, SectionMetrics, design
 from .nearby_cusps import LevelRange, NearbyCusps, level_range
-from .objectives import Objective, OwnCost
+from .objectives import Objective
 from .trials import Advice, Part, RatedStrategy
 
 __all__ = [
@@ -15,7 +15,6 @@ __all__ = [
     "LevelRange",
     "NearbyCusps",
     "Objective",
-    "OwnCost",
     "Part",
     "RatedStrategy",
     "SectionMetrics",

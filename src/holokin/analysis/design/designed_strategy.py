@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +25,7 @@ from ...symbolic.linear import null_space
 from ..coverage.pose_coordinates import Coordinates, Polynomial, chart_of, coordinates_of, task_poses
 from .least_costs import Floor, one_redundant
 from .nearby_cusps import NearbyCusps, cusps_near
-from .objectives import Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
+from .objectives import Cost, Costs, Objective, as_objective, costs_of, joint_weights, length_of
 from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
 
 
@@ -37,9 +37,9 @@ class SectionMetrics(Result, Value):
     these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
     worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m], NaN where a joint has none;
     joint_limits, the greatest |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is;
-    rcond, the least of [J; J_g]; travel, the mean squared distance of the joints between two poses [rad^2]; own, the
-    mean of each cost of your own; clearance, the least distance of two shapes [m], less what links are padded, infinite
-    where none was looked at, and closest, these two, and where that is. See `Objective`.
+    rcond, the least of [J; J_g]; travel, the mean squared distance of the joints between two poses [rad^2]; clearance,
+    the least distance of two shapes [m], less what links are padded, infinite where none was looked at, and closest,
+    these two, and where that is. See `Objective`.
     """
 
     poses: int
@@ -51,14 +51,13 @@ class SectionMetrics(Result, Value):
     worst_joint: str
     rcond: float
     travel: float
-    own: dict[str, float] = field(default_factory=dict)
     clearance: float = np.inf
     closest: PairDistance | None = None
 
     def __str__(self) -> str:
-        more = "".join(f"; {name} {value:.5g}" for name, value in self.own.items())
+        more = ""
         if self.closest is not None:
-            more += f"; at their nearest, {self.closest}"
+            more = f"; at their nearest, {self.closest}"
         fastest = ""
         if np.isfinite(self.worst_speed):
             fastest = f"; at a tool speed of 1 m/s the fastest joint has {self.worst_speed:.3g} times its speed limit"
@@ -136,14 +135,13 @@ class Problem(Value):
         strategy = holonomic(self.base.task, constraint, name="designed")
         middle = ik(strategy, best.Q[0], limits=False)(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
-        over, rconds, nearer = self.over(arrived), strategy.gain.batch(arrived)[1], self.hard.nearer(arrived)
-        fits = (over <= 0).all(axis=1) & (rconds >= self.hard.rcond) & (nearer <= 0).all(axis=1)
-        share = self.hard.rcond / float(rconds.min())
-        return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), share, nearer.max(axis=0))
+        over, nearer = self.over(arrived), self.hard.nearer(arrived)
+        fits = (over <= 0).all(axis=1) & (nearer <= 0).all(axis=1)
+        return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), nearer.max(axis=0))
 
     def broken(self, sampled: Sampled) -> int:
         """At how many samples of a section a hard limit is broken."""
-        beyond = (self.over(sampled.Q) > 0).any(axis=1) | (sampled.rcond < self.hard.rcond)
+        beyond = (self.over(sampled.Q) > 0).any(axis=1)
         return int(np.sum(beyond | (self.hard.nearer(sampled.Q) > 0).any(axis=1)))
 
     def over(self, Q: Matrix) -> Matrix:
@@ -161,18 +159,17 @@ class Problem(Value):
             distances = apart.distances(Q, np.maximum(apart.limits, apart.wanted))
             clearance = float(counted(distances, apart.limits, apart.wanted).min())
             closest = apart.closest(strategy.task, Q, distances)
-        shares = np.sqrt(np.sum((sampled.G * costs.columns) ** 2, axis=2)) * costs.speeds
+        shares = np.sqrt(np.sum((sampled.G * costs.columns) ** 2, axis=2)) / robot.max_velocity
         return SectionMetrics(
             poses=poses,
             reached=len(Q),
             within_limits=int(robot.within(Q).sum()),
-            squared_speed=costs.squared_speed(Q, sampled.G, sampled.rcond).value,
-            worst_speed=float(shares.max()) if (costs.speeds > 0).all() else np.nan,
+            squared_speed=costs.squared_speed(Q, sampled.G).value,
+            worst_speed=float(shares.max()) if np.isfinite(robot.max_velocity).all() else np.nan,
             joint_limits=float(off[k, joint]),
             worst_joint=robot.joint_names[joint],
             rcond=float(strategy.gain.batch(Q)[1].min()),
-            travel=costs.travel(Q, sampled.G, sampled.rcond).value,
-            own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
+            travel=float(2 * np.sum(costs.joints * Q.var(axis=0))),
             clearance=clearance,
             closest=closest,
         )
@@ -182,20 +179,13 @@ class Problem(Value):
         weights = self.goal.weights
         if len(weights) == 1:
             return dict.fromkeys(weights, 1.0)
-        sizes = {name: self.costs.known[name](sampled.Q, sampled.G, sampled.rcond).value for name in weights}
-        sizes |= {"clearance": 1.0}  # a share already, and 0 where all is far
-        for name in weights:
-            if not sizes[name] > 0:
-                cure = "beside other costs it must be above 0: add a constant to it, or make it the only one"
-                raise ArgumentError(f"the cost {name!r} before the design", sizes[name], cure)
-        return {name: weight / sizes[name] for name, weight in weights.items()}
+        return {name: weight / self.costs.known[name](sampled.Q, sampled.G).value for name, weight in weights.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Checked(Value):
     """A strategy of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits
-    (k,), by how much joints are beyond them at most (n,), by what share rcond falls short, and by how much pairs of
-    shapes are too near at most (P,).
+    (k,), by how much joints are beyond them at most (n,), and by how much pairs of shapes are too near at most (P,).
     """
 
     strategy: HolonomicStrategy
@@ -204,7 +194,6 @@ class Checked(Value):
     arrived: Matrix
     fits: Flags
     over: Vector
-    short: float
     nearer: Vector
 
 
@@ -310,7 +299,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
         return (
-            f"all hard limits of the design (joint limits, rcond, clearance) are kept at {self.kept} of "
+            f"all hard limits of the design (joint limits, clearance) are kept at {self.kept} of "
             f"{self.checked.reached} poses{self._cause}\n"
             f"{goal}: {self.costs[0]:.5g} with the base rule {self.base.name!r} alone{self._began}\n"
             f"  with a polynomial of the tool pose added, degree 0 to {self.degree}: {steps}\n"
@@ -354,12 +343,11 @@ def design(
     workspace: Workspace,
     q0: ArrayLike,
     *,
-    objective: Objective | OwnCost | Cost = "squared_speed",
+    objective: Objective | Cost = "squared_speed",
     base: Constraint | None = None,
     degree: int = 2,
     limits: bool = True,
     margin: float = 0.0,
-    rcond: float = 0.0,
     scene: Scene | None = None,
     samples: int = 256,
     seed: int = 0,
@@ -368,17 +356,16 @@ def design(
 
     The leaf is that of g = phi - zeta o f, with the rows J_phi - zeta' J, so that zeta adds no algorithmic singularity
     to those of phi. The objective is made least over the coefficients, with exact derivatives, from zeta constant.
-    Joint limits, the least rcond and the clearance hold at all samples, and are checked at other poses afterwards.
+    Joint limits and the clearance hold at all samples, and are checked at other poses afterwards.
 
     Args:
         q0: a posture (n,) on the branch that is to be used.
-        objective: an `Objective`, the name of one cost, or an `OwnCost`.
+        objective: an `Objective`, or the name of one cost.
         base: phi, r = n - m rows, regular on the workspace. By default the combinations of joints Z^T q along which the
             self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there (sliding
             joints scaled as in `Objective`).
         degree: of zeta, 0 to 4.
         limits: True makes joint limits hard. margin: distance kept from them [joint units].
-        rcond: the least rcond of [J; J_g], a hard limit too; 0 for none.
         scene: let the links keep their clearance from what is in it, and from each other, a hard limit too. The pairs
             are those of `certify`, and meshes count by their convex hulls. How far apart they are between the samples
             `certify` proves.
@@ -400,25 +387,18 @@ def design(
     if whole("the degree", degree, 0) > 4:  # in three coordinates it has 35 terms then, in six 210
         raise ArgumentError("the degree", degree, "give 0 to 4")
     not_negative("the margin", margin)
-    if not 0 <= rcond < 1:
-        raise ArgumentError("the least rcond", rcond, "give a number from 0 to 1")
     whole("seed", seed, 0)
-    if goal.clearance and scene is None:
-        cure = "give what to keep clear of, too: scene=hk.Scene(obstacles=[...]), or hk.Scene() for the links alone"
-        raise ArgumentError("the weight of clearance", goal.clearance, cure)
     # Reach the poses with the base strategy; they say in which coordinates polynomials are written
     poses = task_poses(task, workspace, whole("samples", samples), seed)
     others = workspace.poses(4 * samples, seed + 1)
-    base_strategy, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
+    base_strategy, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot)))
     Q, there = reached(base_strategy, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
     # The costs, and the hard limits: none of the joints that have no range
-    goal, near = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread)), None
-    if goal.clearance and scene is not None:
-        near = clearances_of(robot, replace(scene, clearance=goal.enough_clearance))
-    costs = costs_of(robot, goal, coordinates.turns, coordinates.spread, near)
+    goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
+    costs = costs_of(robot, goal, coordinates.turns, coordinates.spread)
     allowed = np.where(np.isfinite(costs.half) & limits, 1 - margin / costs.half, np.inf)
-    hard = Limits(allowed, rcond, clearances_of(robot, scene))
+    hard = Limits(allowed, clearances_of(robot, scene))
     # Search
     problem = Problem(base_strategy, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
     return _solved(problem, Q, there)
@@ -442,7 +422,7 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
         elif checked.fits.all() or floor.here.beyond.any() or (problem.hard.nearer(best.Q) > 0).any():
             break
         else:
-            limits = search.limits.narrowed(checked.over, checked.short, checked.nearer)
+            limits = search.limits.narrowed(checked.over, checked.nearer)
             search = replace(search, near=best, limits=limits)
         # Keep what this search finds, if it reaches more samples or keeps the limits at more poses
         new_coefficients, section, lower = search.best(coefficients, degree)

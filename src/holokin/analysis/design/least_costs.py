@@ -25,7 +25,7 @@ from ...strategies.self_motion_curves import CurveTracer, joint_gap, least_motio
 from ...strategies.tasks.task import Task
 from ...symbolic import wrapped
 from ..coverage.pose_coordinates import Coordinates
-from .objectives import POWER, Costs, OwnCost
+from .objectives import POWER, Costs
 
 STARTS = 64
 """Starts of Newton's method at each pose where several joints are redundant."""
@@ -191,18 +191,9 @@ class LeastCosts(Value):
         return self._least(cost)
 
     @cached_property
-    def worst_speed(self) -> Vector:
-        """The least greatest share of a joint's speed limit."""
-        return self._least(lambda q: _least_worst(self._J(q), self.coordinates.P, self.costs))
-
-    @cached_property
     def joint_limits(self) -> Vector:
         """The least distance of the farthest joint from its middle, over half its range."""
         return self._least(lambda q: self._off(q).max(axis=1))
-
-    def own(self, cost: OwnCost) -> float:
-        """The mean of the least of a cost of the user's own."""
-        return float(np.mean(self._least(cost.values)))
 
     @cached_property
     def beyond(self) -> Vector:
@@ -283,13 +274,9 @@ class Floor(Value):
             least = replace(least, allowed=np.full_like(self.allowed, np.inf))
         floors = {
             "squared_speed": lambda: float(np.mean(least.squared_speed)),
-            "worst_speed": lambda: float(np.mean(least.worst_speed**POWER) ** (1 / POWER)),
             "joint_limits": lambda: float(np.mean(least.joint_limits**POWER) ** (1 / POWER)),
-            "rcond": lambda: 1.0,
         }
-        floors |= {cost.name: partial(least.own, cost) for cost in self.costs.own}
-        # travel and clearance may be 0
-        return sum(weight * floors[name]() for name, weight in self.weights.items() if name in floors)
+        return sum(weight * floors[name]() for name, weight in self.weights.items())
 
 
 def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
@@ -298,17 +285,3 @@ def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
     weights: (n,), or one for each sample (S, n).
     """
     return least_motion(J, np.broadcast_to(P, (len(J), *P.shape)), weights)
-
-
-def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
-    """Lower bounds (S,) of max_i |G_i| / max_velocity_i over all right inverses: max >= the mean with any weights."""
-    limited = costs.speeds > 0
-    share, best = np.full((len(J), len(limited)), 1.0 / limited.sum()) * limited, np.zeros(len(J))
-    # Twelve changes of the weights balance the greatest speeds: each gives a bound, the last ones agree to a per cent
-    for _ in range(12):
-        weights = share * costs.speeds**2 + 1e-12  # joints without a speed limit are free
-        G = least_slopes(J, P, weights)
-        squares = np.sum((G * costs.columns) ** 2, axis=2) * costs.speeds**2
-        best = np.fmax(best, np.sum(share * squares, axis=1))
-        share = share * np.sqrt(squares) / np.sum(share * np.sqrt(squares), axis=1, keepdims=True)
-    return np.sqrt(best)

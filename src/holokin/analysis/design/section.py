@@ -48,31 +48,6 @@ class Sampled(Value):
     Z: Array
     G: Array
 
-    @cached_property
-    def rcond(self) -> Vector:
-        """min |R_kk| / max |R_kk| (S,) of M = QR, its constraint rows scaled to length 1, as strategies tell it."""
-        diagonal = self._factors[3]
-        return diagonal.min(axis=1) / diagonal.max(axis=1)
-
-    @property
-    def rcond_slope(self) -> Array:
-        """Derivative of rcond by M (S, n, n): d log R_kk = q_k^T dM R^-1 e_k, q_k the column of Q."""
-        Q, R, size, diagonal = self._factors
-        every, back, slope, r = np.arange(len(R)), np.linalg.inv(R), np.zeros_like(R), self.A.shape[1]
-        for k, sign in ((diagonal.argmin(axis=1), 1.0), (diagonal.argmax(axis=1), -1.0)):
-            slope += sign * Q[every, :, k][:, :, None] * back[every, :, k][:, None, :]
-        unit = self.M[:, -r:] / size
-        slope[:, -r:] = (slope[:, -r:] - np.sum(slope[:, -r:] * unit, axis=2, keepdims=True) * unit) / size
-        return self.rcond[:, None, None] * slope
-
-    @cached_property
-    def _factors(self) -> tuple[Array, Array, Array, Matrix]:
-        """(Q, R, the lengths of the constraint rows, |R_kk|)."""
-        r = self.A.shape[1]
-        size = np.linalg.norm(self.M[:, -r:], axis=2, keepdims=True)
-        Q, R = np.linalg.qr(np.concatenate([self.M[:, :-r], self.M[:, -r:] / size], axis=1))
-        return Q, R, size, np.abs(np.diagonal(R, axis1=1, axis2=2))
-
 
 @dataclass(frozen=True, eq=False)
 class TiltedLeaves(Value):
@@ -104,17 +79,14 @@ class TiltedLeaves(Value):
             raise SingularityError(SingularityKind.REPRESENTATION, Q[0], self.coordinates.chart.name, 0.0)
         return sampled
 
-    def back(self, sampled: Sampled, by_G: Array, by_rcond: Vector) -> tuple[Matrix, Array]:
-        """Derivatives by Q (S, n) and by A (S, r, d) of a cost whose derivatives by G and rcond are given.
+    def back(self, sampled: Sampled, by_G: Array) -> tuple[Matrix, Array]:
+        """Derivatives by Q (S, n) and by A (S, r, d) of a cost whose derivatives by G are given.
 
         M G = [P; 0] gives dG = -M^-1 dM G, so the cost's derivative by M is -M^-T by_G G^T, and that by the posture is
         one sweep back through J and J_phi alone.
         """
         P, r, GT = self.coordinates.P, sampled.A.shape[1], np.swapaxes(sampled.G, 1, 2)
         by_J, by_rows = (-np.swapaxes(columns, 1, 2) @ by_G @ GT for columns in (sampled.X, sampled.Z))
-        if by_rcond.any():
-            by_M = by_rcond[:, None, None] * sampled.rcond_slope
-            by_J, by_rows = by_J + by_M[:, :-r], by_rows + by_M[:, -r:]
         PJ = P.T @ sampled.M[:, :-r]
         by_J = by_J - P @ np.swapaxes(sampled.A, 1, 2) @ by_rows
         by_Q = self._turning.batch(sampled.Q, by_J, by_rows)
@@ -173,7 +145,7 @@ class SectionSamples(Value):
 
     def slope(self, sampled: Sampled, cost: Slopes, t: int) -> Matrix:
         """Derivative (r, t) of a cost by the coefficients."""
-        by_q, by_A = self.leaves.back(sampled, cost.G, cost.rcond)
+        by_q, by_A = self.leaves.back(sampled, cost.G)
         values, slopes = self.basis
         by_level = np.einsum("snr,sn->sr", sampled.Z, cost.Q + by_q)
         return by_level.T @ values[:, :t] + np.einsum("srd,std->rt", by_A, slopes[:, :t])
@@ -244,8 +216,7 @@ OVER = 1.2
 """What limits are narrowed by, over what was beyond them."""
 
 KEPT = 2e-4
-"""Violation [share of half a joint's range, or of rcond] that counts as none; limits are narrowed by as much."""
-
+"""Violation [share of half a joint's range] that counts as none; limits are narrowed by as much."""
 
 SHORT = 0.1
 """Distance [m] by which two shapes may be too near that counts as half of a joint's range; pairs that are farther apart
@@ -254,22 +225,19 @@ than asked by as much are not looked at."""
 
 @dataclass(frozen=True, eq=False)
 class Limits(Value):
-    """Hard limits: allowed |q - middle| / half (n,) or (S, n), inf for none, and the least rcond, 0 for none.
+    """Hard limits: allowed |q - middle| / half (n,) or (S, n), inf for none.
 
     apart: P pairs of shapes that keep the distances wanted there, and `more` (P,) [m].
     """
 
     allowed: Array
-    rcond: float
     apart: Clearances | None = None
     more: Array = field(default_factory=lambda: np.zeros(0))
 
-    def narrowed(self, over: Vector, share: float, nearer: Vector) -> Limits:
-        """Narrower by what was beyond them (n,), by the share that rcond fell short of, and by what shapes were too
-        near (P,) [m].
-        """
-        allowed, rcond = self.allowed - OVER * np.maximum(over, 0.0), self.rcond * max(1.0, share) ** OVER
-        return Limits(allowed, rcond, self.apart, self.distances + OVER * np.maximum(nearer, 0.0) - self._wanted)
+    def narrowed(self, over: Vector, nearer: Vector) -> Limits:
+        """Narrower by what was beyond them (n,), and by what shapes were too near (P,) [m]."""
+        allowed = self.allowed - OVER * np.maximum(over, 0.0)
+        return Limits(allowed, self.apart, self.distances + OVER * np.maximum(nearer, 0.0) - self._wanted)
 
     @property
     def _wanted(self) -> Vector:
@@ -295,7 +263,7 @@ class Limits(Value):
     @property
     def none(self) -> bool:
         """True where nothing is limited."""
-        return not np.isfinite(self.allowed).any() and self.rcond <= 0 and self.apart is None
+        return not np.isfinite(self.allowed).any() and self.apart is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,25 +281,22 @@ class Search(Value):
 
     def cost(self, sampled: Sampled) -> Slopes:
         """The objective at a section, with its derivatives."""
-        total = Slopes(0.0, np.zeros_like(sampled.Q), np.zeros_like(sampled.G), np.zeros(len(sampled.Q)))
+        total = Slopes(0.0, np.zeros_like(sampled.Q), np.zeros_like(sampled.G))
         for name, weight in self.weights.items():
-            total = total.plus(self.costs.known[name](sampled.Q, sampled.G, sampled.rcond), weight)
+            total = total.plus(self.costs.known[name](sampled.Q, sampled.G), weight)
         return total
 
     def violations(self, sampled: Sampled) -> tuple[Array, Array, Array]:
-        """(S, n + 1 + P) numbers that must not be above 0, and the derivatives of the joints' and the pairs' by q."""
+        """(S, n + P) numbers that must not be above 0, and the derivatives of the joints' and the pairs' by q."""
         off = (sampled.Q - self.costs.middle) / self.costs.half
         over = np.abs(off) - self.limits.allowed + KEPT
-        least = (
-            np.log(self.limits.rcond / sampled.rcond) + KEPT if self.limits.rcond > 0 else np.full(len(sampled.Q), -1.0)
-        )
         near, slopes = self.limits.nearer_slopes(sampled.Q)
-        violations = np.column_stack([np.maximum(over, -1.0), least, np.maximum(near / SHORT + KEPT, -1.0)])
+        violations = np.column_stack([np.maximum(over, -1.0), np.maximum(near / SHORT + KEPT, -1.0)])
         return violations, np.sign(off) / self.costs.half, slopes / SHORT
 
     def best(self, first: Matrix, degree: int) -> tuple[Matrix, Sampled, tuple[float, ...]]:
         """(coefficients (r, t), their section, the least cost with each degree), from those of a lower degree."""
-        no_push = np.zeros((len(self.near.Q), self.near.Q.shape[1] + 1 + len(self.limits.distances)))
+        no_push = np.zeros((len(self.near.Q), self.near.Q.shape[1] + len(self.limits.distances)))
         # To begin with squares of violated limits, shares of half a joint's range, weigh 500 beside costs of 1
         coefficients, near, values, start = first, self.near, [], (no_push, 500.0)
         for k in range(degree + 1):
@@ -395,8 +360,8 @@ class Search(Value):
         over, by_q, by_near = self.violations(sampled)
         push, n = np.maximum(0.0, multipliers + penalty * over), sampled.Q.shape[1]
         value = float(np.sum(push**2) - np.sum(multipliers**2)) / (2 * penalty)
-        pushed = push[:, :n] * by_q + np.einsum("sp,spn->sn", push[:, n + 1 :], by_near)
-        return Slopes(value, Q=pushed, rcond=-push[:, n] / sampled.rcond)
+        pushed = push[:, :n] * by_q + np.einsum("sp,spn->sn", push[:, n:], by_near)
+        return Slopes(value, Q=pushed)
 
     @cached_property
     def _whitening(self) -> Matrix:
