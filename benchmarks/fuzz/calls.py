@@ -59,7 +59,7 @@ SHAPES = (robots.Capsule, robots.Cylinder, robots.Box, robots.Ellipsoid, robots.
 SLOW = {
     "studio", "audit", "advise", "design", "coverage", "survey", "distance_to_repeatable",
     "catalogue", "certify", "coverage_slices", "posture_reach", "fitted", "radial",
-    "leaf_function", "general_form",
+    "filtration", "leaf_function", "general_form",
 }  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
 
@@ -140,6 +140,7 @@ def things() -> dict[str, Any]:
         "certificate": lambda: hk.certify(held, loop, q, budget=60), "nearest pose": lambda: k["ik"].nearest(k["pose"]),
         "program": lambda: hk.export.to_rapid(k["timed"], wiring=wiring), "excess": lambda: k["timed"].limits,
         "self-motion": lambda: strategies.self_motion_curve(task, q, step=0.2, length=1.0),
+        "filtration": lambda: curvature.filtration(held, q),
         "objective": lambda: hk.analysis.design.Objective(squared_speed=1.0),
         "slices": lambda: hk.analysis.coverage.coverage_slices(held, k["workspace"], q, steps=3)[0],
         "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),

@@ -175,6 +175,7 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         "simulate": hk.simulate(control.closed_loop(law), task, loop, Q, dt=0.1),
         "controller": control.closed_loop(law),
         "distance_to_repeatable": curvature.distance_to_repeatable(law, curvature.ball(Q, 0.02), samples=2),
+        "filtration": curvature.filtration(law, Q),
         "audit": hk.audit(control.closed_loop(law), task, [loop], q0=Q, dt=0.2),
         "recording": logs.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
         "radial": hk.radial(law, Q), "stack": constraints.stack(hk.lock(0), hk.linear([1, 0, 0])),

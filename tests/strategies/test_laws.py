@@ -310,7 +310,7 @@ def test_following_a_leaf_and_integrating_velocity_agree(case: Case) -> None:
 
 
 def test_halving_the_step_divides_the_leaf_error_by_sixteen() -> None:
-    """Theory 5.8: RK4 leaves the leaf with the fourth power of the step."""
+    """Theory 5.9: RK4 leaves the leaf with the fourth power of the step."""
     start = ROBOTS["panda"].pose(PANDA_START)[:3, 3]
     # a nonlinear constraint: RK4 keeps linear ones to round-off
     strategy = hk.holonomic(ARM, hk.custom(lambda q: q[0] - q[2] + 0.2 * ca.sin(q[3])))
@@ -413,7 +413,7 @@ def test_what_is_built_of_a_strategy_is_built_once_and_goes_with_it(ppr_task: hk
     held = hk.holonomic(ppr_task, hk.linear([-0.5, -0.5, 1]))
     for verb in (leaf_step, path_rate, extended_jacobian):
         assert verb(held) is verb(held)
-    hk.curvature(held, PPR_START)
+    hk.curvature(held, PPR_START), hk.analysis.curvature.filtration(held, PPR_START)
     hk.follow(held, hk.line(*(held.task.robot.pose(PPR_START)[:3, 3] + s for s in (0.0, 0.01))), PPR_START, samples=3)
     gone = weakref.ref(held)
     del held

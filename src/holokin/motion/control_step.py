@@ -1,4 +1,4 @@
-"""`controller`: a strategy as one compiled control step, and what watches a loop in real time (theory 5.8).
+"""`controller`: a strategy as one compiled control step, and what watches a loop in real time (theory 5.9).
 
     dq = [J; J_g]^-1 [x' + K e; c' - K_g (g(q) - c)]
 

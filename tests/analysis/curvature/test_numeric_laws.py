@@ -234,6 +234,7 @@ def test_what_needs_a_formula_says_so() -> None:
     for asked in (
         lambda: hk.controller(given, dt=0.01, q0=PLANAR_START), lambda: hk.radial(given, PLANAR_START),
         lambda: hk.curvature(given, PLANAR_START, method="ad"), lambda: given.expressions,
+        lambda: hk.analysis.curvature.filtration(given, PLANAR_START),
         lambda: hk.export.export_c(given, "folder", q0=PLANAR_START),
     ):  # fmt: skip
         fails(ArgumentError, "a Python function", lambda: asked())

@@ -260,7 +260,7 @@ def results() -> dict[str, Any]:
     found = [
         hk.involutivity(given, hk.around(q0, 0.1), samples=4),
         hk.involutivity(function, hk.around(q0, 0.1), samples=2).accuracy, curvature.measured_curvature(function, q0),
-        curvature.general_form(law, q0),
+        curvature.filtration(given, q0), curvature.general_form(law, q0),
         curvature.distance_to_repeatable(given, curvature.ball(q0, 0.05), law, samples=8), cusps, *cusps.witnesses[:1],
         hk.coverage(law, space, q0, samples=8),
         hk.analysis.coverage.posture_reach(task, space, q0, samples=8), advised, advised.best, advised.part,
@@ -277,6 +277,7 @@ VERDICT_FIRST = {
     "CuspWitness": r"round a closed tool path of \S+ m .* the joints do not come back",
     "Cusps": r"(no cusp|cuspidal|\d+ cusps?)\b",
     "Design": r"all hard limits of the design .* are kept at \d+ of \d+ poses",
+    "Filtration": r"completely non-holonomic: .*: 2 -> 3 of 3",
     "GeneralForm": r"what is 0 in the general form",
     "LevelRange": r"(levels of .* serve|no level serves)",
     "MeasuredCurvature": r"the largest curvature is \S+ \+- ",

@@ -8,13 +8,13 @@ import pytest
 from scipy.linalg import subspace_angles
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START, fails, sampled
+from conftest import IRB_START, PANDA_START, PPR_START, campaign, fails, sampled
 from drift_free import drift_free
 from holokin.analysis import curvature
 from holokin.analysis.curvature import Evidence
 from holokin.analysis.curvature.curvature_of_planes import curvature_function, transport
 from holokin.analysis.curvature.involutive import is_shown, measured, noise
-from holokin.base.errors import ArgumentError, NotHolonomicError
+from holokin.base.errors import ArgumentError, NotHolonomicError, SingularityError, UndecidedError
 from holokin.robot import hessian_expression
 from holokin.symbolic import Function, symbol
 from papers_arm import de_luca_frame, paper_frame
@@ -112,6 +112,59 @@ def test_the_scale_of_a_distributions_fields_does_not_change_its_verdict() -> No
         assert contact.relative == pytest.approx(
             curvature.involutivity_of(lambda q: [[1, 0], [0, 1], [q[1], 0]], 3).relative
         )
+
+
+# --- filtration ---
+
+
+some = pytest.mark.parametrize("share", [0.25, campaign("share", 1.0)])
+
+
+@some
+def test_filtration_never_calls_a_holonomic_law_nonholonomic(
+    panda: hk.Robot, planar_3r: hk.Robot, iiwa14: hk.Robot, share: float
+) -> None:
+    laws = [
+        (hk.holonomic(hk.pose(panda), hk.strategies.constraints.height("panda_joint4")), 30),
+        (hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.strategies.constraints.centring_cost())), 10),
+        (hk.holonomic(hk.position(planar_3r), hk.stationary(hk.strategies.constraints.manipulability_cost())), 30),
+        (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 80),
+    ]
+    for strategy, most in laws:
+        looked, count = 0, round(share * most)
+        for q in anywhere(strategy.task.robot, count):
+            try:
+                strategy(q)
+            except SingularityError:  # a radial twin ends where its transport does
+                continue
+            assert curvature.filtration(strategy, q).integrability is curvature.Integrability.HOLONOMIC
+            looked += 1
+        assert looked > count / 3
+
+
+@some
+def test_filtration_never_calls_a_nonholonomic_law_holonomic(
+    panda: hk.Robot, planar_3r: hk.Robot, irb140: hk.Robot, share: float
+) -> None:
+    """The weak one is the paper's coupling with a geometric Jacobian: curvature is the gain squared, 1e-4 (E3)."""
+    weak = hk.strategies.coupled_twist(hk.position(irb140), 1e-2)
+    laws = [(hk.moore_penrose(hk.pose(panda)), 15), (hk.moore_penrose(hk.position(planar_3r)), 60), (weak, 60)]
+    for strategy, most in laws:
+        for q in anywhere(strategy.task.robot, round(share * most)):
+            assert curvature.filtration(strategy, q).integrability is curvature.Integrability.COMPLETELY
+
+
+def test_filtration_is_not_deceived_by_a_posture_where_small_loops_do_not_drift(planar_3r: hk.Robot) -> None:
+    pseudo_inverse = hk.moore_penrose(hk.position(planar_3r))
+    for q, _ in drift_free(pseudo_inverse, R3_START):
+        assert curvature.filtration(pseudo_inverse, q).integrability is curvature.Integrability.COMPLETELY
+
+
+def test_filtration_says_when_round_off_hides_the_answer(iiwa14: hk.Robot) -> None:
+    strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle())
+    with pytest.raises(UndecidedError, match="farther from singularities") as caught:
+        curvature.filtration(strategy, [0.1, 0.6, 0.2, 5e-6, 0.1, 0.6, 0.1])
+    assert caught.value.noise > 1e-6
 
 
 # --- what lies between the samples ---
@@ -401,6 +454,27 @@ def test_what_has_no_leaves_is_told_with_a_witness(panda_given: hk.Strategy, r3:
             curvature.leaf_function(strategy, start)
         assert caught.value.gap > 1e-5
         assert len(caught.value.witness) == len(start)
+
+
+def test_the_filtration_tells_holonomic_partly_and_completely_nonholonomic(
+    ppr: hk.Robot, panda_given: hk.Strategy
+) -> None:
+    task = hk.position(ppr)
+    assert curvature.filtration(hk.moore_penrose(task), PPR_START).integrability is curvature.Integrability.COMPLETELY
+    assert curvature.filtration(hk.null_basis(task, paper_frame), PPR_START).dimensions == (2,)
+    assert curvature.filtration(panda_given, PANDA_START).dimensions == (6, 7)
+    locked = hk.holonomic(panda_given.task, hk.lock(2))
+    assert curvature.filtration(locked, PANDA_START).integrability is curvature.Integrability.HOLONOMIC
+    four = hk.position(hk.from_dh([{"a": 1.0}] * 4))
+    # joint 4 held, joints 1 to 3 by a form that is not integrable: loops move q inside q4 = const only
+    partly = hk.strategies.pfaffian(four, lambda q: [[ca.sin(q[1]), 1, q[0], 0], [0, 0, 0, 1]])
+    found = curvature.filtration(partly, [0.3, 0.7, 0.5, 0.4])
+    assert found.dimensions == (2, 3)
+    assert found.integrability is curvature.Integrability.PARTLY
+    assert "partly" in str(found)
+
+
+# --- the general form ---
 
 
 @sampled(2, "case", ["paper", "coupled", "arm angle", "radial"])

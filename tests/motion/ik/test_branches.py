@@ -251,6 +251,10 @@ def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, s
     assert scaled(PANDA_START) == pytest.approx(plain(PANDA_START), rel=1e-12)
     assert scaled.gain(PANDA_START)[1] == pytest.approx(plain.gain(PANDA_START)[1], rel=1e-9)
     assert hk.involutivity(scaled, hk.around(PANDA_START, 0.2)).holonomic
+    assert (
+        hk.analysis.curvature.filtration(scaled, PANDA_START).integrability
+        is hk.analysis.curvature.Integrability.HOLONOMIC
+    )
     point = panda.pose(PANDA_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
     ends = [hk.follow(s, loop, PANDA_START, samples=60).q for s in (plain, scaled)]

@@ -21,6 +21,7 @@ from .leaf_functions import (
     general_form,
     leaf_function,
 )
+from .lie_filtration import Filtration, Integrability, filtration
 from .verdict import Accuracy, Ball, Evidence, Region, Verdict, around, ball, box
 
 __all__ = [
@@ -31,7 +32,9 @@ __all__ = [
     "Cusps",
     "Deviation",
     "Evidence",
+    "Filtration",
     "GeneralForm",
+    "Integrability",
     "LeafFunction",
     "MeasuredCurvature",
     "Region",
@@ -44,6 +47,7 @@ __all__ = [
     "curvature",
     "cusps",
     "distance_to_repeatable",
+    "filtration",
     "general_form",
     "involutivity",
     "involutivity_of",

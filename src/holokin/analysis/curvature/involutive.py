@@ -39,7 +39,7 @@ SHOWN = 10.0
 """Mean over scatter from which a value is there: five times the most that round-off made, see above."""
 
 
-def _nudged(Q: Matrix, seed: int = 0) -> Array:
+def nudged(Q: Matrix, seed: int = 0) -> Array:
     """COPIES postures a hair from each of Q (k, n): (k, COPIES, n), the same for the same seed."""
     noise = np.random.default_rng(seed).standard_normal((len(Q), COPIES, Q.shape[1]))
     # 1.5e-11 joint units, for joints beyond 1 times the joint: 60,000 times the last digit, so that all digits lost on
@@ -49,12 +49,12 @@ def _nudged(Q: Matrix, seed: int = 0) -> Array:
 
 def measured(field: Callable[[Matrix], Array], Q: Matrix) -> tuple[Array, Matrix]:
     """Mean (k, n, p) and scatter (k, p) of p vectors, field: (j, n) -> (j, n, p), about each posture of Q (k, n)."""
-    copies = _nudged(Q)
+    copies = nudged(Q)
     values = field(copies.reshape(-1, Q.shape[1]))
-    return _spread(values.reshape(len(Q), COPIES, *values.shape[1:]))
+    return spread(values.reshape(len(Q), COPIES, *values.shape[1:]))
 
 
-def _spread(values: Array) -> tuple[Array, Matrix]:
+def spread(values: Array) -> tuple[Array, Matrix]:
     """Mean (k, n, p), and root mean square distance from it (k, p), of vectors (k, COPIES, n, p)."""
     with np.errstate(all="ignore"):  # what is not finite is not shown, and says so by its scatter
         mean = values.mean(axis=1)
