@@ -29,18 +29,6 @@ from holokin.symbolic.native.toolchain import engine, idle, library
 DT = 0.001
 START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 SIZES = (3, 5, 7, 10, 14, 20, 30, 60)
-BOTH = 14
-"""Up to so many joints a system is solved both ways: written out, and by numbers."""
-
-
-@dataclass(frozen=True)
-class Growth:
-    """Operations, seconds to build, and of a step from Python: native, and by the virtual machine."""
-
-    operations: int
-    build: float
-    native: float
-    machine: float
 
 
 @contextlib.contextmanager
@@ -60,8 +48,8 @@ def planar(n: int) -> hk.Robot:
     return hk.from_dh([{"a": 1.0 / n} for _ in range(n)], name=f"planar {n}R")
 
 
-def grown(n: int) -> Growth:
-    """Of a planar arm whose redundant joints are held by dense rows."""
+def grown(n: int) -> list[str]:
+    """A row of the table: a planar arm whose redundant joints are held by dense rows."""
     task, q0 = hk.position(planar(n)), np.random.default_rng(n).uniform(-1, 1, n) * 3 / np.sqrt(n)
     rows = np.random.default_rng(0).normal(size=(n - task.m, n))
     target, twist = task.robot.pose(q0)[:3, 3].copy(), np.full(3, 0.01)
@@ -75,25 +63,9 @@ def grown(n: int) -> Growth:
                 build.append(time.perf_counter() - begin)
                 operations = servo.generated[0].instructions
                 step = repeated(lambda servo=servo: servo.step(q0, target, twist))
-                times.append(in_turns({"step": step}, 60, 2e-3)["step"].median)
-    return Growth(operations, build[0], *times)
-
-
-def growth(sizes: tuple[int, ...]) -> Iterator[list[str]]:
-    """Rows of the table: the usual way of each size, and what a step takes the other way."""
-    usual = linear.DENSE_FROM
-    try:
-        for n in sizes:
-            linear.DENSE_FROM = usual
-            row, other = grown(n), "-"
-            if n <= BOTH:
-                linear.DENSE_FROM = n + 1 if n >= usual else 0
-                other = us(grown(n).native)
-            way = "numbers" if n >= usual else "written out"
-            cells = [us(row.native), other, us(row.machine)]
-            yield [str(n), way, f"{row.operations:,}", f"{row.build:.2f} s", *cells]
-    finally:
-        linear.DENSE_FROM = usual
+                times.append(us(in_turns({"step": step}, 60, 2e-3)["step"].median))
+    way = "numbers" if n >= linear.DENSE_FROM else "written out"
+    return [str(n), way, f"{operations:,}", f"{build[0]:.2f} s", *times]
 
 
 PLACES = 256
@@ -294,11 +266,9 @@ def section(given: Given) -> tuple[list[str], str]:
             f"""Building, compiling and loading a strategy and its `radial` takes {first} the first time, and {again}
             from the cache. With more joints a step grows as follows, for planar arms whose redundant joints are held
             by dense linear rows. From {linear.DENSE_FROM} joints on, the linear system is left to a factorisation
-            instead of being written out as formulas; *the other way* is what the step takes otherwise."""
+            instead of being written out as formulas."""
         ),
-        table(
-            ("joints", "system", "operations", "build", "step [us]", "the other way", "no compiler"), growth(sizes), 2
-        ),
+        table(("joints", "system", "operations", "build", "step [us]", "no compiler"), map(grown, sizes), 2),
     ]
     return blocks, f"{versions('casadi', 'numpy')}, {engine()}"
 

@@ -25,7 +25,7 @@ from holokin.app.report.section import drawn
 from holokin.app.report.sheets_plots import coverage_figure
 from holokin.app.survey import Findings
 from holokin.app.survey import coverage_figure as map_of_laws
-from holokin.app.survey.findings import boxes_figure, drift_figure, status_figure, survival_figure
+from holokin.app.survey.findings import boxes_figure, drift_figure, survival_figure
 from holokin.app.survey.one_case import METRICS
 from short_jobs import shortened
 
@@ -129,7 +129,7 @@ def test_the_pictures_of_a_workspace_and_of_a_region_can_be_read_on_a_page(
     assert min(saved)[0] > SMALLEST, min(saved)
 
 
-@sampled(1, "draw", [drift_figure, survival_figure, map_of_laws, status_figure, boxes_figure])
+@sampled(1, "draw", [drift_figure, survival_figure, map_of_laws, boxes_figure])
 def test_the_pictures_of_a_survey_can_be_read_in_a_report_and_in_a_notebook(
     draw: Any, saved: list[tuple[float, str]]
 ) -> None:

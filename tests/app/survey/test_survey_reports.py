@@ -154,7 +154,7 @@ def test_the_command_line_runs_reports_and_repeats(
     assert told.code == 0 and "pinv" in told.out
     page = out.with_suffix(".html").read_text()
     assert (
-        page.count("<figure>") == 5
+        page.count("<figure>") == 4
         and page.count("<details>") == 10
         and "All were complete" in page
         and "circles" in page

@@ -9,7 +9,6 @@ from .findings import (
     coverage_figure,
     drift_figure,
     repeated,
-    status_figure,
     survival_figure,
     write_survey_report,
 )
@@ -29,7 +28,6 @@ __all__ = [
     "repeat",
     "repeated",
     "run_survey",
-    "status_figure",
     "survey",
     "survey_of",
     "survival_figure",

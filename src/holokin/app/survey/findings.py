@@ -241,17 +241,6 @@ def _digits(value: Any) -> str:
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
 
-STATUS_COLORS = (
-    plots.GREEN,
-    plots.PURPLE,
-    plots.ORANGE,
-    plots.VERMILLION,
-    plots.YELLOW,
-    plots.BLACK,
-    plots.SKY,
-    plots.GREY,
-)
-
 DASHES = ("-", "--", ":", "-.")
 
 NAME = 30
@@ -398,29 +387,6 @@ def coverage_figure(findings: Findings) -> Any:
 
 
 @_styled
-def status_figure(findings: Findings) -> Any:
-    """How the cases of each strategy ended, as bars."""
-    laws = findings.laws
-    figure = _empty(1.2 + 0.34 * len(laws))
-    axes = figure.add_subplot()
-    left = np.zeros(len(laws))
-    for status, color in zip(STATUS_ORDER, STATUS_COLORS, strict=True):
-        share = np.array([findings.of_law(law).shares()[status] for law in laws])
-        if share.any():
-            axes.barh(np.arange(len(laws)), share, left=left, color=color, label=status, edgecolor="white")
-        left += share
-    axes.set_yticks(np.arange(len(laws)), [plots.on_figure(law) for law in laws])
-    axes.invert_yaxis()
-    axes.set_xlim(0, 1)
-    axes.xaxis.set_major_formatter(_percent)
-    axes.grid(visible=False)
-    axes.set_xlabel("share of the cases")
-    _title(axes, "How the cases ended")
-    figure.legend(fontsize=9, loc="outside right upper", frameon=False)
-    return figure
-
-
-@_styled
 def boxes_figure(findings: Findings) -> Any:
     """Cost and margin of each law: median, quartiles, 5 and 95 percent."""
     laws, looks = findings.laws, _line_styles(findings)
@@ -490,7 +456,6 @@ def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, f
         "Coverage, in percent: of the loops that a robot was asked to go round with a strategy those that it went "
         f"round to the end, with the tool within {within} of the path. Grey and empty: not asked. "
         + _faults(findings): coverage_figure,
-        "How the cases of each strategy ended.": status_figure,
         "Medians, quartiles, and 5 and 95 percent of the cases.": boxes_figure,
     }
     images = [Section(figure=drawn(lambda draw=draw: draw(findings), words)) for words, draw in figures.items()]
