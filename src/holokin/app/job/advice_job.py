@@ -208,7 +208,7 @@ def _moved(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str,
         moved["path"] = beside(keys["path"], "file")
         if "others" in keys["path"]:
             moved["path"]["others"] = [beside(other, "file") for other in keys["path"]["others"]]
-    moved |= {part: beside(keys[part], "file") for part in ("workspace", "sheets") if part in keys}
+    moved |= {part: beside(keys[part], "file") for part in ("every_path", "workspace", "sheets") if part in keys}
     if "checks" in keys:
         moved["checks"] = beside(keys["checks"], "srdf")
         if "obstacles" in keys["checks"]:
