@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import Command, sampled
-from grammars import krl, listing, rapid, urscript
+from conftest import Command
 from holokin.app.job import certify_job, program_of_paths, read_job, run_paths
 from holokin.app.job.advice_job import question
 from holokin.app.job.path_order import Choices, best_sequence, in_order, least_pool
@@ -269,46 +268,6 @@ def weld(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("weld") / "weld.toml"
     file.write_text(WELD.format(torch=0.006, box=BOX, loop=ABOVE), encoding="utf-8")
     return file
-
-
-@sampled(2, "language", ["urscript", "rapid", "krl", "ls"])
-def test_procedures_are_read_back_and_each_begins_where_the_one_before_ended(weld: Path, language: str) -> None:
-    job = read_job(weld)
-    program, plan = program_of_paths("weld", job, weld, language)
-    first = program.text
-    if language == "urscript":
-        *parts, main = (f"def {part}" for part in first.split("def ")[1:])
-        read = [urscript(f"{part}{part.split('(')[0][4:]}()") for part in parts]
-        called = [line.strip()[:-2] for line in main.splitlines() if line.startswith("  ") and "#" not in line]
-    elif language == "rapid":
-        _, *parts = first.replace("ENDMODULE", "").split("  PROC ")
-        called = [line.strip()[:-3] if line.endswith("();") else line.strip()[:-1] for line in parts[0].splitlines()]
-        called = [name for name in called[1:] if name and name != "ENDPRO"]
-        read = []
-        for part in parts[1:]:
-            name, *lines = part.splitlines()
-            targets = [line for line in lines if "!" not in line and ("CONST" in line or line.lstrip().startswith("["))]
-            moves = [line for line in lines if line not in targets]
-            read.append(rapid("\n".join(["MODULE m", *targets, f"PROC {name}", *moves, "ENDMODULE"])))
-    else:
-        end = ".src" if language == "krl" else ".LS"
-        names = [name.removesuffix(end) for name in program.files if name.endswith(end)][1:]
-        of = program.files
-        read = [krl(of[f"{n}.src"], of[f"{n}.dat"]) if end == ".src" else listing(of[f"{n}.LS"]) for n in names]
-        called = [line for line in first.splitlines() if line.endswith("()") and "DEF" not in line]
-        called = [line[:-2] for line in called] or [w.split()[0] for w in first.split("CALL ")[1:]]
-    assert called == [part.name for part in read], language
-    # The motion of the plan, part by part; joints in degrees but for URScript.
-    stages = [each.timed for each in plan.paths]
-    by = 1.0 if language == "urscript" else np.pi / 180
-    for one, other in pairwise(read):
-        assert np.abs(other.axes[0] - one.axes[-1]).max() < 1e-3, language
-    for part, timed in zip(read, stages, strict=False):
-        assert np.abs(by * part.axes[-1] - timed.q[-1]).max() < 1e-4, language
-        assert np.abs(by * part.axes - timed.q[0]).max(axis=1).min() < 1e-4, language
-    on = [[text for _, text in part.lines] for part in read]
-    assert ["5" in str(lines) for lines in on] == [True, True, True, False], language
-    assert ["6" in str(lines) for lines in on] == [False, False, True, False], language
 
 
 def test_names_that_a_language_cannot_hold_become_others_and_it_is_said(weld: Path) -> None:
