@@ -100,7 +100,7 @@ def cell(
     show(clearance(outcomes, by))
     show(proof)
     show(program)
-    show(next_step(file, outcomes, exported, proven, by))
+    show(next_step(draft, file, outcomes, exported, proven, by))
     show(f"\nAll of it is in {folder}; {file} is yours from now on. Its files are made again by:")
     words = [] if draft.ruled else [["advise", str(draft.file), "--any-start", "--out", str(file)]]
     words += [["run", str(file), "--out", str(folder)], ["certify", str(file), "--out", str(folder)]]

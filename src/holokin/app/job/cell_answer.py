@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from ...base.units import PrintedUnits
 from ...export import LANGUAGES, Program
 from ...motion import TimedTrajectory
 from ...motion.checks import CheckReport
-from ...motion.timed_trajectory import Slowdown
 from ...proof import Certificate, WholeArm
 from ...proof.recheck import CheckerWord, Outcome
 from ...strategies.tasks.task import Task
@@ -24,6 +24,9 @@ from .cell_job import CellJob
 
 SAMPLES = 400
 """Samples of a motion at which the speed of its tool is looked at."""
+
+STOP, NEARLY = 5e-3, 0.99
+"""Shares of the wanted speed below which the tool stands still, and above which nobody sees that it is slower."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +80,9 @@ def verdict(cell: CellJob, advice: Advice | None, outcomes: Outcomes) -> str:
         joints = cell.task.n
         why = f"with {joints} joints for {joints} numbers no joint is to spare, so that no rule is needed"
     else:
-        why = f"by the rule {advice.best.name!r}: {advice.best.sentence}".replace("the workspace", "the places")
+        best, count = advice.best, len(advice.strategies)
+        why = f"{_rule(best.keys)} (rule {best.name!r}), since of {count} rules it does best: "
+        why += best.sentence.replace("the workspace", "the poses on the way")
     paths = "the path" if outcomes.count == 1 else f"all {outcomes.count} paths"
     if not outcomes.left:
         return f"{'Yes' if outcomes.clear else 'Not yet'}: {arm} goes along {paths}; {why}."
@@ -85,6 +90,22 @@ def verdict(cell: CellJob, advice: Advice | None, outcomes: Outcomes) -> str:
     if done == 0:
         return f"No: {arm} does not go along {paths} ({reasons}); {why}."
     return f"In part: {arm} goes along {done} of {outcomes.count} paths, without {reasons}; {why}."
+
+
+def _rule(keys: Mapping[str, Any]) -> str:
+    """What a rule does with the joints that the task leaves free, as one would tell the operator."""
+    kind, base = keys["kind"], keys.get("base", keys)
+    joints = list(map(str, base.get("joints", [])))
+    held, plural = " and ".join(joints), len(joints) != 1
+    if kind == "lock":
+        return f"{held} {'stay where they are' if plural else 'stays where it is'}"
+    if kind == "designed":
+        return f"{held or 'the free joints'} follow{'' if plural else 's'} the tool by a formula"
+    if kind == "height":
+        return f"{held} keep{'' if plural else 's'} the height"
+    if kind == "arm-angle":
+        return "the elbow keeps its angle about the line from shoulder to wrist"
+    return "the free joints follow the tool"
 
 
 def what_was_read(cell: CellJob, units: PrintedUnits) -> str:
@@ -138,10 +159,6 @@ def proof(
     )
 
 
-def _reason(slow: Slowdown) -> str:
-    return f"the {slow.limit} of {slow.joint}" if slow.joint else f"the shape of the {slow.limit}"
-
-
 def program_words(
     language: str, guessed: bool, file: FilePath, program: Program, outcomes: Outcomes, task: Task, units: PrintedUnits
 ) -> str:
@@ -150,15 +167,21 @@ def program_words(
     chosen = " (the name of the arm tells no controller: --language takes another)" if guessed else ""
     seconds = sum(timed.duration for timed in (outcomes.timed,) if timed is not None)
     speed = f"{units.factor('m') * outcomes.speed(task):.3g} {units.name('m')}/s"
-    inside = [s for timed in outcomes.own for s in timed.slowdowns if s.start > 0 and s.stop < timed.duration]
-    worst = min(inside, key=lambda slow: slow.least, default=None)
-    limits = (
-        "" if worst is None else f", {worst.least:.0%} of what is asked at {worst.start:.1f} s for {_reason(worst)}"
-    )
     return (
-        f"Program: {file} for {controller}{chosen}: {seconds:.1f} s, the tool at up to {speed}{limits}; "
+        f"Program: {file} for {controller}{chosen}: {seconds:.1f} s, the tool at up to {speed}{_slower(outcomes)}; "
         f"{program.targets} targets."
     )
+
+
+def _slower(outcomes: Outcomes) -> str:
+    """Where the tool is slower than asked for between its ends, and why; "" where it is not."""
+    corners = sum(len(timed.stops) for timed in outcomes.own)
+    inside = [slow for timed in outcomes.own for slow in timed.slowdowns if slow.least > STOP]
+    words = f", with {corners} stop{'s' * (corners > 1)} at corners (blend in [path] rounds them)" if corners else ""
+    if not inside or (worst := min(inside, key=lambda slow: slow.least)).least > NEARLY:
+        return words
+    reason = f"the {worst.limit} of {worst.joint}" if worst.joint else f"the shape of the {worst.limit}"
+    return f"{words}, down to {worst.least:.0%} of what is asked at {worst.start:.1f} s for {reason}"
 
 
 def next_step(file: FilePath, outcomes: Outcomes, written: bool, proven: bool, units: PrintedUnits) -> str:

@@ -18,6 +18,7 @@ from ...base.poses import pose_from
 from ...base.types import Array, Matrix, Value, Vector
 from ...motion import follow
 from ...motion.checks import Clearances
+from ...motion.checks.check_report import keeps
 from ...motion.self_motions.posture_search import postures_from
 from ...motion.trajectory import Status
 from ...path import PathFile, read_paths
@@ -64,8 +65,8 @@ ONLY = "inverse"
 class CellJob(Value):
     """A job that was written for a cell: its file, the robot, what the tool holds, and the file of the paths.
 
-    retract: how far above their ends the tool comes and goes [m]. assumed: sentences on what nobody said. ruled:
-    whether a rule is to be chosen yet.
+    retract: how far above their ends the tool comes and goes [m]. assumed: sentences on what nobody said. beyond: how
+    many points are out of reach, and where they would not be; "" where all are in reach.
     """
 
     file: FilePath
@@ -74,6 +75,7 @@ class CellJob(Value):
     read: PathFile
     retract: float
     assumed: tuple[str, ...]
+    beyond: str = ""
 
     @property
     def ruled(self) -> bool:
@@ -152,7 +154,7 @@ def write_cell(
     # The file.
     out.mkdir(parents=True, exist_ok=True)
     write_new(cell.file, job_text(moved_job(keys, origin, cell.file)))
-    return replace(cell, retract=retract)
+    return replace(cell, retract=retract, beyond=_beyond(cell, places))
 
 
 # --- The tables of the job.
@@ -225,7 +227,7 @@ def _timing(robot: Robot, given: Mapping[str, Any], assumed: list[str]) -> dict[
     for key, (hinge, slider) in (("acceleration", ACCELERATIONS), ("jerk", JERKS)):
         own[key] = hinge if robot.hinges.all() else np.where(robot.hinges, hinge, slider).tolist()
     if "acceleration" not in given:
-        assumed.append(f"the joints accelerate by {ACCELERATIONS[0]:g} rad/s^2 at most, as [timing] says")
+        assumed.append(f"its joints accelerate by {ACCELERATIONS[0]:g} rad/s^2 at most, which no description states")
     return own | {"dt": DT} | dict(given)
 
 
@@ -260,7 +262,7 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
     """
     up = job.frames.get(FRAME, FrameTable()).matrix[:3, 2]
     apart = Clearances.of(cell.task.robot, job.scene) if job.scene is not None and cell.robot.tips else None
-    near = ""
+    touching: Matrix | None = None
     for poses, retract in product(places, RETRACTS):
         above = poses[[0, -1]]
         above[:, :3, 3] += retract * up
@@ -268,12 +270,16 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
         clear = Q if apart is None or not len(Q) else Q[apart.clear(Q)]
         if len(clear) and reached(cell.task, above, clear[0]).within.all():
             return retract, clear
-        if apart is not None and len(Q) and not len(clear):
-            near = apart.touching(Q[:1])[0]
-    if near:
-        cure = "move the part (--at) or what stands there, or allow the pair in [checks] of a scene"
-        raise ArgumentError(f"the distance of {near} where the paths begin", "too small", cure)
-    raise _out_of_reach(cell, places)
+        touching = Q if len(Q) and not len(clear) else touching
+    if touching is None or apart is None:
+        raise _out_of_reach(cell, places)
+    # The pairs that are too near in every posture, else that of the most comfortable one.
+    near = ~keeps(apart.distances(touching), apart.limits)
+    pairs = [pair for pair, always in zip(apart.names, near.all(axis=0), strict=True) if always]
+    words = ", ".join(" and ".join(pair) for pair in pairs) or apart.touching(touching[:1])[0]
+    allowed = ", ".join(f'["{a}", "{b}"]' for a, b in pairs) or '["...", "..."]'
+    cure = f"move the part (--at); or, where shapes are coarse there, give a scene with [checks] allowed = [{allowed}]"
+    raise ArgumentError(f"the clearance of {words} in all {len(touching)} postures to begin in", "too small", cure)
 
 
 def _postures(task: Task, T: Matrix) -> Matrix:
@@ -296,22 +302,37 @@ def _followed(job: Job, file: FilePath, task: Task, starts: Matrix) -> Iterator[
             yield q
 
 
-def _out_of_reach(cell: CellJob, places: Sequence[Array]) -> OutOfReachError:
-    """How far off the paths are, and where they would be in reach."""
+def _beyond(cell: CellJob, places: Sequence[Array]) -> str:
+    """How many points of the paths are out of reach, and which step of the part would cure it; "" where none is."""
+    some = _some(places)
+    within = reached(cell.task, some, None).within
+    return "" if within.all() else f"{(~within).sum()} of {len(some)} points are out of reach: {_better(cell, some)}"
+
+
+def _some(places: Sequence[Array]) -> Array:
     every = np.concatenate(places)
-    some = every[np.unique(np.linspace(0, len(every) - 1, LOOKED_AT).astype(int))]
-    far = np.linalg.norm(some[:, :3, 3], axis=1)
+    return every[np.unique(np.linspace(0, len(every) - 1, LOOKED_AT).astype(int))]
+
+
+def _better(cell: CellJob, some: Array) -> str:
+    """By which step of the part poses (k, 4, 4) come within reach, of a few in front of the arm."""
     arm = reach(cell.task.robot, cell.task.tip)
-    fact = (
-        f"{cell.robot.name!r} cannot begin any path as placed: they are {far.min():.3g} to {far.max():.3g} m from its "
-        f"base, and with its tool it reaches {arm:.3g} m"
-    )
-    # Places for the middle of the paths, in front of the arm.
     middle = (some[:, :3, 3].min(axis=0) + some[:, :3, 3].max(axis=0)) / 2
     for place in PLACES if np.isfinite(arm) else ():
         moved = some.copy()
         moved[:, :3, 3] += (step := arm * np.array(place) - middle)
         if reached(cell.task, moved, None).within.all():
             by = ", ".join(f"{value:.3g}" for value in step)
-            return OutOfReachError(fact, f"move the part by [{by}] m (--at): there, all points are in reach")
-    return OutOfReachError(fact, "move the part nearer, or turn it (--at), or give another --tip")
+            return f"move the part by [{by}] m (--at), where all points are in reach"
+    return "move the part nearer, or turn it (--at), or give another --tip"
+
+
+def _out_of_reach(cell: CellJob, places: Sequence[Array]) -> OutOfReachError:
+    """How far off the paths are, and where they would be in reach."""
+    some = _some(places)
+    far, arm = np.linalg.norm(some[:, :3, 3], axis=1), reach(cell.task.robot, cell.task.tip)
+    fact = (
+        f"{cell.robot.name!r} cannot begin any path as placed: they are {far.min():.3g} to {far.max():.3g} m from its "
+        f"base, and with its tool it reaches {arm:.3g} m"
+    )
+    return OutOfReachError(fact, _better(cell, some))
