@@ -239,7 +239,9 @@ def corner_of(file: Path) -> Mesh:
 def test_a_ball_that_the_arm_is_in_at_the_start_is_told_with_its_pair_and_depth(panda: hk.Robot) -> None:
     """The ball is about the tool, so that it is in the last link's capsule by its radius and that of the capsule."""
     tip = panda.pose(Q0)[:3, 3]
-    with pytest.raises(ArgumentError, match=r"panda_joint7 and ball overlap by 0\.\d+ m, where 0.\d+ m is asked") as told:
+    with pytest.raises(
+        ArgumentError, match=r"panda_joint7 and ball overlap by 0\.\d+ m, where 0.\d+ m is asked"
+    ) as told:
         asked(panda, hk.obstacle("ball", Capsule(0.05), tuple(tip)))
     (capsule,) = [s for s in hk.robot.with_capsules(panda).shapes if s.joint == 6]
     depth = float(str(told.value).partition("overlap by ")[2].partition(" m")[0])

@@ -185,7 +185,9 @@ def test_a_joint_that_is_held_at_its_limit_is_refused_as_that_and_not_as_singula
     path = hk.line(T[:3, 3], T[:3, 3] + [0.005, 0.005, 0.0])
     for where in (box, path):
         proof = hk.certify(G, where, q)
-        assert proof.extent is Extent.LIMIT and f"q{k + 1} is at its limit or beyond it" in str(proof) and len(proof) == 0
+        assert (
+            proof.extent is Extent.LIMIT and f"q{k + 1} is at its limit or beyond it" in str(proof) and len(proof) == 0
+        )
     assert hk.follow(G, path, q, samples=5).status is hk.motion.Status.COMPLETE
     assert hk.ik(G, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
     control = hk.controller(G, dt=0.01, q0=q)

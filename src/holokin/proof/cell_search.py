@@ -166,14 +166,22 @@ class Extent(NoTruthValue, Enum, ask="`is Extent.WHOLE`"):
     """How far a proof came, and why no farther; the text names cause and cure."""
 
     WHOLE = "all that was asked is proven"
-    SINGULAR = "the robot comes to a singular posture, or too near to one for a proof; choose another constraint or start"
+    SINGULAR = (
+        "the robot comes to a singular posture, or too near to one for a proof; choose another constraint or start"
+    )
     LIMIT = "a joint is at its limit or beyond it; choose another start posture, or ask with limits=False"
-    NEAR = "two bodies are nearer than was asked, or too near to that for a proof; choose another start, or ask for less"
+    NEAR = (
+        "two bodies are nearer than was asked, or too near to that for a proof; choose another start, or ask for less"
+    )
     BUDGET = "the parts that may be examined are all examined; allow more with budget="
     END = "the strategy could not be followed any farther; choose another start posture, path or constraint"
-    APART = "where two parts meet, they could not be shown to have the same joints; allow smaller ones with more budget="
+    APART = (
+        "where two parts meet, they could not be shown to have the same joints; allow smaller ones with more budget="
+    )
     ELSEWHERE = "the path comes back to a tool pose with other joints; choose another constraint, start or path"
-    RETURN = "the path comes back to a tool pose, and the joints could not be shown to; choose another constraint or start"
+    RETURN = (
+        "the path comes back to a tool pose, and the joints could not be shown to; choose another constraint or start"
+    )
 
     @property
     def cause(self) -> str:

@@ -21,6 +21,7 @@ from .clear_cells import ClearCells, shape_pairs
 #
 # The distances are those of `check`, at postures that are found in doubles: of meshes their own, not of their hulls.
 
+
 def looked_at(clear: ClearCells) -> Clearances:
     """The distances of `check`, of the pairs that a proof is about."""
     return Clearances(clear.robot, clear.looked_at)

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from ..base.types import Flags, Indices, Matrix, joined, some
+from ..base.types import Flags, Indices, Matrix, Vector, joined, some
 from .box_proof import PORTION, PoseRegion
 from .cell_search import (
     BATCH,

@@ -33,7 +33,7 @@ from ...path import Path
 from ...path.editing import AnyPath
 from ...path.workspaces import PoseRange
 from ...proof import Certificate, WholeArm, certify
-from ...proof.certify_leaf import certify_cells
+from ...proof.certify_leaf import NO_LEAVES, certify_cells
 from ...proof.proven_region import region_by_cells
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task
@@ -107,7 +107,7 @@ def certify_job(
             with naming(file, "strategies", label):
                 strategy = build_strategy(job, label, task, start, title)
                 if not isinstance(strategy, HolonomicStrategy):
-                    raise NoProofError(title, f"it has no leaves; {HolonomicStrategy.cure}")
+                    raise NoProofError(title, f"{NO_LEAVES}; {HolonomicStrategy.cure}")
                 if domain is None:
                     yield title, certify(strategy)
                     continue
