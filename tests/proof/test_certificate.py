@@ -306,7 +306,7 @@ def test_whole_turns_that_operations_multiply_take_no_memory(tmp_path: Path) -> 
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert rejected and "may change by the whole turns" in said
+    assert rejected and "whole turns may change" in said
     assert peak < 2e7, peak
 
 

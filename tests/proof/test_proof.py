@@ -205,7 +205,7 @@ def test_a_stretched_arm_is_refused_as_singular_and_the_walk_there_ends_after_fe
     G, q, path = stretched(1.02)
     refused(certify(G, path, q, limits=False), Extent.END, Extent.SINGULAR)
     robot = G.task.robot
-    postures, _, where = walked(G, make_plan(G.task, path, 256, robot.pose(q)[:3, :3]), q)
+    postures, (_, where, _) = walked(G, make_plan(G.task, path, 256, robot.pose(q)[:3, :3]), q)
     end, reach = (float(np.linalg.norm(start(robot, p))) for p in (postures[-1], np.zeros(3)))
     assert where and len(postures) < 257 and end <= reach and reach - end < path.length / 128
 

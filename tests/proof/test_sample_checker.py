@@ -65,7 +65,7 @@ def test_a_sample_verifies_as_many_cells_as_it_says_and_says_that_it_is_one(
     rejected, text = recheck(file, sample=0.1, seed=5)
     assert not rejected and "VERIFIED" not in text and text.startswith("NO FAULT FOUND in a sample")
     total, checked, faces = (
-        int(x.replace(",", "")) for x in re.findall(r"of ([\d,]+) cells, ([\d,]+) were .* them ([\d,]+), at", text)[0]
+        int(x.replace(",", "")) for x in re.findall(r"of ([\d,]+) cells, ([\d,]+) were .* and ([\d,]+) places", text)[0]
     )
     assert total == len(proof()) and checked == len(proven) and faces == len(joined) > 0
     assert 0.1 * total <= checked <= 0.1 * total + 2 and "NOT checked" in text

@@ -95,7 +95,7 @@ FORMAT = "holokin certificate 3"
 START = "the start"
 """Where a proof ends that does not hold its start."""
 
-PART = "What is proven"
+PART = "This is proven:"
 """What comes after it holds, where not all is proven."""
 
 
@@ -146,7 +146,7 @@ class Revisit(Value):
 class Certificate(NoTruthValue, Value, ask="`.whole`"):
     """What was proven of a holonomic strategy on the leaf g(q) = c through a posture, over a path or a box of poses.
 
-    `theorem` is it in one sentence; `extent` says how far the proof came, `where` at which place it ended. `proven` are
+    `theorem` is it in words; `extent` says how far the proof came, `where` at which place it ended. `proven` are
     the cells, in the order of a path; they fill the `share` of the box, of positions by volume and of turns by the Haar
     measure, or of the pieces of the path. low, high (n,) are a hull of the joints over them [joint unit],
     `determinant` a lower bound of |det [J; J_g]|, or of |det D_q E| where the constraint has auxiliary unknowns, which
@@ -155,7 +155,8 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     0, since the path itself is given in doubles; else it is infinite. Of a path that comes back to a tool pose with
     other joints `revisit` holds two such places and the difference of the joints, which is proven, too; a closed path
     drifts by it. Where shapes end the proof `near` holds the pair, the distance and the posture, in the middle of the
-    cell that could not be proven; of other ends `reason` says more, where it is known. `asked` is the path or the box that the proof was to be about.
+    cell that could not be proven; of other ends `reason` says more, where it is known. `asked` is the path or the box
+    that the proof was to be about.
     """
 
     extent: Extent
@@ -195,54 +196,70 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
 
     @cached_property
     def theorem(self) -> str:
-        """What is proven, in one sentence."""
-        count, equation, box = len(self), self.equation, isinstance(self.asked, Workspace)
-        if not count:
+        """What is proven, in a few sentences.
+
+        On the leaf g(q) = c through the start every place has exactly one posture in the tube of its cell: a continuous
+        function of the place, smooth over a box and between the corners of a path, on which [J; J_g] is regular.
+        """
+        if not len(self):
             return f"Nothing is proven: {self.cause}{'' if self.near else f', at {self.where or START}'}."
-        # One posture for each place.
-        strategy, with_others, q = equation.strategy, "", ""
-        if equation.n > equation.joints:
-            with_others = " (taken with the auxiliary unknowns of the constraint)"
-            q = ", q the joints and these unknowns"
-        if box:
-            part = f"in the cells that are joined, {share_text(self.share)} of {self.asked},"
-            about = (
-                f"{f'everywhere in {self.asked}' if self.covered else part} the tool's pose alone decides the joints"
-            )
-        else:
-            part = "all along the path" if self.covered else "on the path up to there"
-            about = f"{part} the place alone decides the joints, and they do not jump"
-        parts = [
-            f"{about}: moved by {strategy.name!r} from the start, for the task {strategy.task.name!r}, the robot has "
-            f"one posture{with_others} at each {'pose' if box else 'place'}, no other near it, and is nowhere singular "
-            f"(|det {equation.derivative}| >= {at_least(self.determinant, 2)}{q}; {count} cells)"
-        ]
-        # Limits and distances.
-        if self.limits is not None and np.isfinite(self.to_limit).any():
-            room = at_least(float(self.to_limit.min()), 2)
-            parts.append(f"every joint stays {room} or more (rad or m) from its limits")
-        if self.demands.clear is not None:
-            parts.append(self.demands.clear.words(self.findings.apart))
-        # Whether the joints return with the tool.
-        turned = f" but for the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
-        if np.isfinite(self.gap):
-            parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
-        if self.whole and not box:
-            pose = "a tool pose" if strategy.task.frames == 1 else "the tools' poses"
-            same = "whole turns apart at most" if turned else "the same"
-            parts.append(f"wherever the path comes back to {pose}, the joints are {same}")
-        sentence = "; ".join(parts)
+        sentences, box = self._claims, isinstance(self.asked, Workspace)
         if self.whole:
-            return f"{sentence[0].upper()}{sentence[1:]}."
+            return " ".join(sentences)
         if self.revisit is not None:
-            return f"The joints do not return with the tool: {self.revisit.words(equation)}. {PART}: {sentence}."
-        sentence += "" if self.anchors.begun else "; the pose of the start is not proven"
+            return f"The joints do not return with the tool: {self.revisit.words(self.equation)}. {PART} {sentences[0]}"
+        if not self.anchors.begun:
+            sentences.append("The pose of the start is not proven.")
         place = f": at {self.where}," if self.where else ":"
         if not box and self.where != START:
             place = f", only up to {self.where}:"
         elif self.near is not None:  # it tells the place itself
             place = ":"
-        return f"Not all is proven{place} {self.cause}. {PART}: {sentence}."
+        return f"Not all is proven{place} {self.cause}. {PART} {' '.join(sentences)}"
+
+    @property
+    def _claims(self) -> list[str]:
+        """The sentences that hold, what matters most first."""
+        equation, strategy, box = self.equation, self.equation.strategy, isinstance(self.asked, Workspace)
+        sentences = []
+        # Whether the joints return with the tool.
+        turned = f", but for the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
+        if np.isfinite(self.gap):
+            sentences.append(f"At the end of the closed path the joints are those of its beginning{turned}.")
+        if self.whole and not box:
+            pose = "a tool pose" if strategy.task.frames == 1 else "the tools' poses"
+            same = "whole turns apart at most" if turned else "the same"
+            sentences.append(f"Wherever the path comes back to {pose}, the joints are {same}.")
+        # One posture for each place.
+        if box:
+            part = (
+                f"Everywhere in {self.asked}"
+                if self.covered
+                else f"In one part, {share_text(self.share)} of {self.asked},"
+            )
+            sentences.append(
+                f"{part} the tool's pose alone decides the joints: every loop of the tool there returns them."
+            )
+        else:
+            part = "All along the path" if self.covered else "Up to there"
+            sentences.append(f"{part} the joints follow the tool without a jump.")
+        with_others, q = "", ""
+        if equation.n > equation.joints:
+            with_others = " (taken with the auxiliary unknowns of the constraint)"
+            q = ", q the joints and these unknowns"
+        sentences.append(
+            f"Moved by {strategy.name!r} from the start, for the task {strategy.task.name!r}, the robot has one posture"
+            f"{with_others} at each {'pose' if box else 'place'} and no other near it, and none of them is singular "
+            f"(|det {equation.derivative}| >= {at_least(self.determinant, 2)}{q}; {len(self)} cells)."
+        )
+        # Limits and distances.
+        if self.limits is not None and np.isfinite(self.to_limit).any():
+            room = at_least(float(self.to_limit.min()), 2)
+            sentences.append(f"Every joint stays {room} or more (rad or m) from its limits.")
+        if self.demands.clear is not None:
+            words = self.demands.clear.words(self.findings.apart)
+            sentences.append(f"{words[0].upper()}{words[1:]}.")
+        return sentences
 
     @property
     def cause(self) -> str:

@@ -537,6 +537,9 @@ class Revisits(Value):
 
 # --- The proof.
 
+NO_LEAVES = "it has no leaves: the joints may drift while the tool repeats its path"
+"""Why nothing is proven of a strategy that is not holonomic."""
+
 
 @overload
 def certify(strategy: Strategy) -> WholeArm: ...
@@ -610,7 +613,7 @@ def certify(
         even a first step is possible SingularityError, BranchError.
     """
     if where is None and q0 is None:
-        return whole_arm(strategy)
+        return whole_arm(provable(strategy))
     if where is None or q0 is None:
         given, missing = ("q0", "where") if where is None else ("where", "q0")
         raise ArgumentError(missing, None, f"give it beside {given}, or neither: then the proof is about the whole arm")
@@ -649,9 +652,12 @@ def provable(strategy: Strategy) -> HolonomicStrategy:
     if strategy.task.n == strategy.task.m:
         strategy = with_leaves(strategy)
     if not isinstance(strategy, HolonomicStrategy):
-        raise NoProofError(strategy.name, f"it has no leaves; {HolonomicStrategy.cure}")
+        raise NoProofError(strategy.name, f"{NO_LEAVES}; {HolonomicStrategy.cure}")
     if strategy.constraint.looped is not None:
-        cure = "a differential equation carries its leaves: certify the polynomial hk.strategies.fitted(strategy, Q)"
+        cure = (
+            "its joints come out of a computation along the path, of which no proof is made: certify the polynomial "
+            "that hk.strategies.fitted(strategy, Q) makes of it"
+        )
         raise NoProofError(strategy.name, cure)
     return strategy
 

@@ -35,7 +35,7 @@ def solved(A: Any, b: Any) -> Any:
     try:
         return A.solve(b)
     except ZeroDivisionError:
-        raise RejectedError("D_q E may be singular") from None
+        raise RejectedError("a posture may be singular") from None
 
 
 def size(*matrices: Any) -> Any:
@@ -222,12 +222,12 @@ class Checker:
         cell.rho = factor * size(solved(self.one - M, cell.eta + margin))
         cell.M, _ = self.bounds(cell, cell.rho * UNIT, cuts)
         cell.r = size(solved(self.one - cell.M, cell.eta + margin / 64))
-        need(below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
+        need(below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "a posture may be singular")
         determinant = (self.one - cell.M).det() / abs(cell.Y.det())
-        need(self.claims["determinant"] <= determinant, "|det D_q E| is less")
+        need(self.claims["determinant"] <= determinant, "a determinant is less than is claimed")
         around = list(zip(cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True))
         inside = (a <= b <= q - r and q + r <= c <= d for a, b, c, d, (q, r) in zip(*self.limits, around, strict=True))
-        need(all(inside), "a joint may leave hull or limits")
+        need(all(inside), "a joint may leave its limits, or its range")
         self.least = min(self.least, float(determinant.lower()))
         self.hull[0] = [min(a, float((q - r).lower())) for a, (q, r) in zip(self.hull[0], around, strict=True)]
         self.hull[1] = [max(a, float((q + r).upper())) for a, (q, r) in zip(self.hull[1], around, strict=True)]
@@ -262,7 +262,7 @@ class Checker:
             u = [(arb(low) + high) / 2 for low, high in face]
             p, q = (cell.place(u)[1] for cell in (a, b))
             near = below(size(p - q) + a.r, b.rho) or below(size(p - q) + b.r, a.rho)
-            need(near or below(size(self.root(a, u) - q), b.rho), "it may jump")
+            need(near or below(size(self.root(a, u) - q), b.rho), "the joints may jump")
             if a.joined is not b.joined:
                 fewer, more = sorted((a.joined, b.joined), key=len)
                 more.update(fewer)
@@ -272,14 +272,14 @@ class Checker:
     def away(self, cells: list[Cell], u: Any, q: Any) -> Any:
         """How far the root at u is from the joints q at most. All cells are joined to the one there."""
         holding = [c for c in cells if all(a <= x <= b for x, (a, b) in zip(u, c.sides, strict=True))]
-        need(len(holding) > 0 and len(holding[0].joined) == len(cells), f"the cells are not joined to the one at {u}")
+        need(len(holding) > 0 and len(holding[0].joined) == len(cells), f"not all cells are joined to the one at {u}")
         return self.off(holding[0], u, q)
 
     def off(self, cell: Cell, u: Any, q: Any) -> Any:
         """How far a cell's root at u is from the joints q at most."""
         y, p = cell.place(u)
         s = arb_mat([[x] for x in q]) - p
-        need(below(size(s), cell.rho), f"the joints at {u} are not near their root")
+        need(below(size(s), cell.rho), f"the joints at {u} are not those that reach it")
         return max(size(solved(self.one - cell.M, size(cell.Y * self.enclose(cell, y, s)[0]))).entries())
 
     def root(self, cell: Cell, u: Any) -> Any:
@@ -303,7 +303,7 @@ class Checker:
             self.numbers, following = ([arb(x) for x in of["numbers"] + fixed] for of in (piece, follower))
             cells = self.cover(piece["cells"], [(0, 1) if self.d == 1 else (-1, 1)] * self.d)
             u = [0] if self.d == 1 else piece["u"]
-            need(self.away(cells, u, piece["q"]) <= claims["gap"], "the leaf may miss the start")
+            need(self.away(cells, u, piece["q"]) <= claims["gap"], "the start may be no posture of it")
             if self.d == 1:
                 # How far the tool goes, and that path and joints go on to the next piece.
                 most = max(c.sides[0][1] for c in cells)
@@ -313,16 +313,16 @@ class Checker:
                 meet = all(abs(x) <= TORN for x in self.apart(self.numbers, [1], following, [0], follower["q"]))
                 need(is_last or meet, "the path is torn where pieces meet")
                 if not is_last:
-                    need(self.away(cells, [1], follower["q"]) <= claims["gap"], "the path may not go on")
+                    need(self.away(cells, [1], follower["q"]) <= claims["gap"], "the joints may jump where pieces meet")
                 closed, last = meet and claims["whole"], cells
         # The end of a closed path.
         if turns is not None:
             need(closed, "the path is not closed, or not all of it is covered")
             kinds = [*data["units"], *[""] * (self.n - self.joints)]
-            need(all(k == 0 or kind == "rad" for k, kind in zip(turns, kinds, strict=True)), "what is no angle turns")
-            need(self.periodic(turns), "E may change by the whole turns")
+            need(all(k == 0 or kind == "rad" for k, kind in zip(turns, kinds, strict=True)), "a slider makes turns")
+            need(self.periodic(turns), "whole turns may change the tool's pose or the rule")
             q = [x + 2 * arb.pi() * k for x, k in zip(start, turns, strict=True)]
-            need(self.away(last, [1], q) <= claims["gap"], "the path may not close")
+            need(self.away(last, [1], q) <= claims["gap"], "the joints may not return")
         elif closed:
             end = self.root(last[-1], [1]).entries()
             moved = [b - x - claims["gap"] * UNIT for x, b in zip(start, end, strict=True)]
@@ -338,8 +338,8 @@ class Checker:
         # The equation.
         n, r, claims, pieces = self.n, len(self.data["level"]), self.claims, self.data["pieces"]
         lines = [
-            f"E: {len(self.data['operations'])} operations, {n} rows and unknowns, {self.joints} of them joints; "
-            f"level {self.data['level']} of {r} rows",
+            f"equations: {len(self.data['operations'])} operations for {n} unknowns, {self.joints} of them joints; "
+            f"the rule is held at {self.data['level']}",
         ]
         # How large the box is, or how long the path, and how it ends.
         part = 100 * self.share / (2**self.d if self.d > 1 else len(pieces))
@@ -348,12 +348,14 @@ class Checker:
             corners = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
             steps = [self.apart(self.numbers, u, self.numbers, [-x for x in u], pieces[0]["q"]) for u in corners]
             wide = ", ".join(f"{float(max(abs(x) for x in step).upper()):.3g}" for step in steps)
-            lines.append(f"{what} of a box of poses, whose sides change a row of E by {wide}: {self.count} cells")
+            lines.append(
+                f"{what} of a box of poses, {wide} along its sides, by rows of its task, in {self.count} cells"
+            )
         else:
             rows = ", ".join(f"{x:.4g}" for x in self.moved[: self.joints - r])
             lines.append(
-                f"{what} of a path of {len(pieces)} pieces: {self.count} cells, over which rows of E change by {rows} "
-                "in all, at least"
+                f"{what} of a path of {len(pieces)} piece(s), in {self.count} cells, on which the tool goes by {rows} "
+                "at least, by rows of its task"
             )
             end = "the end was not reached"
             if turns is not None:
@@ -368,7 +370,7 @@ class Checker:
                 end = "open"
             lines.append(f"the path is {end}" if claims["whole"] else end)
         # The joints.
-        lines.append(f"at each place one posture near the predicted, smooth, |det D_q E| >= {DOWN * self.least:.4g}")
+        lines.append(f"at each place one posture, no other near, none singular: |det D_q E| >= {DOWN * self.least:.4g}")
         names = self.data.get("names", [])
         for i, low, high in zip(range(self.joints), self.limits[0], self.limits[3], strict=False):
             limits = "no limits" if math.isinf(low) and math.isinf(high) else f"limits {low:.6g} to {high:.6g}"

@@ -202,8 +202,8 @@ class ClearCells(Value):
         return ", ".join(parts)
 
     def nearest(self, apart: Matrix) -> tuple[tuple[str, str], float] | None:
-        """The pair that keeps the least over what is asked of it over cells (k, P), and the distance that is proven of it
-        [m]; None where there is none."""
+        """The pair that keeps the least over what is asked of it over cells (k, P), and the distance [m] that is proven
+        of it; None where there is none."""
         bounds = self.judged(apart) if len(apart) else np.zeros(0)
         if not np.isfinite(bounds).any():
             return None

@@ -179,6 +179,9 @@ def _cut(box: PoseRange, tool: Vector, stop: Vector | None) -> PoseRange:
 CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf ends", "too near")
 """What the poses of a workspace are that are not in its region."""
 
+SAID = ("not proven", "reached with other joints", "beyond a joint limit", "not reached", "too near to something")
+"""The same in a sentence."""
+
 UNPROVEN, ANOTHER, LIMIT, END, NEAR = range(len(CAUSES))
 
 
@@ -445,7 +448,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         # What the rest is.
         causes = {name: share for name, share in self.rest.items() if share}
         proven, *others = percentages([self.share, *causes.values()])
-        rest = ", ".join(f"{part} {name}" for part, name in zip(others, causes, strict=True))
+        rest = ", ".join(f"{part} {SAID[CAUSES.index(name)]}" for part, name in zip(others, causes, strict=True))
         rest = f"the rest, by {SAMPLED:,} poses of the box: {rest or 'none of them'}"
         inside = (np.abs(self.cells.place_of(self.q0)) <= 1).all()
         rest += f"; the least room: {self.nearest}" if self.nearest is not None else ""

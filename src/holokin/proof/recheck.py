@@ -140,7 +140,7 @@ def _unlike_arm(data: dict[str, Any], robot: Robot) -> tuple[bool, str]:
         found = f"its frames differ by up to {angle:.1e} rad and {distance:.1e} m"
         if max(angle, distance) < SNAP:
             names = " and ".join(robot.joint_names[k] for k in sorted(kept)) or "none"
-            return False, f"it is {robot.name}, held: {names}; {found}, each in the frame before"
+            return False, f"it is {robot.name}, held: {names}; {found}, each seen from the frame before"
     return True, f"it is not {robot.name}: {found}"
 
 

@@ -64,7 +64,9 @@ class SampleChecker(Checker):
         u = [0] if self.d == 1 else piece["u"]
         inside = [all(a <= x <= b for x, (a, b) in zip(u, box, strict=True)) for _, box in cover]
         need(any(inside), f"no cell is at {u}, where the posture is")
-        need(self.off(cell(inside.index(True)), u, piece["q"]) <= self.claims["gap"], "the leaf may miss the start")
+        need(
+            self.off(cell(inside.index(True)), u, piece["q"]) <= self.claims["gap"], "the start may be no posture of it"
+        )
         # (axis, place) -> cells that begin there, and that end there.
         ends: Any = [{}, {}]
         for i, (_, box) in enumerate(cover):
@@ -96,13 +98,13 @@ class SampleChecker(Checker):
         hull = ", ".join(f"{self.hull[0][i]:.6g} to {self.hull[1][i]:.6g} {unit}" for i, unit in joints)
         percent = math.floor(1000 * (1 - (1 - RARE) ** self.draws)) / 10
         return [
-            f"of {self.cells:,} cells, {self.count:,} were checked, drawn at random (seed {self.seed}); of the faces "
-            f"between them {self.faces:,}, at which neighbours have one root",
+            f"of {self.cells:,} cells, {self.count:,} were checked, drawn at random (seed {self.seed}), and "
+            f"{self.faces:,} places where two cells meet: they have one posture there",
             f"the others were NOT checked; if {RARE:.0%} of the cells were faulty, such a sample would find one with a "
             f"probability of {percent:g} % or more",
             f"all cells together fill {'all' if self.claims['whole'] else f'{100 * filled:.3g} %'} of what was asked",
-            f"in those that were checked: one posture near the predicted one, smooth, |det D_q E| >= {self.least:.3g}; "
-            f"joints {hull}",
+            "in those that were checked: at each place one posture, no other near, none singular: |det D_q E| "
+            f">= {self.least:.3g}; joints {hull}",
             "that a path closes or comes back to a tool pose was not looked at",
             *(self.clear.lines() if self.clear else []),
         ]

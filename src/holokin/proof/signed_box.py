@@ -466,26 +466,33 @@ class SignedBox(NoTruthValue, Value, ask="`.whole`"):
 
     @cached_property
     def theorem(self) -> str:
-        """What is proven, in one sentence."""
+        """What is proven, in a few sentences.
+
+        Every pose of the cells has exactly one posture whose three steps have the signs of the start's: a smooth
+        function of the pose, on which [J; J_g] is regular.
+        """
         if not len(self):
             return f"Nothing is proven: {self.cause}, at {self.where or START}."
         arm = self.branch.leaf.inverse.arm
         held = " and ".join(arm.robot.joint_names[k] for k in arm.held)
-        part = self.asked if self.whole else f"the cells that are joined, {share_text(self.share)} of {self.asked},"
-        sentence = (
-            f"{f'with {held} held, ' if held else ''}every pose of {part} has exactly one posture with the three signs "
-            "of the start's (as elbow up or down), whole turns aside: the tool's pose alone decides the joints, and the "
-            f"robot is nowhere singular ({len(self):,} cells)"
+        part = (
+            f"Everywhere in {self.asked}" if self.whole else f"In one part, {share_text(self.share)} of {self.asked},"
         )
+        sentences = [
+            f"{part} the tool's pose alone decides the joints: every loop of the tool there returns them, but for "
+            "whole turns.",
+            f"{f'With {held} held, the' if held else 'The'} robot has at each pose exactly one posture with the "
+            f"three signs of the start's (as elbow up or down), and none of them is singular ({len(self):,} cells).",
+        ]
         if self.holds_start:
-            sentence += "; the start is one of these postures"
+            sentences.append("The start is one of these postures.")
         if self.limits is not None and np.isfinite(self.to_limit).any():
             room = float(self.to_limit.min())
             far = f"{at_least(room, 2)} or more (rad or m) from" if room >= 1e-3 else "within"
-            sentence += f"; every joint stays {far} its limits"
+            sentences.append(f"Every joint stays {far} its limits.")
         if self.whole:
-            return f"{sentence[0].upper()}{sentence[1:]}."
-        return f"Not all is proven: at {self.where}, {self.cause}. {PART}: {sentence}."
+            return " ".join(sentences)
+        return f"Not all is proven: at {self.where}, {self.cause}. {PART} {' '.join(sentences)}"
 
     @property
     def model(self) -> str:

@@ -70,44 +70,52 @@ class WholeArm(NoTruthValue, Value, ask="`.whole`"):
 
     @cached_property
     def theorem(self) -> str:
-        """What is proven, in one sentence."""
+        """What is proven, in one sentence.
+
+        Two postures of a leaf that have the same tool pose, and that a motion through regular postures of the leaf
+        joins, are the same posture, but for whole turns of joints.
+        """
         names = " and ".join(self.held)
         rule = f"({', '.join(self.held)})" if len(self.held) > 1 else names
-        held = f"with {rule} = h(tool pose) + level, " if self.follows else f"with {names} held, " if names else ""
+        held = f", and at whatever value {names} {'are' if len(self.held) > 1 else 'is'} held" if names else ""
+        held = f", with {rule} = h(tool pose) + any level" if self.follows else held
         turns = ", ".join(self.winding) or "none"
         return (
-            f"On the whole arm, for every start{' and level' if self.held else ''}: {held}two postures of the strategy "
-            f"{self.strategy.name!r} for the task {self.strategy.task.name!r} that have the same tool pose, and that a "
-            f"motion through regular postures of the leaf joins, are the same posture but for whole turns of joints "
-            f"(within the limits: {turns})."
+            f"On the whole arm, from whatever start{held}: when the tool, moved by {self.strategy.name!r} for the task "
+            f"{self.strategy.task.name!r}, comes back to a pose, and no posture on the way was singular, the joints "
+            f"are back, too, but for whole turns (within the limits: {turns})."
         )
 
     @property
     def model(self) -> str:
         """What the theorem is about, and how far it is from the robot's own numbers."""
         if self.arm.exact:
-            return "The model is exact: its numbers are those of the robot."
+            return "The proof is about the numbers of the robot as they are."
         return (
-            f"The theorem is about an exact model: frames of the robot differ from it by at most "
-            f"{self.arm.angle:.1e} rad and {self.arm.distance:.1e} m, each in the frame before."
+            f"The proof is about a robot with exact angles and lengths: each frame of yours differs from it by at most "
+            f"{self.arm.angle:.1e} rad and {self.arm.distance:.1e} m, seen from the frame before."
         )
 
     @property
     def reason(self) -> str:
-        """Why it holds."""
-        six = "What the held joints leave of the arm" if self.held else "The arm"
+        """Why it holds.
+
+        The inverse takes three steps, each a root of a cos q + b sin q = d. The determinant of the Jacobian of the six
+        is plus or minus the product of the slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While
+        [J; J_g] is regular no sign changes. Where the held joints follow the tool, a pose tells h, and
+        det [J; e_k - h' J] = det [J; e_k], so this is as if joint k were held.
+        """
+        six = f"With {' and '.join(self.held)} held, the rest of the arm has" if self.held else "The arm has"
+        follows = " The pose tells at which values the held joints are." * self.follows
         return (
-            f"{six} is a chain of six hinges: {self.arm.form.family.value}. So its inverse takes "
-            "three steps, each a root of a cos q + b sin q = d. The determinant of the Jacobian of the six is plus or "
-            "minus the product of the slopes s_1 s_2 s_3, and pose and signs of the slopes tell the posture. While "
-            "[J; J_g] is regular no sign changes."
-            + " A pose tells h, and det [J; e_k - h' J] = det [J; e_k], so this is as if joint k were held."
-            * self.follows
+            f"{six} six hinges: {self.arm.form.family.value}. So a pose has at most eight postures, which three signs "
+            f"tell apart (as shoulder left or right, elbow up or down), whole turns aside, and a sign can change at a "
+            f"singular posture only.{follows}"
         )
 
     unsaid = (
-        "It does not say that a pose is reached, that joints stay within their limits, or that a motion between two "
-        "poses stays regular."
+        "It is not proven that a pose is reached, that joints stay within their limits, or that a motion between two "
+        "poses meets no singular posture."
     )
     """What the theorem leaves open."""
 
@@ -233,14 +241,17 @@ def whole_arm(strategy: Strategy) -> WholeArm:
     began, strategy = time.perf_counter(), with_leaves(strategy)
     held, found = held_joints(strategy), leaf_class(strategy)
     if isinstance(held, str):
-        raise NoProofError(strategy.name, f"{held}, so nothing is known of the whole arm: {REGION}")
+        raise NoProofError(strategy.name, f"{held}, so that nothing can be proven of the whole arm: {REGION}")
+    names = [strategy.task.robot.joint_names[k] for k in found.held]
+    rest = f"with {' and '.join(names)} held, " if names else ""
     if isinstance(found, NoClass):
         if found.singular:
-            raise NoProofError(strategy.name, f"{found.reason}: hold another joint")
-        miss = f" (the nearest class is {found.miss:.2g} m or rad away)" if np.isfinite(found.miss) else ""
-        raise NoProofError(strategy.name, f"{found.reason}{miss}: {REGION}")
-    if not found.proven:
-        fact = "its inverse has a step of degree four, of which signs tell nothing"
+            raise NoProofError(strategy.name, f"{rest}{found.reason}: hold another joint")
+        miss = f" (an arm of which it is so is {found.miss:.2g} m or rad away)" if np.isfinite(found.miss) else ""
+        fact = f"{rest}nothing can be proven of the whole arm, since {found.reason}{miss}"
         raise NoProofError(strategy.name, f"{fact}: {REGION}")
+    if not found.proven:
+        fact = "a pose may have postures that no signs, as elbow up or down, tell apart"
+        raise NoProofError(strategy.name, f"{rest}nothing can be proven of the whole arm, since {fact}: {REGION}")
     _center_and_normal(found)  # raises where no file could be written
     return WholeArm(strategy, found, time.perf_counter() - began)

@@ -318,9 +318,10 @@ def check(file: str) -> tuple[list[str], dict]:
     holding = f"with {some} of {count} joints held, at any value" if held else f"of its {count} joints none is held"
     kind = "three axes meet and two lie in one plane" if steps.pair else "three axes are parallel and two meet"
     return [
-        f"on the whole arm, {holding}: two postures of one tool pose that regular postures join are the same, but for "
-        "whole turns of joints",
-        f"{kind}, at all postures; det J, of {terms} terms, is the product of the slopes of three steps",
+        f"on the whole arm, {holding}: when the tool comes back to a pose, and no posture on the way was singular, the "
+        "joints are back, too, but for whole turns",
+        f"{kind}, at all postures; det J, of {terms} terms, is the product of three slopes, whose signs tell postures "
+        "apart",
     ], data
 
 

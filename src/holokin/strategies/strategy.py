@@ -403,8 +403,9 @@ def _impossible(task: Task, J: Matrix, N: Matrix, held: Flags, who: str = "") ->
     if len(lost) > 1:
         return f"{who} move the tool in {len(lost)} of its {task.m} directions"
     if not abs(U[i, -1]) >= ALONG:
-        parts = [name for name, share in zip(task.row_names, U[:, -1], strict=True) if abs(share) > 1 - ALONG]
-        return f"{who} move the tool in one direction, which is made of {', '.join(parts)}"
+        parts = [(share * np.sign(U[i, -1]), name) for name, share in zip(task.row_names, U[:, -1], strict=True)]
+        direction = ", ".join(f"{share:.2g} {name}" for share, name in parts if abs(share) > 1 - ALONG)
+        return f"{who} move the tool in the direction {direction}"
     if row in ("x", "y", "z"):
         return f"{who} move the tool along {row}"
     return f"{who} turn the tool about {row[1:]}" if row[1:] in ("x", "y", "z") else f"{who} change {row}"

@@ -375,7 +375,9 @@ class Case:
             pairs = short.argmax(axis=1)
             for p, k in Counter(pairs.tolist()).most_common():
                 i = np.flatnonzero(pairs == p)[int(np.argmax(short[pairs == p, p]))]
-                causes.append((f"at worst, {self.apart.pair_at(self.task, elsewhere[i], p, float(distances[i, p]))}", k))
+                causes.append(
+                    (f"at worst, {self.apart.pair_at(self.task, elsewhere[i], p, float(distances[i, p]))}", k)
+                )
         return sorted(causes, key=lambda cause: -cause[1])
 
     def floor_of(self, rated: RatedStrategy) -> float:

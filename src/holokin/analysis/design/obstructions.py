@@ -16,9 +16,9 @@ from ...strategies.tasks.task import Task
 class Obstructions(Value):
     """Of S poses, what is too near at how many of their postures within the joint limits.
 
-    apart: what tells of the P pairs. Q (N, n): the postures, pose (N,): of which pose each is. postures, clear (S,): how
-    many postures a pose has, and how many of these are clear. pairs (S, P), things (S, t): at how many each of the pairs
-    is too near, and each of t things to any other; names: of these.
+    apart: what tells of the P pairs. Q (N, n): the postures, pose (N,): of which pose each is. postures, clear (S,):
+    how many postures a pose has, and how many of these are clear. pairs (S, P), things (S, t): at how many each of the
+    pairs is too near, and each of t things to any other; names: of these.
     """
 
     task: Task
@@ -60,7 +60,9 @@ class Obstructions(Value):
         pairs = [p for p in range(self.pairs.shape[1]) if self.pairs[i, p] == self.postures[i]]
         if pairs and not fixed:
             return (), (pairs[0],)
-        often = (fixed or things)[:1] or [t for t in np.argsort(-self.things[i], kind="stable")[:2] if self.things[i, t]]
+        often = (fixed or things)[:1] or [
+            t for t in np.argsort(-self.things[i], kind="stable")[:2] if self.things[i, t]
+        ]
         return tuple(map(int, often)), tuple(dict.fromkeys(p for t in often for p in self._of(int(t))))
 
     def _words(self, things: tuple[int, ...], pairs: list[int], i: int) -> str:

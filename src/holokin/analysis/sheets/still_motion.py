@@ -79,7 +79,8 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
 
     The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
     for accelerating is not in them. hindrance: why there is no motion; then there are no rows. ends: a joint that comes
-    to its limit, or two things, how near they come to each other, and where; on a closed self-motion those of both ways round.
+    to its limit, or two things, how near they come to each other, and where; on a closed self-motion those of both
+    ways round.
     """
 
     q: Matrix

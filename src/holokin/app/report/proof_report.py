@@ -237,10 +237,10 @@ def _picture(certificate: Certificate) -> tuple[Callable[[], Any], str]:
 
 MEANT = {
     NEAR: "refuted: in each of these parts a posture was found that is nearer than was asked",
-    UNPROVEN: "undecided: the leaf goes on, and no posture was found that is too near, but nothing is proven",
-    ANOTHER: "the leaf comes there with other joints than those that continue what is proven",
+    UNPROVEN: "undecided: the robot can go there, and no posture was found that is too near, but nothing is proven",
+    ANOTHER: "the robot comes there with other joints than those that go on from what is proven",
     LIMIT: "a joint is beyond its limit",
-    END: "the leaf does not reach the tool pose",
+    END: "the strategy does not lead the robot there",
 }
 """What is said of the parts of a box, by cause."""
 
@@ -327,8 +327,8 @@ def _open_section(certificate: Certificate) -> Section:
         [MEANT[cause], f"{100 * share:.2f} %" if share >= 5e-5 else "below 0.01 %"] for cause, share in shares.items()
     ]
     about = (
-        f"The rest of the box was cut into {len(parts):,} parts, and postures of the leaf were sampled in each: what "
-        "they show is measured, and not proven. A part is named after the pose in its middle, or after a posture in it "
+        f"The rest of the box was cut into {len(parts):,} parts, and postures were sampled in each: what they show is "
+        "measured, and not proven. A part is named after the pose in its middle, or after a posture in it "
         "that is too near."
     )
     remarks = [f"The worst that was found: {worst}. {_posture(certificate, worst.q)}"] if worst else []
@@ -346,8 +346,9 @@ def _distance_section(certificate: Certificate) -> Section:
     if near is not None:
         bound, pair = near
         notes.append(
-            f"Proven over {place_words(certificate)}: {pair_words(pair.names)} {clear.as_nearest} are {at_least(bound)} "
-            f"m apart or more. In the middle of the cell where this is, {pair}. {_posture(certificate, pair.q)}"
+            f"Proven over {place_words(certificate)}: {pair_words(pair.names)} {clear.as_nearest} are "
+            f"{at_least(bound)} m apart or more. In the middle of the cell where this is, {pair}. "
+            f"{_posture(certificate, pair.q)}"
         )
     if assumed := assumed_words(certificate):
         notes.append(Note(f"{assumed}.", "bad"))
@@ -460,7 +461,7 @@ def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
     ]
     place = "the start of the path"
     if isinstance(certificate.asked, Workspace):
-        place = f"on the leaf, at the place {_vector(certificate.anchors.u[0])} of the box, whose sides are -1 to 1"
+        place = f"at the place {_vector(certificate.anchors.u[0])} of the box, whose sides are -1 to 1"
     return [*rows, ("The posture is", place)]
 
 
@@ -485,8 +486,8 @@ def _numbers(certificate: Certificate) -> list[tuple[str, str]]:
     rows += [
         (f"|det {certificate.equation.derivative}|", f"at least {at_least(certificate.determinant)}"),
         ("omega of the theorem", f"at most {at_most(float(f.omega.max()))}"),
-        ("Radius of a root's ball", f"at most {at_most(float(f.r.max()))}"),
-        ("Alone within", f"at least {at_least(float(f.alone.min()))}"),
+        ("Joints off the predicted ones", f"by at most {at_most(float(f.r.max()))}"),
+        ("No other posture within", f"at least {at_least(float(f.alone.min()))}"),
     ]
     if np.isfinite(certificate.gap):
         rows.append(("Gap of the closed path", f"at most {at_most(gap_of(certificate))}"))
@@ -526,7 +527,7 @@ def _number(value: Any) -> str:
 _COLUMNS = [
     "strategy",
     "proven",
-    *right("cells", "seconds", "largest\nomega", "largest\nradius", "nearest limit\n[rad or m]", "least\n|det D_q E|"),
+    *right("cells", "seconds", "nearest limit\n[rad or m]", "least\ndeterminant"),
 ]
 
 _PROVEN: dict[str, Tone] = {"all": "good", "part": "warning", "not done": "warning", "drifts": "bad", "NO": "bad"}
@@ -544,8 +545,6 @@ def _table_row(name: str, certificate: Certificate | WholeArm | str) -> list[Not
         proven = proven if certificate.revisit or len(certificate) else "NO"
         numbers = [str(len(certificate)), f"{certificate.seconds:.2g}"]
     if isinstance(certificate, Certificate) and len(certificate):
-        findings = certificate.findings
-        numbers += [f"{findings.omega.max():.2g}", f"{findings.r.max():.1e}"]
         numbers += [f"{certificate.to_limit.min():.3g}", f"{certificate.determinant:.1e}"]
     cells = [name, proven, *numbers, *["-"] * (len(_COLUMNS) - 2 - len(numbers))]
     return [Note(cell, _PROVEN.get(cell, "")) for cell in cells]

@@ -229,7 +229,7 @@ def verdict(certificate: Certificate, word: CheckerWord) -> Verdict:
         line = "this closed path ends with other joints" if _ends_elsewhere(certificate) else line
         return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {certificate.returning}.", False)
     if certificate.extent is Extent.RETURN:
-        only = "Only this is proven: along the path the joints are a continuous function of the place."
+        only = "Only this is proven: along the path the joints do not jump."
         line = "NOT PROVEN that the joints return with the tool"
         return Verdict(line, f"{only} {_capital(certificate.returning)}.", False)
     if not certificate.whole:
@@ -300,7 +300,7 @@ def _good_news(certificate: Certificate, pose: str) -> tuple[str, str]:
         )
     if not certificate.asked.closed:
         sentence = f"Where the path meets a {pose} again, the joints are the same, except for whole turns."
-        return "along this path the joints are one continuous function of the place", sentence
+        return "along this path the joints do not jump, and return wherever the tool does", sentence
     if certificate.turns.any():
         return "this closed path returns the joints, except for whole turns", (
             "After the path the joints are at their start but for the whole turns that are named below: the robot "
@@ -321,14 +321,14 @@ def claims(certificate: Certificate, word: CheckerWord) -> list[Claim]:
     derivative = certificate.equation.derivative
     proven = PROVEN if word.outcome is not Outcome.REJECTED else "claimed only"
     text = (
-        f"For every {'pose' if isinstance(certificate.asked, Workspace) else 'place'} of {place} there is exactly one "
-        f"posture near the predicted one. It is a continuous function, and |det {derivative}| >= "
-        f"{at_least(certificate.determinant)}: no singular posture is met."
+        f"For every {'pose' if isinstance(certificate.asked, Workspace) else 'place'} of {place} there is one posture, "
+        f"and no other near it. The joints do not jump, and no posture is singular: |det {derivative}| >= "
+        f"{at_least(certificate.determinant)}."
     )
     listed = [Claim(text, proven, says), _limit_claim(certificate, proven, says)]
     listed += [*_clear_claims(certificate, proven, says), *_rate_claims(certificate, proven)]
     if isinstance(certificate.asked, Workspace):
-        text = f"Every loop of the tool inside {place} that begins on this posture function brings the joints back."
+        text = f"Every loop of the tool inside {place} that begins with these joints brings them back."
         listed.append(Claim(text, proven, f"{says}: it follows from the first line"))
     else:
         listed += _path_claims(certificate, proven, word)
@@ -441,7 +441,7 @@ def not_proven(certificate: Certificate, word: CheckerWord) -> list[str]:
     box = isinstance(certificate.asked, Workspace)
     others = "loops that leave it" if box else "other paths"
     listed = [
-        f"Anything outside {place_words(certificate)}: {others}, another start, another level, another tool.",
+        f"Anything outside {place_words(certificate)}: {others}, another start posture, another tool.",
         *ALWAYS[:2],
         _collisions(certificate),
         *ALWAYS[2:],

@@ -487,8 +487,8 @@ class Clearances(Value):
         return self.pair_at(task, Q[i], int(p), float(apart[i, p]))
 
     def roomiest(self, task: Task, Q: Matrix) -> PairDistance | None:
-        """The closest pair at that of postures (k, n) at which it has the most room: it is in the way at all others, too,
-        or a nearer one is; None where nothing is asked of any."""
+        """The closest pair at that of postures (k, n) at which it has the most room: at all others it is in the way,
+        too, or a nearer one is; None where nothing is asked of any."""
         near = np.maximum(self.limits, self.wanted)
         distances = self.distances(Q, near)
         room = counted(distances, self.limits, self.wanted).min(axis=1, initial=np.inf)

@@ -174,16 +174,16 @@ NATIVE_ENDS, NATIVE_LIMIT = {1: PathEnd.STOPPED, 2: PathEnd.TRIED}, 3
 
 def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: int = TRIES) -> HolokinError:
     """Why a path along a leaf got no farther than q."""
+    posture, hard = posture_text(q, strategy.task.robot.joint_names), hardest_motion(strategy, q)
     if ended is PathEnd.TRIED:
-        return BranchError(
-            f"{strategy.name!r} did not lead to the end of the path in {tries:,} pieces",
-            "go in shorter ways, or keep them away from singular postures",
-        )
+        fact = f"{strategy.name!r} did not lead to the end of the path in {tries:,} pieces"
+        where = f", and came to {posture}: there {hard}" if hard else ""
+        return BranchError(f"{fact}{where}", "go in shorter ways, or keep them away from singular postures")
     try:
         strategy(q)  # raises if it is singular already here
     except HolokinError as problem:
         return problem
-    posture, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
+    rcond = strategy.gain(q)[1]
     if rcond > REGULAR and ended is not PathEnd.FOLD:
         return BranchError(
             f"from {posture} no step of {strategy.name!r} could be shown to go on without a jump of the joints, though "
@@ -191,8 +191,8 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: 
             "take a start nearer by; the pose may be out of reach, or a constraint of yours have kinks and jumps",
         )
     return BranchError(
-        f"{strategy.name!r} leads no farther than {posture}: "
-        f"{hardest_motion(strategy, q) or 'it is singular there'}, and no posture nearby follows the path",
+        f"{strategy.name!r} leads no farther than {posture}: {hard or 'it is singular there'}, and no posture nearby "
+        "follows the path",
         "choose another constraint, or another start posture",
     )
 

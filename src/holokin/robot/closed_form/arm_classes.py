@@ -311,12 +311,16 @@ def arm_class(robot: Robot, held: tuple[int, ...], tip: str | None = None) -> Ar
                 break
         if left:
             if _always_singular(links, place):
-                return NoClass(held, "every posture of what is left is singular", best, singular=True)
+                return NoClass(
+                    held, "the other joints cannot move the tool in all directions, at any posture", best, singular=True
+                )
             angle, distance = frames_apart(_arm_alone(links), _arm_alone(exact))
             return ArmClass(robot, robot._find_tip(tip).name, held, left[0], tuple(exact), angle, distance)
     if any(near.values()):
-        return NoClass(held, "its axes meet or are parallel only nearly, and in no exact model at hand", best)
-    return NoClass(held, "no three of its axes meet, and none are parallel beside a pair that meets", best)
+        return NoClass(held, "axes of the other joints meet, or are parallel, only nearly", best)
+    return NoClass(
+        held, "of the other joints no three axes meet in a point, nor are three parallel beside two that meet", best
+    )
 
 
 def _holds(form: Form, axes: Sequence[Screw]) -> bool:

@@ -284,7 +284,7 @@ def general_inverse(robot: Robot, held: Sequence[int], tip: str | None = None) -
         return inverse
     J = robot.jacobian(_probes(robot), tip)[:, :, inverse.others]
     if (np.linalg.cond(J) > 1 / SINGULAR).all():
-        return NoClass(held, "every posture of what is left is singular", singular=True)
+        return NoClass(held, "the other joints cannot move the tool in all directions, at any posture", singular=True)
     return NoClass(held, "the equations of the general inverse are singular at every pose")
 
 
