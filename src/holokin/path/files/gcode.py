@@ -54,7 +54,7 @@ def is_gcode(text: str) -> bool:
     return any(_FIRST.match(line) for line in text.splitlines()[:2000])
 
 
-@dataclass
+@dataclass(slots=True)
 class _Word:
     """A word of a line: address, number, how it is written, and "AC" or "IC" where it says from where it counts."""
 
@@ -119,16 +119,16 @@ def _lines(file: Path, text: str, moves: Moves) -> Iterator[tuple[int, list[_Wor
         if rest.startswith("/"):
             cure = "delete the line, or its slash"
             raise line_error(file, number, "begins with /: a switch of the machine decides whether it is done", cure)
-        place = 0
-        while place < len(rest) and not _PROGRAM.fullmatch(rest):
+        place = len(rest) if _PROGRAM.fullmatch(rest) else 0
+        while place < len(rest):
             match = _WORD.match(rest, place)
             if match is None:
                 raise line_error(file, number, *_not_understood(rest, place))
-            if match["bare"]:
-                words.append(_Word(match["bare"][:6], 0.0, match["bare"]))
+            named, way, value, letter, plain, bare = match.groups()
+            if bare:
+                words.append(_Word(bare[:6], 0.0, bare))
             else:
-                value = match["set"] or match["number"]
-                words.append(_Word(match["long"] or match["letter"], float(value), value, match["way"] or ""))
+                words.append(_Word(named or letter, float(value or plain), value or plain, way or ""))
             place = match.end()
         yield number, words
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import dist
 from pathlib import Path
 
 import numpy as np
@@ -82,8 +83,8 @@ class Moves:
             self.point, self.axis = point, axis
         if not self._points:
             self._put(self.point, self.axis, line)
-        turned = 0.0 if axis is None or self.axis is None else float(np.linalg.norm(axis - self.axis))
-        if not curve and np.linalg.norm(point - self.point) <= SAME and turned <= SAME:
+        turned = 0.0 if axis is None or self.axis is None else dist(axis, self.axis)
+        if not curve and dist(point, self.point) <= SAME and turned <= SAME:
             self.short += len(self._points) > 1 or len(self._moves) > 0
             return
         moves = list(curve) or [None]
@@ -91,7 +92,7 @@ class Moves:
             self._moves.append(move)
             self._speeds.append(np.nan if speed is None else speed)
             end, last = point if move is None else move.position(np.ones(1))[0], i == len(moves)
-            close = last and np.linalg.norm(end - point) <= ROUND_OFF
+            close = last and dist(end, point) <= ROUND_OFF
             self._put(point if close else end, axis if last else self.axis, line)
         self.point, self.axis = self._points[-1], axis
 
