@@ -28,7 +28,7 @@ def panda_strategies() -> list[NamedStrategy]:
         "lock": (hk.holonomic(TASK, hk.lock("panda_joint3")), {"kind": "lock", "joints": ["panda_joint3"]}),
         "arm angle": (hk.holonomic(TASK, hk.arm_angle()), {"kind": "arm-angle"}),
     }
-    return [NamedStrategy(name, i, rule, TASK, None, keys) for i, (name, (rule, keys)) in enumerate(kinds.items())]
+    return [NamedStrategy(name, rule, TASK, None, keys) for name, (rule, keys) in kinds.items()]
 
 
 STRATEGIES = panda_strategies()

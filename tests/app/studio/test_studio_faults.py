@@ -22,7 +22,7 @@ YUMI_START = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4
 def test_each_of_two_hands_is_dragged_alone_and_both_go_round_a_loop_drawn_once() -> None:
     robot = hk.load("yumi")
     task = hk.stacked(*(hk.pose(robot, tip=tip.name) for tip in robot.tips))
-    session = Session([NamedStrategy("pseudo-inverse", 0, hk.moore_penrose(task), task)], YUMI_START)
+    session = Session([NamedStrategy("pseudo-inverse", hk.moore_penrose(task), task)], YUMI_START)
     poses = np.array(session.snapshot().target)
     poses[1, :3, 3] += [0.02, -0.03, 0.01]
     state = session.drag(poses).strategies[0]

@@ -231,7 +231,7 @@ def test_a_long_run_keeps_its_history_in_bounded_memory() -> None:
 
 def test_a_control_law_of_ones_own_runs_as_simulate_runs_it() -> None:
     rule = hk.controller(hk.moore_penrose(TASK), dt=0.05, gain=2.0)
-    session = Session([NamedStrategy("mine", 0, rule, TASK)], PANDA_START, panda().loop, cycles=2)
+    session = Session([NamedStrategy("mine", rule, TASK)], PANDA_START, panda().loop, cycles=2)
     end, loop = run(session), session.loop
     assert loop is not None
     referee = hk.simulate(rule, TASK, loop.path, PANDA_START, dt=loop.path.duration / 100, cycles=2)

@@ -27,8 +27,8 @@ def session() -> Iterator[tuple[Session, SheetFollower, Sheets]]:
     """A planar arm with its pseudo-inverse, and a map of three sheets that is known at once."""
     found = planar_map()
     strategies = [
-        NamedStrategy("pinv", 0, hk.moore_penrose(found.task), found.task),
-        NamedStrategy("other", 1, found.sheets[2].strategy, found.task),
+        NamedStrategy("pinv", hk.moore_penrose(found.task), found.task),
+        NamedStrategy("other", found.sheets[2].strategy, found.task),
     ]
     one = Session(strategies, HOME).with_sheets(lambda _say: found)
     one.find_sheets()

@@ -10,7 +10,7 @@ from .server import DEFAULT, Studio, studio
 from .session import Session, to_job
 from .standalone_page import PageLoop, PagePlan, WebPage, cusp_loop, page_plan, web_page
 from .states import Cloud, CloudStatus, Judgement, LeafCusps, Origin, Phase, Snapshot, StrategyState, StrategyStatus
-from .strategies import NamedStrategy, Slider, StrategyPaths, TwoPaths, default_strategies
+from .strategies import NamedStrategy, Slider, default_strategies
 
 __all__ = [
     "DEFAULT",
@@ -29,11 +29,9 @@ __all__ = [
     "Session",
     "Slider",
     "Snapshot",
-    "StrategyPaths",
     "StrategyState",
     "StrategyStatus",
     "Studio",
-    "TwoPaths",
     "WebPage",
     "circle_loop",
     "cusp_loop",

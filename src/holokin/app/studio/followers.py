@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -502,8 +502,8 @@ class Run:
     walk: Walk | None = None
     complete: bool = True  # it has made every step of the loop
     judgement: Judgement | None = None
-    curves: dict[int, tuple[SelfMotionCurve, float]] = field(default_factory=dict)  # of sliders, with the place on each
-    levels: dict[int, Slider] = field(default_factory=dict)  # sliders across the leaves
+    curve: tuple[SelfMotionCurve, float] | None = None  # of the slider along it, with the place
+    level_slider: Slider | None = None  # across the leaves
     ready: bool = False  # native code was built, or tried
     state: StrategyState | None = None
 
@@ -516,7 +516,7 @@ class Run:
     def put(self, move: Move) -> None:
         """Where it stands from now on."""
         self.q, self.status, self.sentence = frozen(move.q), move.status, move.sentence
-        self.curves, self.levels, self.state = {}, {}, None
+        self.curve, self.level_slider, self.state = None, None, None
 
     def forget(self) -> None:
         """What was recorded of the loop."""
@@ -538,7 +538,6 @@ def state_of(run: Run) -> StrategyState:
         strategy, (t, history) = run.strategy, run.history.view()
         run.state = StrategyState(
             name=strategy.name,
-            colour=strategy.colour,
             holonomic=strategy.holonomic,
             q=run.q,
             status=run.status,

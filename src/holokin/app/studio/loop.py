@@ -114,7 +114,7 @@ def go(playing: Playing, runs: Iterable[Run], dt: float, wait: bool) -> None:
 def _steps(playing: Playing, run: Run, walked: Walk, steps: tuple[int, int], wait: bool) -> None:
     """Steps of one strategy in one cycle, and its drift where the cycle ends."""
     first, until = steps
-    run.curves, run.levels, run.state = {}, {}, None
+    run.curve, run.level_slider, run.state = None, None, None
     if run.status is StrategyStatus.FOLLOWING:
         rows, (run.status, run.sentence) = walked.run(run.q, first, until)
         if len(rows):

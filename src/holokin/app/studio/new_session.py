@@ -96,7 +96,7 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
             continue
         keys = table.model_dump(exclude_unset=True)
         level = np.atleast_1d(np.array(keys["level"], dtype=float)) if keys.get("level") is not None else None
-        strategies.append(NamedStrategy(title, len(strategies), G, task, level, keys, label))
+        strategies.append(NamedStrategy(title, G, task, level, keys, label))
     if not strategies and first is not None:
         raise first
     # The loop. The centre of a circle that counts from the tool is told in the base: a page moves it there.

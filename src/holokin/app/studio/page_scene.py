@@ -245,7 +245,7 @@ def _clustered(mesh: Any, cell: float) -> tuple[tuple[Indices, Indices], Indices
     return (first, inverse.reshape(-1)), faces[np.sort(keep)]
 
 
-TINT = 0.75  # share of the strategy's colour in the solid robot; the rest is the robot's own, in which parts are told apart
+TINT = 0.75  # share of the strategy's colour in the solid robot; the rest is its own, which tells its parts apart
 # of a ghost that stands well away from the robot: less, and the colours of both mix to one that is in no legend
 OPACITY = 0.9
 APART = 0.03  # distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen
@@ -404,7 +404,7 @@ class Scene:
 
     def path(self, points: ArrayLike, name: str = "loop", color: str = LOOP) -> None:
         """The line that the tool shall follow, through points (k, 3) [m]; fewer than two take it away."""
-        self._line(f"/paths/{name}", np.asarray(points, dtype=float).reshape(-1, 3), color, 0.006)
+        self._line(f"/paths/{name}", np.asarray(points, dtype=float).reshape(-1, 3), color, 0.008)
 
     def trace(self, strategy: int, points: ArrayLike, part: str = "tool") -> None:
         """The line that a part of a strategy's robot went, through points (k, 3) [m]."""

@@ -12,11 +12,12 @@ from ...base.errors import HolokinError
 from ..report.plots import BLUE, GREY, PURPLE, YELLOW, rgb
 from .panel_html import block, line, plain, put, quiet, ramp, swatch, table
 from .stage import Page
-from .states import Cloud, LeafCusps, Phase, Snapshot
+from .states import Cloud, LeafCusps, Phase, Snapshot, figure
 from .strategies import DEGREES, Slider
 
 # colours of a cloud: from dark to light, so that they are told apart in print, too; what is not reached has none
 FAR, NEAR, UNREACHED = BLUE, YELLOW, GREY
+FLAT = 1e-9  # a curvature below this is round-off
 SINGULAR = 0.01  # an rcond below this is written in red
 CUSP = PURPLE  # colour of the nearest cusp, and of a tool loop that does not bring the joints back
 SELF, LEVEL = "self-motion", "level"  # the two sliders
@@ -90,7 +91,8 @@ class PosturePanel:
             self._fit(snap)
         # The nearest cusp as a ball, the smallest loop as a line; of a leaf that was left it is said.
         cusps = snap.cusps
-        put(self.far_text, "" if cusps is None else block(line(cusps.sentence), quiet(_where(cusps, snap))))
+        found = "" if cusps is None else block(line(self.page.worded(cusps.sentence)), quiet(_where(cusps, snap)))
+        put(self.far_text, found)
         if cusps is not self._cusps:
             self._cusps = cusps
             self.page.scene.ball(None if cusps is None else cusps.place, CUSP, "cusp")
@@ -153,21 +155,21 @@ class PosturePanel:
                 continue
             # In the units of what it moves; what is shown at its ends is rounded inwards.
             scale, unit = self.page.units.factor(slider.unit), self.page.units.name(slider.unit)
-            fine = 10 if unit in (DEGREES, "mm") else 1000
+            fine = 10 ** _decimals(unit)
             low, high = np.ceil(fine * scale * slider.low) / fine, np.floor(fine * scale * slider.high) / fine
             with self.page.server.atomic():
-                handle.label = f"{_what(slider)} [{unit}]" if unit else _what(slider)
+                handle.label = f"{slider.label} [{unit}]" if unit else slider.label
                 handle.min, handle.max = low, high
-                handle.step, handle.precision = 1 / fine, 1 if fine == 10 else 3
-                handle.value = float(np.clip(scale * slider.value, low, high))
+                handle.step, handle.precision = 1 / fine, _decimals(unit)
+                handle.value = float(np.clip(round(scale * slider.value, _decimals(unit)), low, high))
             if name == LEVEL:
                 self._say_level(slider)
 
     def _say_level(self, slider: Slider) -> None:
         scale, name = self.page.units.factor(slider.unit), self.page.units.name(slider.unit)
-        value, low, high = (f"{scale * number:.4g}" for number in (slider.value, slider.low, slider.high))
-        span = f"{value}{f' {name}' if name else ''}, from {low} ({slider.why_low}) to {high} ({slider.why_high})"
-        put(self.level_text, f"**{_what(slider)}** of {slider.name}: {span}. The strategy keeps the new leaf.")
+        value, low, high = (f"{scale * x:.{_decimals(name)}f}" for x in (slider.value, slider.low, slider.high))
+        span = f"{f'{value} {name}'.strip()}, from {low} ({slider.why_low}) to {high} ({slider.why_high})"
+        put(self.level_text, f"**{slider.label}** of {slider.name}: {span}. The strategy keeps the new leaf.")
 
     def _verdict_table(self, snap: Snapshot) -> str:
         rows = [("", *(plain(text, grey=True) for text in ("strategy", "verdict about the start", "rcond")))]
@@ -176,8 +178,13 @@ class PosturePanel:
             verdict, hint = "is being judged", ""
             if (judgement := state.judgement) is not None:
                 holonomic = "holonomic" if judgement.holonomic else "not holonomic"
-                verdict, hint = f"{holonomic}, curvature {judgement.curvature:.2g}", judgement.sentence
-            rcond = plain(f"{state.rcond:.3f}", red=bool(state.rcond < SINGULAR), right=True)
+                size = figure(judgement.curvature, 2) if judgement.curvature > FLAT else "none"
+                verdict = holonomic if np.isnan(judgement.curvature) else f"{holonomic}, curvature {size}"
+                hint = self.page.worded(judgement.sentence)
+            elif np.isnan(state.rcond):
+                verdict = "a control law is not judged"
+            rcond = "" if np.isnan(state.rcond) else f"{state.rcond:.3f}"
+            rcond = plain(rcond, red=bool(state.rcond < SINGULAR), right=True)
             rows.append((swatch(color), plain(state.name), plain(verdict), rcond))
             hints.append(hint)
         foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
@@ -206,8 +213,6 @@ def _where(cusps: LeafCusps, snap: Snapshot) -> str:
     return f"{ball} The purple line is the loop." if ball and len(cusps.loop) else ball
 
 
-def _what(slider: Slider) -> str:
-    """What a slider moves, in a word or two."""
-    if slider.label.startswith("self-motion"):
-        return "Self-motion"
-    return "Elbow angle" if slider.unit == DEGREES else "Level"
+def _decimals(unit: str) -> int:
+    """Decimals of a slider's numbers in a unit."""
+    return 1 if unit in (DEGREES, "mm") else 3

@@ -17,6 +17,9 @@ import numpy as np
 from ...base.errors import ArgumentError, HolokinError, OpenPathError, UnknownNameError
 from ...base.poses import PoseLike
 from ...base.types import Array, ArrayLike, Vector, frozen, not_negative, positive, whole
+from ...motion import path_spread
+from ...motion.drift_and_spread import Spread
+from ...path import Path
 from ...path.workspaces import Workspace
 from ...robot import Robot, start_posture
 from ...strategies.tasks.task import Task
@@ -53,17 +56,15 @@ from .states import (
     leaf_cusps,
 )
 from .strategies import (
-    WIDTH,
     NamedStrategy,
     Slider,
-    TwoPaths,
     across,
     along,
     leaves_of,
     level_slider,
+    paths_to,
     self_motion_curve,
     self_slider,
-    two_paths,
 )
 from .work import Search, SheetFollower, Worker, failure
 
@@ -188,33 +189,35 @@ class Session:
                 run.forget()
             return self._changed()
 
-    def two_paths(self, pose: PoseLike, *, width: float = WIDTH, samples: int = 200) -> TwoPaths:
-        """Each strategy by two paths from its posture to a tool pose (4, 4), and how far its joints end apart.
+    def two_paths(self, name: str, pose: PoseLike) -> tuple[Spread, tuple[Path, Path]]:
+        """One strategy by two paths from its posture to a tool pose (4, 4), as `hk.motion.path_spread`, and the paths.
 
-        As `hk.motion.path_spread` along polylines with a corner `width` [m] to either side; the session stays as it is.
+        They are polylines with a corner to either side; the session stays as it is.
 
         Raises:
-            ArgumentError, ShapeError, NotFiniteError: what is no pose; a task of several tools.
+            UnknownNameError; ArgumentError, ShapeError, NotFiniteError: what is no pose; a task of several tools, a
+                control law. HolokinError: the strategy does not get there on both.
         """
         wanted = poses_of(self.task, pose)[0]
         with self._lock:
-            runs = [(run.strategy, run.q, run.status) for run in self._runs.values()]
-        return two_paths(runs, wanted, positive("width", width), whole("samples", samples), self.limits)
+            strategy, q = self._run(name).strategy, self._run(name).q
+        if strategy.G is None:
+            raise ArgumentError("the strategy", name, "two paths are followed by strategies, not by control laws")
+        paths = paths_to(strategy.task, q, wanted)
+        return path_spread(strategy.G, *paths, q, samples=200, limits=self.limits), paths
 
-    def self_motion(self, name: str, direction: int = 0) -> Slider:
+    def self_motion(self, name: str) -> Slider:
         """The slider of one strategy along its self-motion, from where it stands; see `move_self`.
 
-        direction: which one, from 0 to n - m - 1, where several joints are to spare.
-
-        Raises: UnknownNameError; ArgumentError: no such direction.
+        Raises: UnknownNameError.
         """
         with self._lock:
             run = self._run(name)
-            if direction not in run.curves:
-                run.curves[direction] = self_motion_curve(run.strategy.task, run.q, self.limits, direction), 0.0
-            return self_slider(run.strategy, *run.curves[direction], direction)
+            if run.curve is None:
+                run.curve = self_motion_curve(run.strategy.task, run.q, self.limits), 0.0
+            return self_slider(run.strategy, *run.curve)
 
-    def move_self(self, name: str, s: float, direction: int = 0) -> Snapshot:
+    def move_self(self, name: str, s: float) -> Snapshot:
         """One strategy goes to the place s of its slider (arc length from where it stood when the slider was made).
 
         The tool stays where it is, to 1e-9. A holonomic strategy is then on another leaf, and keeps it. The loop stops.
@@ -224,27 +227,28 @@ class Session:
                 there.
         """
         with self._lock:
-            self.self_motion(name, direction)
+            self.self_motion(name)
             run = self._run(name)
-            curve = run.curves[direction][0]
-            put_on_leaf(run, along(curve, s), self.limits)
-            run.curves = {direction: (curve, s)}
+            if run.curve is not None:
+                curve = run.curve[0]
+                put_on_leaf(run, along(curve, s), self.limits)
+                run.curve = curve, s
             self._playing.stop()
             return self._changed()
 
-    def level_slider(self, name: str, row: int = 0) -> Slider:
-        """The slider of a row of the level of a holonomic strategy, the tool still; degrees for an angle of the arm.
+    def level_slider(self, name: str) -> Slider:
+        """The slider of the level of a holonomic strategy, the tool still; degrees for an angle of the arm.
 
         Raises:
-            UnknownNameError; ArgumentError: a strategy without leaves, or no such row.
+            UnknownNameError; ArgumentError: a strategy without leaves.
         """
         with self._lock:
             run = self._run(name)
-            if row not in run.levels:  # angles count on through whole turns from here
-                run.levels[row] = level_slider(run.strategy, run.q, self.limits, row)
-            return run.levels[row]
+            if run.level_slider is None:  # angles count on through whole turns from here
+                run.level_slider = level_slider(run.strategy, run.q, self.limits)
+            return run.level_slider
 
-    def move_level(self, name: str, value: float, row: int = 0) -> Snapshot:
+    def move_level(self, name: str, value: float) -> Snapshot:
         """One strategy goes to a value of its slider, in the slider's unit, through all between, and keeps that leaf.
 
         Raises:
@@ -252,12 +256,12 @@ class Session:
                 the self-motion does not lead there; nothing changes then.
         """
         with self._lock:
-            slider, run = self.level_slider(name, row), self._run(name)
-            q = across(run.strategy, run.q, slider, value, row)
+            slider, run = self.level_slider(name), self._run(name)
+            q = across(run.strategy, run.q, slider, value)
             if self.limits:
                 self.robot.check_limits(q)
             put_on_leaf(run, q, self.limits)
-            run.levels = {row: replace(slider, value=value)}
+            run.level_slider = replace(slider, value=value)
             self._playing.stop()
             return self._changed()
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from ...analysis.coverage.starts import task_of_kind
 from ...analysis.design import advise
-from ...analysis.sheets.still_motion import SAME
-from ...base.errors import ArgumentError, HolokinError, JobError
+from ...base.errors import ArgumentError, JobError
 from ...base.units import SI, PrintedUnits
 from ...export import LANGUAGES
+from ...motion.drift_and_spread import NO_DRIFT
 from ...proof import Certificate
 from ..job import Job, certify_job, open_one_job, packaged_jobs, program_of_job
 from ..report.plots import CLOCKWISE, COUNTER_CLOCKWISE
@@ -30,8 +30,7 @@ from .playback import record_session
 from .posture_panel import PosturePanel
 from .session import Session, to_job
 from .stage import FAR, LEAST, Page, circle_of
-from .states import FASTEST, SLOWEST, UNITS, USUAL, Phase, Snapshot, joint_unit, largest
-from .strategies import StrategyPaths
+from .states import FASTEST, SLOWEST, UNITS, USUAL, Phase, Snapshot, difference, figure, joint_unit
 from .work import SheetFollower
 
 # --- The loop: its size and place, corners by clicks, and two paths to one pose.
@@ -115,6 +114,10 @@ class LoopPanel:
                 value, low, high = map(scaled, (handle.value, handle.min, handle.max))
                 handle.min, handle.max, handle.value = low, high, value
 
+    @property
+    def _joint_unit(self) -> str:
+        return joint_unit(self.page.units, self.page.session.robot)
+
     def _tool(self) -> Any:
         return self.page.session.snapshot().target[0][:3, 3]
 
@@ -135,40 +138,23 @@ class LoopPanel:
             page.say("The tool is at its start: drag it somewhere, and two paths lead there from the start.")
             return
         try:
-            compared = page.session.two_paths(wanted)
-        except HolokinError as problem:
+            both, paths = page.session.two_paths(self.strategy.value, wanted)
+            same = both.largest < NO_DRIFT
+            apart = difference(page.units, page.session.robot, both.a.q[-1] - both.b.q[-1])
+            joints = "the same joints**" if same else f"other joints**: {apart} {self._joint_unit} apart"
+            self.answer.content = f"Both paths end at one pose, with **{joints}."
+            # Each path with a robot in its colour; then the tool is where it was dragged.
+            colors = (CLOCKWISE, COUNTER_CLOCKWISE)
+            with page.own_drawing(colors):
+                for index, (path, color) in enumerate(zip(paths, colors, strict=True)):
+                    points = path.at(np.linspace(0.0, path.duration, 100)).position
+                    page.scene.path(points, f"path{index}", color)
+                for row in np.linspace(0, len(both.a.q) - 1, int(SHOWN * 25)).astype(int):
+                    page.scene.show([both.a.q[row], both.b.q[row]])
+                    time.sleep(SHOWN / 75)
+                time.sleep(SHOWN / 2)
+        finally:
             page.session.drag(wanted)
-            page.say(str(problem))
-            return
-        # The lines of both paths, and how far apart the joints end.
-        path = next(path for path in compared.by_strategy if path.name == self.strategy.value)
-        for index, color in enumerate((CLOCKWISE, COUNTER_CLOCKWISE)):
-            page.scene.path(compared.points[index], f"path{index}", color)
-        if path.sentence:
-            self.answer.content = path.sentence
-        else:
-            same = "the same joints" if path.spread < SAME else "other joints"
-            units, robot = page.units, page.session.robot
-            apart = f"{float(largest(units, robot, path.a[-1] - path.b[-1])):.3g} {joint_unit(units, robot)}"
-            self.answer.content = f"Both paths end at one pose, with **{same}**: {apart} apart."
-        # The motions; then the tool is where it was dragged.
-        with page.own_drawing():
-            self._show(path, [strategy.name for strategy in page.session.strategies].index(path.name))
-        for index in range(2):
-            page.scene.path([], f"path{index}")
-        page.session.drag(wanted)
-
-    def _show(self, path: StrategyPaths, index: int) -> None:
-        """One path by the solid robot, the other by a ghost, in the strategy's colour where there is another one."""
-        page, steps = self.page, min(len(path.a), len(path.b))
-        count, lead = len(page.session.strategies), page.lead
-        ghost = index if index != lead else (lead + 1) % count
-        for row in np.linspace(0, steps - 1, int(SHOWN * 25)).astype(int) if steps else ():
-            Q = np.tile(path.a[row], (count, 1))
-            Q[ghost] = path.b[row]
-            page.scene.show(Q)
-            time.sleep(SHOWN / 75)
-        time.sleep(SHOWN / 2)
 
 
 # --- Work with a strategy: its robot program, its certificate, advice on others.
@@ -229,7 +215,7 @@ class WorkPanel:
         self.page.alone("work", whole)
 
     def _answer(self, *sentences: str) -> None:
-        put(self.answer, block(*map(line, sentences)) if any(sentences) else "")
+        put(self.answer, block(*(line(self.page.worded(s)) for s in sentences)) if any(sentences) else "")
 
     def _program(self) -> tuple[str, bytes]:
         language, changes = self.language.value, {"acceleration": float(self.acceleration.value)}
@@ -241,7 +227,8 @@ class WorkPanel:
             with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
                 for part in sorted((file.parent / "program").iterdir()):
                     archive.write(part, part.name)
-        self._answer(f"{program.targets} targets, {timed.duration:.3g} s, {timed.profile}.", *program.notes)
+        facts = f"{program.targets} targets, {figure(timed.duration)} s, {timed.profile}."
+        self._answer(facts, *program.notes)
         return f"{name}-{language}.zip", packed.getvalue()
 
     def _certificate(self) -> tuple[str, bytes] | None:
@@ -324,15 +311,13 @@ class SheetsPanel:
             cell = plain(f"sheet {sheet}{': serves the tool' if serves else ''}")
             rows.append((swatch(sheet_color(sheet), serves), cell))
         who = f"{state.strategy} follows the sheets." if state.strategy else "No arm follows the sheets."
-        sentence = line(state.sentence) if state.sheet >= 0 else warning(state.sentence)
-        put(self.status, block(table(rows), sentence, warning(state.why), quiet(who), quiet(f"{state.about}.")))
+        sentence, why, about = map(self.page.worded, (state.sentence, state.why, f"{state.about}."))
+        sentence = line(sentence) if state.sheet >= 0 else warning(sentence)
+        put(self.status, block(table(rows), sentence, warning(why), quiet(who), quiet(about)))
 
 
-# --- What leaves the page: a job file, a picture, a GIF, a recording. All of it is downloaded by the browser.
+# --- What leaves the page: a job file, a picture, a recording. All of it is downloaded by the browser.
 
-PICTURES, PAUSE = 60, 0.1  # pictures of a GIF at most, and the time between two [s]
-WIDE = 720  # width of a GIF [pixels]
-TALL = 3.0  # height of a GIF over its width, at most: a telephone's page has 2.2
 PATIENCE = 30.0  # seconds to wait for a picture of a browser
 
 
@@ -347,13 +332,10 @@ class SavePanel:
         gui.add_markdown("A **job** runs to the same numbers: `holokin run NAME.toml`.")
         self.job = gui.add_button("Save as job", hint="A TOML file with robot, task, start, loop and strategies")
         self.picture = gray("Screenshot", hint="A PNG of the scene as this browser sees it")
-        gui.add_markdown("A **GIF** shows a cycle from now on, as this browser sees it.")
-        self.film = gray("Make a GIF", hint="At most 60 pictures, ten a second")
         gui.add_markdown("A **recording** is a page of its own: one HTML file, without a server.")
         self.recording = gray("Record to HTML", hint="Of the loop that has run; press Start first")
         self.job.on_click(lambda event: self._save(event, self._job))
         self.picture.on_click(lambda event: self._save(event, self._picture))
-        self.film.on_click(lambda event: self._save(event, self._film))
         self.recording.on_click(lambda event: self._save(event, self._recording))
 
     def _save(self, event: Any, make: Any) -> None:
@@ -383,29 +365,6 @@ class SavePanel:
         Image.fromarray(pixels).save(file, "PNG", optimize=True)
         return ".png", file.getvalue()
 
-    def _film(self, client: Any) -> tuple[str, bytes]:
-        from PIL import Image
-
-        session, frames = self.page.session, []
-        if session.snapshot().phase not in (Phase.RUNNING, Phase.GATHERING):
-            session.play()
-        # Pictures until the cycle ends.
-        first = session.snapshot().cycle
-        height = int(WIDE * min(client.camera.image_height / max(client.camera.image_width, 1), TALL))
-        while len(frames) < PICTURES:
-            began = time.perf_counter()
-            frames.append(client.get_render(height, WIDE, timeout=PATIENCE))
-            snap = session.snapshot()
-            if snap.cycle > first or snap.phase in (Phase.DONE, Phase.IDLE):
-                break
-            time.sleep(max(0.0, PAUSE - (time.perf_counter() - began)))
-        # In few colours.
-        images = [Image.fromarray(frame).quantize(64) for frame in frames]
-        pace: dict[str, Any] = {"duration": int(1000 * PAUSE), "loop": 0}
-        file = io.BytesIO()
-        images[0].save(file, "GIF", save_all=True, append_images=images[1:], optimize=True, **pace)
-        return ".gif", file.getvalue()
-
     def _recording(self, _client: Any) -> tuple[str, bytes]:
         return ".html", record_session(self.page.session, text=self.page.session.title).html().encode()
 
@@ -414,14 +373,12 @@ class SavePanel:
 
 WIDTH = 320  # of the panel [pixels]
 ENDLESS = 0  # cycles that mean: for ever
-ELSEWHERE = 1e-6  # joint difference [rad, m] to the start posture at which a strategy does not stand there
 ROUND = ("as drawn", "the other way")  # the ways round a loop: not clockwise, clockwise
 # what the columns of the table are
 COLUMNS = (
     "strategy: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle, "
-    "none below a billionth. state: whether the tool is at the target"
+    "none below a millionth. state: whether the tool is at the target"
 )
-NO_DRIFT = 1e-9  # joint difference [rad, m] to the start posture that is round-off
 _DOING = {
     Phase.IDLE: "Drag the tool, or start the loop.",
     Phase.GATHERING: "The joints go to where the loop begins.",
@@ -431,13 +388,15 @@ _DOING = {
 }
 
 
-def _back_and_away(snap: Snapshot) -> str:
-    """Which strategies are back at the start after their cycles, and which are not."""
-    ended = [state for state in snap.strategies if len(state.drift)]
-    back = [state.name for state in ended if state.drift[-1] < ELSEWHERE]
-    away = [state.name for state in ended if state.name not in back]
-    words = [("Back at the start", back), ("Not back", away)]
-    return " ".join(f"{word}: {', '.join(names)}." for word, names in words if names)
+def back_and_away(snap: Snapshot) -> str:
+    """Which strategies are back at the start after their cycles, which are not, and which have stopped on the way."""
+    ends = {state.name: state.drift[-1] for state in snap.strategies if len(state.drift)}
+    groups = {
+        "Back at the start": [name for name, drift in ends.items() if drift < NO_DRIFT],
+        "Not back": [name for name, drift in ends.items() if drift >= NO_DRIFT],
+        "Stopped on the way": [name for name, drift in ends.items() if np.isnan(drift)],
+    }
+    return " ".join(f"{group}: {', '.join(names)}." for group, names in groups.items() if names)
 
 
 class Panels:
@@ -542,7 +501,7 @@ class Panels:
         snapshot = page.session.reset()
         page.clear_traces()
         self.posture.take_away()
-        away = [s.name for s in snapshot.strategies if s.following and np.abs(s.q - home).max() > ELSEWHERE]
+        away = [s.name for s in snapshot.strategies if s.following and np.abs(s.q - home).max() > NO_DRIFT]
         page.say(f"On a leaf that was chosen by its level, not that of the start: {', '.join(away)}." if away else "")
 
     def _start_or_pause(self) -> None:
@@ -553,11 +512,11 @@ class Panels:
             self.page.session.play()
 
     def _doing(self, snap: Snapshot) -> str:
-        share, who = 100 * snap.progress, _back_and_away(snap)
+        share, who = 100 * snap.progress, back_and_away(snap)
         text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=snap.cycle, who=who)
         faults = [f"{state.name}: {state.sentence}" for state in snap.strategies if state.sentence]
         red = self.page.message or snap.message or (faults[0] if faults else snap.loop_fault)
-        return block(line(text), gauge(snap.progress), warning(red), warning(snap.fault))
+        return block(line(text), gauge(snap.progress), *(warning(self.page.worded(s)) for s in (red, snap.fault)))
 
     def _table(self, snap: Snapshot) -> str:
         """Each strategy with its drift after the last cycle and its state."""
@@ -567,9 +526,10 @@ class Panels:
         for index, (state, color) in enumerate(zip(snap.strategies, self.page.colors, strict=False)):
             drift = ""
             if len(state.drift):
-                size = f"{float(largest(units, robot, state.drift_joints[-1])):.3g}"
-                drift = "stopped" if np.isnan(state.drift[-1]) else "none" if state.drift[-1] < NO_DRIFT else size
-            name = named(state.name, "holonomic" if state.holonomic else "not holonomic")
+                stopped = np.isnan(state.drift[-1])
+                drift = "stopped" if stopped else difference(units, robot, state.drift_joints[-1])
+            verdict = "holonomic" if state.repeatable else "not holonomic" if state.judgement is not None else ""
+            name = named(state.name, verdict)
             status = plain("follows" if state.following else state.status.value, red=not state.following, right=True)
             rows.append((swatch(color, index == self.page.lead), name, plain(drift, right=True), status))
-        return block(table(rows, [COLUMNS, *(state.sentence for state in snap.strategies)]))
+        return block(table(rows, [COLUMNS, *(self.page.worded(state.sentence) for state in snap.strategies)]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -59,6 +59,7 @@ class Page:
     ):
         self.server, self.session, self.reopen, self.units = server, session, reopen, units
         self.lead = next((i for i, strategy in enumerate(session.strategies) if strategy.holonomic), 0)
+        self.colors: tuple[str, ...] = ()
         self.drawn, self.message = -1, ""
         self._make_panels = panels
         self._loop_drawn: tuple[int, str] | None = None
@@ -66,6 +67,7 @@ class Page:
         self._waiting: dict[object, Action] = {}
         self._busy: set[object] = set()
         self._wake = threading.Condition()
+        self._drawing = threading.Lock()  # of the robots
         self._over = self._held_still = False
         self.scene = Scene(server, session.robot, session.home)
         self.handles = Handles(self)
@@ -78,12 +80,19 @@ class Page:
 
     def _arrange(self) -> None:
         """A robot, a line in each plot and a place in each list for every strategy that there is."""
-        strategies = self.session.strategies
-        self.lead = min(self.lead, len(strategies) - 1)
-        self.colors = law_colors([strategy.holonomic for strategy in strategies])
-        self.scene.set_strategies([strategy.name for strategy in strategies], self.colors, self.lead)
+        states = self.session.snapshot().strategies
+        self.lead = min(self.lead, len(states) - 1)
+        self.colors = law_colors([state.repeatable for state in states])
+        self.scene.set_strategies([state.name for state in states], self.colors, self.lead)
         self.charts = Charts(self)
         self.panels = self._make_panels(self)
+
+    def _recolor(self, snap: Snapshot) -> None:
+        """All in other colours, as when a strategy without leaves was found to be holonomic."""
+        self.colors = law_colors([state.repeatable for state in snap.strategies])
+        self.scene.set_strategies(self.scene.names, self.colors, self.lead)
+        self.charts.recolor(snap)
+        self.drawn, self._loop_drawn = -1, None
 
     def start(self) -> None:
         """Begin to move."""
@@ -133,6 +142,11 @@ class Page:
         """A sentence for everyone, until the next; an empty one takes it away."""
         self.message = sentence
 
+    def worded(self, sentence: str) -> str:
+        """A sentence in the units of the page."""
+        joints = [(c.name, c.unit) for c in self.session.robot.coordinates]
+        return self.units.reworded(sentence, joints)
+
     def set_units(self, units: PrintedUnits) -> None:
         """In what numbers are shown; what they mean stays the same."""
         before, self.units = self.units, units
@@ -141,18 +155,25 @@ class Page:
 
     def set_lead(self, index: int) -> None:
         """Whose robot is drawn solid."""
-        self.lead = index
-        self.scene.set_lead(index)
-        self.drawn = -1
+        with self._drawing:
+            self.lead = index
+            if not self._held_still:
+                self.scene.set_lead(index)
+            self.drawn = -1
 
     @contextmanager
-    def own_drawing(self) -> Iterator[None]:
-        """The page's thread leaves the robots alone, for a while in which somebody else moves them."""
-        self._held_still = True
+    def own_drawing(self, colors: Sequence[str]) -> Iterator[None]:
+        """For a while robots of these colours stand in the scene, which somebody else moves than the page's thread."""
+        names = self.scene.names
+        with self._drawing:
+            self._held_still = True
+            self.scene.set_strategies([""] * len(colors), colors)
         try:
             yield
         finally:
-            self._held_still, self.drawn = False, -1
+            with self._drawing:
+                self.scene.set_strategies(names, self.colors, self.lead)
+                self._held_still, self.drawn, self._loop_drawn = False, -1, None
 
     def _run(self) -> None:
         before = time.perf_counter()
@@ -189,18 +210,25 @@ class Page:
 
     def draw(self, snap: Snapshot) -> None:
         """Bring robots, handles and the loop to a snapshot."""
-        if tuple(state.name for state in snap.strategies) != self.scene.names:  # a program added or removed one
-            self.server.gui.reset()
-            self._arrange()
-            self.drawn, self._loop_drawn = -1, None
-        if snap.number != self.drawn and not self._held_still:
-            self.drawn = snap.number
-            self.scene.show(np.array([state.q for state in snap.strategies]))
-            self.handles.draw(snap)
+        with self._drawing:
+            if not self._held_still:
+                self._draw_robots(snap)
         if (snap.loop, snap.loop_fault) != self._loop_drawn:
             moved = self._loop_drawn is None or self._loop_drawn[0] != snap.loop
             self._loop_drawn = snap.loop, snap.loop_fault
             self._draw_loop(moved, bool(snap.loop_fault))
+
+    def _draw_robots(self, snap: Snapshot) -> None:
+        if tuple(state.name for state in snap.strategies) != self.scene.names:  # a program added or removed one
+            self.server.gui.reset()
+            self._arrange()
+            self.drawn, self._loop_drawn = -1, None
+        elif law_colors([state.repeatable for state in snap.strategies]) != self.colors:
+            self._recolor(snap)
+        if snap.number != self.drawn:
+            self.drawn = snap.number
+            self.scene.show(np.array([state.q for state in snap.strategies]))
+            self.handles.draw(snap)
 
     def _draw_loop(self, moved: bool, red: bool) -> None:
         """The line of the loop, red where a strategy does not get round it; elbows' lines are of the loop before."""
@@ -246,14 +274,15 @@ class Handles:
 
     def __init__(self, page: Page):
         self.page, robot, task = page, page.session.robot, page.session.task
-        self.size = 0.14 * min(max(reach(robot), 0.3), 3.0) if robot.tips else 0.2
+        self.size = 0.11 * min(max(reach(robot), 0.3), 3.0) if robot.tips else 0.2
         self.corners: list[Vector] = []
         self._clicks: Any = None
         self._held: set[str] = set()
         self._circle_wanted = False
         # Of each tool a handle, and a ball at its target.
         scene, axes = page.server.scene, (True, True, not robot.planar)
-        look: dict[str, Any] = {"line_width": 3.0, "depth_test": False}
+        # seen through the robot, and the loop through them
+        look: dict[str, Any] = {"line_width": 2.0, "depth_test": False, "opacity": 0.7}
         straight = task.orientation is None and task.m <= 3 * task.frames
         self._tools, self._balls = [], []
         for index in range(task.frames):
@@ -261,7 +290,7 @@ class Handles:
             handle = scene.add_transform_controls(name, self.size, active_axes=axes, disable_rotations=straight, **look)
             self._on_drag(handle, f"tool{index}", lambda pose, index=index: self._drag_tool(index, pose))
             self._tools.append(handle)
-            ball = scene.add_icosphere(f"/target/{index}", 0.16 * self.size, color=rgb(GOOD), cast_shadow=False)
+            ball = scene.add_icosphere(f"/target/{index}", 0.12 * self.size, color=rgb(GOOD), cast_shadow=False)
             self._balls.append(ball)
         # Of a circle its centre and plane, and its radius along one axis.
         self._loop = scene.add_transform_controls("/handles/loop", 0.8 * self.size, visible=False, **look)
@@ -408,6 +437,7 @@ SOFT = 0.1  # drift [rad or m] to which its plot goes at least
 WIDE = 300  # width of the column [pixels]
 # width of the scene over its height below which a browser has the column as a bar at its edge: the robot needs the room
 NARROW = 0.7
+CYCLE, TIME = "cycle", "time [s]"  # what the plots are over
 _EMPTY = np.array([0.0, 1.0])
 
 
@@ -427,12 +457,12 @@ class Charts:
         restless = int(np.argmax(np.linalg.norm(page.session.task.null_space(page.session.home), axis=1)))
         with self._panel.add_tab("What the joints do"):
             self.title = gui.add_markdown("")
-            self.drift = self._plot("cycle", dots=True)
+            self.drift = self._plot(CYCLE)
             hint = "The joint of the plot below, with a line for each strategy"
             self.pick = gui.add_dropdown(
                 "Joint", robot.joint_names, initial_value=robot.joint_names[restless], hint=hint
             )
-            self.history = self._plot("time [s]", dots=False)
+            self.history = self._plot(TIME)
             gui.add_markdown("**Joints** between their limits, a mark for each strategy")
             self.bars = gui.add_html("")
         self.forget()
@@ -446,7 +476,7 @@ class Charts:
         self._drawn = ()
         unit = joint_unit(self.page.units, self.page.session.robot)
         put(self.title, f"**Drift**: how far the worst joint is from where it began, after each cycle [{unit}]")
-        self.drift.scales = self._scales(soft=True)
+        self.drift.scales = self._scales(CYCLE)
         self.pick.label = f"Joint [{unit}]"
 
     def draw(self, snap: Snapshot) -> None:
@@ -498,25 +528,34 @@ class Charts:
                 handle._placement_uuid = self._panel._placement_uuid
                 handle.minimize()
 
-    def _scales(self, soft: bool) -> dict[str, Any]:
+    def _scales(self, across: str) -> dict[str, Any]:
         smallest = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
         grows = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": smallest, "mode": 1}}
-        return {"x": {"time": False}, **({"y": {"range": grows}} if soft else {})}
+        return {"x": {"time": False}, **({"y": {"range": grows}} if across == CYCLE else {})}
 
-    def _plot(self, across: str, dots: bool) -> Any:
-        """A plot with a line for each strategy, dashed where it is not holonomic."""
+    def recolor(self, snap: Snapshot) -> None:
+        """The lines in the colours of the page."""
+        for plot, across in ((self.drift, CYCLE), (self.history, TIME)):
+            plot.series = self._series(snap, across)
+
+    def _series(self, snap: Snapshot, across: str) -> tuple[Any, ...]:
+        """The lines of a plot, one for each strategy, dashed where it is not holonomic."""
         from viser import uplot
 
-        strategies = self.page.session.strategies[:MOST_LINES]
         series = [uplot.Series(label=across)]
-        for strategy, color in zip(strategies, self.page.colors, strict=False):
-            dash = () if strategy.holonomic else (6.0, 4.0)
-            series.append(uplot.Series(label=strategy.name, stroke=color, width=2, dash=dash, points={"show": dots}))
+        for state, color in zip(snap.strategies[:MOST_LINES], self.page.colors, strict=False):
+            line: dict[str, Any] = {"width": 2, "dash": () if state.repeatable else (6.0, 4.0)}
+            series.append(uplot.Series(label=state.name, stroke=color, points={"show": across == CYCLE}, **line))
+        return tuple(series)
+
+    def _plot(self, across: str) -> Any:
+        """An empty plot."""
+        series = self._series(self.page.session.snapshot(), across)
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         axes = ({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52})
         look: dict[str, Any] = {"height": 180, "legend": {"show": False}, "padding": (14, 16, 0, 0)}
-        data = (_EMPTY, *[np.zeros(2) for _ in strategies])
-        return self.page.server.gui.add_uplot(data, tuple(series), scales=self._scales(dots), axes=axes, **look)
+        data = (_EMPTY, *[np.zeros(2) for _ in series[1:]])
+        return self.page.server.gui.add_uplot(data, series, scales=self._scales(across), axes=axes, **look)
 
     def _bars(self, snap: Snapshot) -> str:
         """The joints of all strategies between their limits, and the number of the solid robot's."""

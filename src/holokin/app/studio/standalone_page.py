@@ -518,7 +518,7 @@ def page_plan(session: Session, name: str | None = None) -> PagePlan:
     if second is None:
         cure = "a page shows one beside the pseudo-inverse: add a rule"
         raise ArgumentError("the number of strategies with leaves", 0, cure)
-    usual = NamedStrategy("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
+    usual = NamedStrategy("pseudo-inverse", moore_penrose(second.task, name="pseudo-inverse"), second.task)
     plain = (strategy for strategy in known if not strategy.holonomic and strategy.task.m == second.task.m)
     pair = (next(plain, usual), second)
     # Where each begins: on the loop of the session, if that is closed.

@@ -16,6 +16,7 @@ from ...analysis.design.nearby_cusps import NearbyCusps, cusps_near
 from ...base.errors import HolokinError
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
 from ...base.units import SI, PrintedUnits
+from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.ik.leaf import leaf_value
 from ...path.workspaces import Workspace, pose_cloud, workspace
 from ...robot import Robot
@@ -81,7 +82,7 @@ class StrategyState:
     """One strategy at one instant.
 
     Attributes:
-        name, colour, holonomic: as of `NamedStrategy`.
+        name, holonomic: as of `NamedStrategy`.
         q: joints (n,) [rad, m].
         status, sentence: whether it follows, and else why not and what helps, in one sentence; empty while it follows.
         rcond: how near it is to singular, 1 good, 0 singular; NaN of a control law.
@@ -94,7 +95,6 @@ class StrategyState:
     """
 
     name: str
-    colour: int
     holonomic: bool
     q: Vector
     status: StrategyStatus
@@ -111,6 +111,11 @@ class StrategyState:
     def following(self) -> bool:
         """True while its tool is at the target."""
         return self.status is StrategyStatus.FOLLOWING
+
+    @property
+    def repeatable(self) -> bool:
+        """True where small closed paths of the tool bring the joints back: by its leaves, or by its verdict."""
+        return self.holonomic or (self.judgement is not None and self.judgement.holonomic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,12 +205,6 @@ class Snapshot:
     def following(self) -> bool:
         """True where every strategy follows."""
         return all(state.following for state in self.strategies)
-
-    @property
-    def spread(self) -> float:
-        """Largest joint difference between any two strategies [joint units]."""
-        q = np.array([state.q for state in self.strategies])
-        return float((q.max(axis=0) - q.min(axis=0)).max(initial=0.0)) if len(q) else 0.0
 
 
 # samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run
@@ -331,10 +330,10 @@ def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
     loop = np.zeros((0, 3))
     if smallest is not None:
         loop = smallest.path.at(np.linspace(0, smallest.path.duration, POINTS)).position
-    return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, cusps), place, loop)
+    return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, strategy.task.robot, cusps), place, loop)
 
 
-def _sentence(name: str, cusps: NearbyCusps) -> str:
+def _sentence(name: str, robot: Robot, cusps: NearbyCusps) -> str:
     """What was found, in a line or two."""
     if cusps.found is None:
         return f"{name}: cusps were not looked for: {cusps.reason}"
@@ -344,14 +343,13 @@ def _sentence(name: str, cusps: NearbyCusps) -> str:
         return (
             f"{name}: no cusp was found within the joint limits from {cusps.found.starts:,} starts, which is no proof."
         )
-    sentence = f"{name}: the nearest cusp found within the joint limits is {cusps.away:.2g} m away."
+    sentence = f"{name}: the nearest cusp found within the joint limits is {figure(cusps.away, 2)} m away."
     smallest = cusps.found.witness
     if smallest is None:
         return f"{sentence} No tool loop round a cusp was found."
-    return (
-        f"{sentence} The smallest tool loop found is {smallest.length:.2g} m long; after it a joint is "
-        f"{smallest.apart:.2g} (rad or m) from where it was."
-    )
+    apart = f"{figure(smallest.apart, 2)} {joint_unit(SI, robot)}"
+    length = f"{figure(smallest.length, 2)} m"
+    return f"{sentence} The smallest tool loop found is {length} long; after it a joint is {apart} from where it was."
 
 
 # --- In what units the page shows joints and places. Sessions, jobs and files have radians and metres throughout.
@@ -370,6 +368,18 @@ def joint_unit(units: PrintedUnits, robot: Robot) -> str:
     """The unit of what is said of any joint of a robot, that of angles first."""
     kinds = sorted({c.unit for c in robot.coordinates}, key=lambda unit: unit != "rad")
     return " or ".join(map(units.name, kinds))
+
+
+def figure(value: float, digits: int = 3) -> str:
+    """A number as a page shows it: so many digits, never as a power of ten."""
+    return np.format_float_positional(float(f"{value:.{digits}g}"), trim="-")
+
+
+def difference(units: PrintedUnits, robot: Robot, joints: ArrayLike) -> str:
+    """The largest of joint differences (n,) as a page shows it, "none" where it is round-off."""
+    if np.abs(np.asarray(joints)).max(initial=0.0) < NO_DRIFT:
+        return "none"
+    return figure(float(largest(units, robot, joints)))
 
 
 def largest(units: PrintedUnits, robot: Robot, differences: ArrayLike) -> Array:

@@ -1,8 +1,8 @@
-"""The strategies of a session: how each follows a target, its sliders, and two paths to one pose."""
+"""The strategies of a session, their sliders, and two paths to one pose."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -11,8 +11,7 @@ import numpy as np
 
 from ...analysis.coverage import locked_joints
 from ...base.errors import ArgumentError, HolokinError, NoArmError
-from ...base.types import Array, Matrix, Value, Vector
-from ...motion import path_spread
+from ...base.types import Matrix, Value, Vector
 from ...motion.control import ControlLaw
 from ...motion.ik.leaf import REGULAR, PathEnd, leaf_follower, leaf_value, leaf_walk, straight_path
 from ...path import Path, polyline
@@ -20,9 +19,8 @@ from ...strategies import HolonomicStrategy, SelfMotionCurve, Strategy, holonomi
 from ...strategies.constraints import arm_angle, find_arm, lock
 from ...strategies.self_motion_curves import CurveTracer
 from ...strategies.tasks.task import Task, of_one_tool
-from .states import StrategyStatus
 
-# --- The strategies of a session: a strategy or a control law, with a name, a colour, and what a job file says of it.
+# --- The strategies of a session: a strategy or a control law, with a name, and what a job file says of it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +28,7 @@ class NamedStrategy(Value):
     """One strategy of a session.
 
     Attributes:
-        name: as it is shown. colour: its index in the palette.
+        name: as it is shown.
         rule: a strategy, or a control law (q, pose, twist, dt) -> dq.
         task: what it serves.
         level: the leaf g(q) = c (r,) that a holonomic strategy holds; None is that of the session's start posture.
@@ -39,7 +37,6 @@ class NamedStrategy(Value):
     """
 
     name: str
-    colour: int
     rule: Strategy | ControlLaw
     task: Task
     level: Vector | None = None
@@ -82,10 +79,10 @@ def default_strategies(task: Task, q0: Vector) -> tuple[NamedStrategy, ...]:
             candidates.append((holonomic(task, arm_angle(), name="arm angle"), {"kind": "arm-angle"}))
     candidates.append((radial(pinv, q0, name="radial"), {"kind": "radial"}))
     defined = []
-    for colour, (G, keys) in enumerate(candidates):
+    for G, keys in candidates:
         with suppress(HolokinError):
             G(q0)
-            defined.append(NamedStrategy(G.name, colour, G, task, None, keys))
+            defined.append(NamedStrategy(G.name, G, task, None, keys))
     return tuple(defined)
 
 
@@ -132,20 +129,13 @@ class Slider:
     why_high: str
 
 
-def self_motion_curve(task: Task, q: Vector, limits: bool, direction: int = 0) -> SelfMotionCurve:
+def self_motion_curve(task: Task, q: Vector, limits: bool) -> SelfMotionCurve:
     """The postures with the tool where it is at q (n,), on either side of it.
 
-    With several redundant joints the curve that begins in the direction in which one of them moves alone, the others
-    following as little as they can: `direction` counts the joints of `locked_joints`.
-
-    Raises:
-        ArgumentError: no such direction, or no joint is to spare.
+    With several joints to spare it begins in the direction in which one of them moves alone, the first of
+    `locked_joints`, the others following as little as they can.
     """
-    free = task.n - task.m
-    if not 0 <= direction < free:
-        cure = f"the {task.name} leaves {free} joints free: give a number from 0 to {free - 1}"
-        raise ArgumentError("the direction of the self-motion", direction, cure)
-    pulled = None if free == 1 else np.eye(task.n)[[locked_joints(task, q)[direction]]]
+    pulled = None if task.n - task.m == 1 else np.eye(task.n)[[locked_joints(task, q)[0]]]
     motions = CurveTracer.through(task, q[None])
     return motions.traced(q[None], step=STEP, length=LENGTH, limits=limits, directions=pulled)[0]
 
@@ -163,38 +153,32 @@ def along(curve: SelfMotionCurve, s: float) -> Vector:
     return curve.at(s)
 
 
-def self_slider(strategy: NamedStrategy, curve: SelfMotionCurve, s: float, direction: int = 0) -> Slider:
+def self_slider(strategy: NamedStrategy, curve: SelfMotionCurve, s: float) -> Slider:
     """The slider along a curve, at the place s."""
-    task, label = strategy.task, "self-motion"
-    units = {c.unit for c in task.robot.coordinates}
-    if task.n - task.m > 1:
-        start = curve.q[int(np.argmin(np.abs(curve.s)))]
-        label = f"self-motion, by {task.robot.joint_names[locked_joints(task, start)[direction]]}"
+    units = {c.unit for c in strategy.task.robot.coordinates}
     why_low, why_high = (ENDINGS[ending] for ending in curve.endings)
     unit, low, high = units.pop() if len(units) == 1 else "joint units", float(curve.s[0]), float(curve.s[-1])
-    return Slider(strategy.name, label, s, low, high, unit, curve.closed, why_low, why_high)
+    return Slider(strategy.name, "Self-motion", s, low, high, unit, curve.closed, why_low, why_high)
 
 
-def level_slider(strategy: NamedStrategy, q: Vector, limits: bool, row: int = 0) -> Slider:
-    """The slider of a row of the level g(q) of a strategy, from a posture (n,), the tool and the other rows still.
+def level_slider(strategy: NamedStrategy, q: Vector, limits: bool) -> Slider:
+    """The slider of the level g(q) of a strategy, of its first row, from a posture (n,), the tool and other rows still.
 
     Raises:
-        ArgumentError: a strategy without leaves, or no such row.
+        ArgumentError: a strategy without leaves.
     """
     G = leaves_of(strategy)
-    level, constraint = leaf_value(G, q), G.constraint
-    if not 0 <= row < len(level):
-        raise ArgumentError("the row of the level", row, f"give a number from 0 to {len(level) - 1}")
+    level, angular = leaf_value(G, q), bool(G.constraint.angular[0])
     # How far it goes each way, and in which unit.
-    (down, why_low), (up, why_high) = (_across(G, q, row, sign, limits) for sign in (-1.0, 1.0))
-    scale, unit = (180 / np.pi, DEGREES) if constraint.angular[row] else (1.0, _unit(strategy, row))
-    value, low, high = (float(scale * number) for number in (level[row], level[row] - down, level[row] + up))
-    label = constraint.name if len(level) == 1 else f"{constraint.name}, row {row + 1}"
+    (down, why_low), (up, why_high) = (_across(G, q, sign, limits) for sign in (-1.0, 1.0))
+    scale, unit = (180 / np.pi, DEGREES) if angular else (1.0, _unit(strategy))
+    value, low, high = (float(scale * number) for number in (level[0], level[0] - down, level[0] + up))
     closed = why_low == why_high == "closed"
+    label = "Elbow angle" if angular else "Level"
     return Slider(strategy.name, label, value, low, high, unit, closed, ENDINGS[why_low], ENDINGS[why_high])
 
 
-def across(strategy: NamedStrategy, q: Vector, slider: Slider, value: float, row: int) -> Vector:
+def across(strategy: NamedStrategy, q: Vector, slider: Slider, value: float) -> Vector:
     """The posture (n,) at a value of a slider whose value at q (n,) it knows, gone to through all between.
 
     Raises:
@@ -206,7 +190,7 @@ def across(strategy: NamedStrategy, q: Vector, slider: Slider, value: float, row
         raise ArgumentError("the level", value, f"give a number from {slider.low:.4g} to {slider.high:.4g}")
     moved = value - slider.value
     change = np.zeros(strategy.task.n - strategy.task.m)
-    change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
+    change[0] = np.deg2rad(moved) if slider.unit == DEGREES else moved
     place, level = strategy.task._place(q), leaf_value(G, q)
     return leaf_follower(G, q)(q, straight_path(strategy.task, place, place, (level, level + change)))
 
@@ -218,13 +202,13 @@ def leaves_of(strategy: NamedStrategy) -> HolonomicStrategy:
     return strategy.rule
 
 
-def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limits: bool) -> tuple[float, str]:
-    """How far a row of the level goes one way with the tool still, and why no farther."""
+def _across(strategy: HolonomicStrategy, q: Vector, sign: float, limits: bool) -> tuple[float, str]:
+    """How far the first row of the level goes one way with the tool still, and why no farther."""
     task, robot = strategy.task, strategy.task.robot
     walk = leaf_walk(strategy, q)
-    place, unit = task._place(q), np.eye(task.n - task.m)[row]
+    place, unit = task._place(q), np.eye(task.n - task.m)[0]
     posture, c, distance = q, leaf_value(strategy, q), 0.0
-    wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
+    wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[0] else np.inf
     for _ in range(STEPS):
         # A step of the level by which no joint moves farther than `wide`, along the self-motion.
         rate = _null_rate(strategy, posture, sign * unit)
@@ -257,12 +241,12 @@ def _null_rate(strategy: HolonomicStrategy, q: Vector, wanted: Vector) -> Vector
     return np.asarray(rate, dtype=float) if np.isfinite(rate).all() else None
 
 
-def _unit(strategy: NamedStrategy, row: int) -> str:
+def _unit(strategy: NamedStrategy) -> str:
     """The unit of a level that is no angle of the arm, where the kind of its strategy tells."""
-    kind, robot = (strategy.keys or {}).get("kind"), strategy.task.robot
-    if kind == "lock":
-        return robot.coordinates[robot.joint_index((strategy.keys or {})["joints"][row])].unit
-    return "m" if kind == "height" else ""
+    keys, robot = strategy.keys or {}, strategy.task.robot
+    if keys.get("kind") == "lock":
+        return robot.coordinates[robot.joint_index(keys["joints"][0])].unit
+    return "m" if keys.get("kind") == "height" else ""
 
 
 # --- Two paths to one pose.
@@ -270,67 +254,22 @@ def _unit(strategy: NamedStrategy, row: int) -> str:
 WIDTH = 0.1  # how far the two paths go apart in their middle, each from the straight line [m]
 
 
-@dataclass(frozen=True, eq=False)
-class StrategyPaths(Value):
-    """One strategy on both paths: joints a (k, n), b (k, n), and the largest joint's difference at their ends.
+def paths_to(task: Task, q: Vector, pose: Matrix, width: float = WIDTH) -> tuple[Path, Path]:
+    """Two paths of the tool from where it is at q (n,) to a pose (4, 4): by a corner to the left, and to the right.
 
-    Where it does not get there both ways, a and b are empty, `spread` is NaN and `sentence` says why.
-    """
-
-    name: str
-    colour: int
-    a: Matrix
-    b: Matrix
-    spread: float
-    sentence: str
-
-
-@dataclass(frozen=True, eq=False)
-class TwoPaths:
-    """Two paths of the tool to one pose, points (2, k, 3) to draw, and what each strategy's joints do on them."""
-
-    points: Array
-    paths: tuple[Path, Path]
-    by_strategy: tuple[StrategyPaths, ...]
-
-
-def two_paths(
-    standing: Sequence[tuple[NamedStrategy, Vector, StrategyStatus]],
-    pose: Matrix,
-    width: float,
-    samples: int,
-    limits: bool,
-) -> TwoPaths:
-    """The tool goes from where it is to a pose (4, 4) by a corner to the left, and by one to the right.
-
-    standing: strategies, each with the posture (n,) where it stands, and whether it follows.
+    width: of each corner from the straight line [m].
 
     Raises:
         ArgumentError: a task of several tools; the pose is where the tool is.
     """
-    of_one_tool(standing[0][0].task, "two paths to one pose")
-    # Two corners, to the sides of the straight line, upright where the line is not.
-    strategy, q, _ = next((entry for entry in standing if entry[2] is StrategyStatus.FOLLOWING), standing[0])
-    begin, corner = strategy.task.pose(q), pose.copy()
+    of_one_tool(task, "two paths to one pose")
+    begin, corner = task.pose(q), pose.copy()
     line = pose[:3, 3] - begin[:3, 3]
+    # To the sides of the straight line, upright where the line is not.
     up = np.array([0.0, 0.0, 1.0]) if abs(line[2]) < 0.9 * np.linalg.norm(line) else np.array([1.0, 0.0, 0.0])
     side = np.cross(up, line) if np.linalg.norm(line) > 1e-6 else np.array([1.0, 0.0, 0.0])
     paths = []
     for sign in (1.0, -1.0):
         corner[:3, 3] = (begin[:3, 3] + pose[:3, 3]) / 2 + sign * width * side / np.linalg.norm(side)
         paths.append(polyline(np.array([begin, corner, pose])))
-    # What each strategy does on them.
-    results = []
-    for strategy, q, _ in standing:
-        a, b, spread, sentence = np.zeros((0, len(q))), np.zeros((0, len(q))), np.nan, ""
-        try:
-            if strategy.G is None:
-                cure = "two paths are followed by strategies, not by control laws"
-                raise ArgumentError("the strategy", strategy.name, cure)
-            both = path_spread(strategy.G, paths[0], paths[1], q, samples=samples, limits=limits)
-            a, b, spread = both.a.q, both.b.q, both.largest
-        except HolokinError as problem:
-            sentence = str(problem)
-        results.append(StrategyPaths(strategy.name, strategy.colour, a, b, spread, sentence))
-    points = np.array([path.at(np.linspace(0.0, path.duration, 100)).position for path in paths])
-    return TwoPaths(points, (paths[0], paths[1]), tuple(results))
+    return paths[0], paths[1]
