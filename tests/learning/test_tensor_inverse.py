@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START, campaign, sampled
 from holokin.base.errors import ArgumentError, ShapeError
 from holokin.motion.ik import InverseKinematics, InverseStatus
 
@@ -142,7 +142,7 @@ def test_a_planar_arm_with_its_hand_held_moves_as_the_formula_of_two_links_says(
         np.testing.assert_allclose(found, known, atol=1e-9)
 
 
-@every
+@pytest.mark.parametrize("name", [name if name == "planar" else campaign("name", name) for name in LAWS])
 def test_torch_and_jax_agree_and_vmap_is_a_loop(name: str) -> None:
     ik = solved(name)
     poses = given(ik, 3)
@@ -159,7 +159,7 @@ def test_torch_and_jax_agree_and_vmap_is_a_loop(name: str) -> None:
         jax.jacfwd(jax.hessian(lambda t: in_jax(t).q))(array[0])
 
 
-@pytest.mark.parametrize("order", ["wxyz", "xyzw"])
+@sampled(1, "order", ["wxyz", "xyzw"])
 def test_a_quaternion_is_the_rotation_it_stands_for_whatever_its_length_and_order(order: str) -> None:
     ik = solved("panda pose")
     poses = given(ik, 3)

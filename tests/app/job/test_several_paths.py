@@ -251,7 +251,7 @@ def weld(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@sampled(2, "language", ["urscript", "rapid", "krl", "ls"])
+@sampled(1, "language", ["urscript", "rapid", "krl", "ls"])
 def test_procedures_are_read_back_and_each_begins_where_the_one_before_ended(weld: Path, language: str) -> None:
     job = read_job(weld)
     program, plan = program_of_paths("weld", job, weld, language)

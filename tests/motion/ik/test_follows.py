@@ -63,7 +63,7 @@ def test_answers_have_the_pose_and_the_joint_is_h_of_it_and_the_paths_come_to_th
     robot, h, G, q0, k = following(name, 1)
     ik = hk.ik(G, q0, limits=False)
     assert isinstance(ik._paths.closed, ClosedBranch)
-    poses = around(robot, q0, 300, 0.25)
+    poses = around(robot, q0, 60, 0.25)
     q = ik.batch(poses)
     arrived = q.reached
     assert arrived.mean() > 0.4
