@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -16,10 +18,30 @@ from conftest import PANDA_START, campaign, sampled
 from holokin.base.errors import ArgumentError, ShapeError
 from holokin.motion.ik import InverseKinematics, InverseStatus
 
-torch = pytest.importorskip("torch")
-jax = pytest.importorskip("jax")
-jax.config.update("jax_enable_x64", True)
-jnp = jax.numpy
+for library in ("torch", "jax"):
+    if find_spec(library) is None:
+        pytest.skip(f"{library} is not installed", allow_module_level=True)
+
+
+class Later:
+    """A library that is imported when a test asks for something of it: to import these two takes as long as all others
+    together, and each worker collects this file."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(import_module(self._name), name)
+
+
+torch: Any = Later("torch")
+jax: Any = Later("jax")
+jnp: Any = Later("jax.numpy")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def doubles() -> None:
+    jax.config.update("jax_enable_x64", True)
 
 
 def _two_arms() -> hk.strategies.HolonomicStrategy:

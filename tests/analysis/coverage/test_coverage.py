@@ -287,6 +287,7 @@ def test_a_middle_orientation_far_from_the_tool_at_the_start_is_told(panda: hk.R
     assert near.share == 1 and near.turn == pytest.approx(0, abs=1e-7) and not near.remark
 
 
+@pytest.mark.campaign
 def test_an_arm_angle_at_zero_cannot_pass_where_its_upper_arm_is_upright(panda: hk.Robot, monkeypatch) -> None:
     """With joint 2 at 0 the axes of joints 1 and 3 are one: turning them against each other moves neither tool nor
     elbow. Beside that place [J; J_g] is regular on this leaf, since two sheets of it cross there."""

@@ -59,7 +59,7 @@ FIELDS = {
 }
 
 
-@sampled(3, "name", FIELDS)
+@sampled(2, "name", FIELDS)
 def test_the_poles_of_a_known_field_are_found_with_their_indices(name: str) -> None:
     field, known = FIELDS[name]
     turned = Rotation.from_rotvec([0.3, -0.2, 0.5])

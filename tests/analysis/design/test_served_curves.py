@@ -161,7 +161,7 @@ def test_poses_at_which_nothing_helps_are_those_without_a_clear_posture(monkeypa
 
 
 def test_what_is_found_before_ctrl_c_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(advice_case, "POSES", 32)
+    monkeypatch.setattr(advice_case, "POSES", 16)
     heard: list[str] = []
 
     def progress(text: str) -> None:

@@ -528,6 +528,7 @@ def test_what_answers_an_axis_does_not_depend_on_the_spin_of_the_pose(name, axis
     assert ik.why(away) == "out of reach"
 
 
+@pytest.mark.campaign
 def test_a_tool_whose_axis_goes_round_a_cone_comes_home_to_the_same_joints(few):
     """The axis closes its loop, and so does each joint, whatever the spin of the poses in between."""
     robot, home = hk.load("irb140"), 0
