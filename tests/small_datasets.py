@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
@@ -114,6 +113,8 @@ def _write_v3(folder: Path, info: dict, tables: list[pa.Table], per_file: int, v
     for start in range(0, len(tables), per_file):
         file = folder / f"data/chunk-000/file-{start // per_file:03d}.parquet"
         parquet.write_table(pa.concat_tables(tables[start : start + per_file]), file)
+    import pandas as pd  # which takes as long as NumPy and SciPy together
+
     pd.DataFrame({"task_index": [0]}, index=["reach"]).to_parquet(folder / "meta" / "strategies.tasks.parquet")
     whole = {name: np.vstack([_numbers(t, name) for t in tables]) for name in tables[0].column_names}
     text = json.dumps({name: stats(values, True) for name, values in whole.items()}, indent=4)

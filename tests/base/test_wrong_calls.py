@@ -94,7 +94,7 @@ def _misspelt(name: str, draw: np.random.Generator) -> str:
 def test_a_misspelt_name_of_the_package_is_answered_with_the_right_one() -> None:
     draw = np.random.default_rng(7)
     answered = 0
-    for name in draw.choice([name for name in hk.__all__ if len(name) > 4], 60):
+    for name in draw.choice([name for name in hk.__all__ if len(name) > 4], 20):
         word = _misspelt(str(name), draw)
         if word in hk.__all__:
             continue
@@ -105,7 +105,7 @@ def test_a_misspelt_name_of_the_package_is_answered_with_the_right_one() -> None
         assert near and near[1] in hk.__all__, told.value
         answered += near[1] == name
         assert not hasattr(hk, word)
-    assert answered > 45
+    assert answered > 15
 
 
 def test_the_package_has_few_names_and_says_in_which_folder_the_others_are() -> None:
@@ -138,11 +138,12 @@ def test_a_noun_says_what_to_write_for_the_names_of_other_libraries() -> None:
     told = 0
     for kind in NOUNS.values():
         one = object.__new__(kind)
+        offered = set(dir(one))
         own = {field.name for field in fields(kind)} if is_dataclass(kind) else set()
         own |= {name for parent in kind.__mro__ if parent is not Shown for name in vars(parent)}
         for form, names in FORMS.items():
             for name in set(names.split()) - own:
-                assert not hasattr(one, name) and name not in dir(one)
+                assert not hasattr(one, name) and name not in offered
                 with pytest.raises(NoAttributeError, match=re.escape(f"has no {name!r}; write {form}")):
                     getattr(one, name)
                 told += 1
@@ -201,7 +202,7 @@ def _named(kind: str, names: Sequence[str], q: np.ndarray) -> Any:
 
 
 @pytest.mark.parametrize("kind", ["dict", "row", "line"])
-@pytest.mark.parametrize("seed", range(4))
+@sampled(1, "seed", range(4))
 def test_joints_by_their_names_are_read_by_them_at_every_door(kind: str, seed: int, panda: hk.Robot) -> None:
     """In whatever order, beside whatever else; where one is missing it is named."""
     draw = np.random.default_rng(seed)
@@ -250,7 +251,7 @@ def test_every_public_function_and_method_takes_its_good_arguments(
     assert len(calls.callables()) > 300
 
 
-@pytest.mark.parametrize("count", [60, campaign("count", 3000)])
+@pytest.mark.parametrize("count", [30, campaign("count", 3000)])
 def test_of_many_bad_calls_none_ends_in_a_stranger_s_exception(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     found = [harness.one("calls", seed) for seed in range(count)]

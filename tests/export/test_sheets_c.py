@@ -90,6 +90,7 @@ def test_more_sheets_than_a_char_counts_keep_their_numbers(planar: hk.analysis.s
     subprocess.run(["cc", *flags, "arm_sheets.c"], cwd=folder, check=True)
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
 def test_a_loop_in_c_is_told_where_its_only_sheet_would_leap(tmp_path: Path) -> None:
     """One leaf overlaps itself on the disc: round the base C goes with the map, and ends where that does."""

@@ -73,10 +73,11 @@ def imports(module: Path) -> list[tuple[str, ast.stmt]]:
 
 def statements(node: ast.AST) -> Iterator[ast.AST]:
     """All statements under a node, however deep, without looking into their expressions."""
-    for child in ast.iter_child_nodes(node):
-        if not isinstance(child, ast.expr):
-            yield child
-            yield from statements(child)
+    outer = [node]
+    while outer:
+        found = [child for child in ast.iter_child_nodes(outer.pop()) if not isinstance(child, ast.expr)]
+        outer += found
+        yield from found
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda m: str(m.relative_to(ROOT)))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -12,14 +14,34 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START, campaign, sampled
 from holokin.base.errors import ArgumentError, ShapeError
 from holokin.motion.ik import InverseKinematics, InverseStatus
 
-torch = pytest.importorskip("torch")
-jax = pytest.importorskip("jax")
-jax.config.update("jax_enable_x64", True)
-jnp = jax.numpy
+for library in ("torch", "jax"):
+    if find_spec(library) is None:
+        pytest.skip(f"{library} is not installed", allow_module_level=True)
+
+
+class Later:
+    """A library that is imported when a test asks for something of it: to import these two takes as long as all others
+    together, and each worker collects this file."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(import_module(self._name), name)
+
+
+torch: Any = Later("torch")
+jax: Any = Later("jax")
+jnp: Any = Later("jax.numpy")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def doubles() -> None:
+    jax.config.update("jax_enable_x64", True)
 
 
 def _two_arms() -> hk.strategies.HolonomicStrategy:
@@ -142,7 +164,7 @@ def test_a_planar_arm_with_its_hand_held_moves_as_the_formula_of_two_links_says(
         np.testing.assert_allclose(found, known, atol=1e-9)
 
 
-@every
+@pytest.mark.parametrize("name", [name if name == "planar" else campaign("name", name) for name in LAWS])
 def test_torch_and_jax_agree_and_vmap_is_a_loop(name: str) -> None:
     ik = solved(name)
     poses = given(ik, 3)
@@ -159,7 +181,7 @@ def test_torch_and_jax_agree_and_vmap_is_a_loop(name: str) -> None:
         jax.jacfwd(jax.hessian(lambda t: in_jax(t).q))(array[0])
 
 
-@pytest.mark.parametrize("order", ["wxyz", "xyzw"])
+@sampled(1, "order", ["wxyz", "xyzw"])
 def test_a_quaternion_is_the_rotation_it_stands_for_whatever_its_length_and_order(order: str) -> None:
     ik = solved("panda pose")
     poses = given(ik, 3)

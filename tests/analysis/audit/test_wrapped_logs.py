@@ -122,7 +122,7 @@ def wrong(seed: int) -> str:
     return ""
 
 
-SEEDS = [*range(3), *(campaign("seed", seed) for seed in range(3, 200))]
+SEEDS = [*range(2), *(campaign("seed", seed) for seed in range(2, 200))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -206,7 +206,7 @@ def dataset_audit(
     return audit_dataset(data, robot, joints)
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(campaign("seed", seed) for seed in range(3, 80))])
+@pytest.mark.parametrize("seed", [*range(2), *(campaign("seed", seed) for seed in range(2, 80))])
 def test_a_dataset_modulo_a_turn_has_the_verdict_of_the_motion_or_cannot_tell(tmp_path: Path, seed: int) -> None:
     """Three episodes of one motion; in some another posture, or a joint that has made a turn between episodes."""
     rng = np.random.default_rng(seed)

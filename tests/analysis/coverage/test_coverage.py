@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, fails
 from holokin.analysis.coverage import Coverage, PoseStatus, coverage_slices, posture_reach
+from holokin.analysis.design import advice_case
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, ShapeError
 from holokin.motion.self_motions.least_squares import nearest_postures
 from holokin.strategies import HolonomicStrategy
@@ -193,6 +194,7 @@ def test_the_elbow_of_an_iiwa_is_in_the_way_by_what_the_law_of_cosines_says(iiwa
     Coverage, advice and sheets all name it.
     """
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # for so few poses no compiler
+    monkeypatch.setattr(advice_case, "POSES", 32)
     wide = [replace(c, lower=-3.2, upper=3.2) for c in iiwa14.coordinates]
     wide[3] = replace(wide[3], lower=-1.45, upper=1.45)
     robot = replace(iiwa14, coordinates=tuple(wide))
@@ -285,6 +287,7 @@ def test_a_middle_orientation_far_from_the_tool_at_the_start_is_told(panda: hk.R
     assert near.share == 1 and near.turn == pytest.approx(0, abs=1e-7) and not near.remark
 
 
+@pytest.mark.campaign
 def test_an_arm_angle_at_zero_cannot_pass_where_its_upper_arm_is_upright(panda: hk.Robot, monkeypatch) -> None:
     """With joint 2 at 0 the axes of joints 1 and 3 are one: turning them against each other moves neither tool nor
     elbow. Beside that place [J; J_g] is regular on this leaf, since two sheets of it cross there."""

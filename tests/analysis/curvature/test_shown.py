@@ -81,6 +81,7 @@ def stranger() -> hk.Robot:
     return replace(hk.load("planar-3r"), name=EVIL)
 
 
+@cache
 def from_a_stranger() -> list[Any]:
     """What is made of a robot with a hostile name."""
     robot, q0 = stranger(), np.array([0.3, 0.6, 0.5])

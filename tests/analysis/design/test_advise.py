@@ -60,9 +60,9 @@ def least_anywhere(task: hk.Task, space: hk.Workspace) -> float:
     return float(np.min(np.reshape(least, (-1, 2)), axis=1).mean())
 
 
-@pytest.fixture(scope="module", params=[4, campaign("less", 1)])
+@pytest.fixture(scope="module", params=[8, campaign("less", 1)])
 def advice(request: pytest.FixtureRequest) -> Advice:
-    """Of poses, of those of a design and of starts as many as users have, or a quarter."""
+    """Of poses, of those of a design and of starts as many as users have, or an eighth."""
     with pytest.MonkeyPatch.context() as patch:
         for module, name in ((advice_case, "POSES"), (advice_case, "DESIGNED"), (nearby_cusps, "STARTS")):
             patch.setattr(module, name, getattr(module, name) // request.param)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.analysis.coverage.starts import Candidate
-from holokin.analysis.design import Advice, advice_case
+from holokin.analysis.design import Advice, advice_case, nearby_cusps
 from holokin.analysis.design.advice_case import Case
 from holokin.analysis.design.served_curves import FASTEST, best_leaf, designed_on, leaf_through, pieces_of
 from holokin.analysis.design.trials import is_proven, tried
@@ -38,7 +38,10 @@ def case() -> Case:
 
 @pytest.fixture(scope="module")
 def advice() -> Advice:
-    return hk.advise(hk.pose(panda()), SPACE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(advice_case, "POSES", 128)
+        patch.setattr(nearby_cusps, "STARTS", 60)
+        return hk.advise(hk.pose(panda()), SPACE)
 
 
 RULES: dict[str, Callable[[], hk.Constraint]] = {
@@ -54,7 +57,7 @@ def candidate(name: str) -> Candidate:
     return Candidate(name, {"kind": "lock"}, task, hk.holonomic(task, RULES[name](), name=name))
 
 
-@pytest.mark.parametrize("name", RULES)
+@sampled(2, "name", RULES)
 def test_the_share_that_a_leaf_serves_is_the_one_that_paths_on_it_find(case: Case, name: str) -> None:
     """Referee: `coverage`, which follows the leaf from its start to each pose."""
     one, curves = candidate(name), case.curves
@@ -158,7 +161,7 @@ def test_poses_at_which_nothing_helps_are_those_without_a_clear_posture(monkeypa
 
 
 def test_what_is_found_before_ctrl_c_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(advice_case, "POSES", 32)
+    monkeypatch.setattr(advice_case, "POSES", 16)
     heard: list[str] = []
 
     def progress(text: str) -> None:

@@ -278,7 +278,7 @@ def test_with_a_scene_postures_keep_clear_and_what_is_in_the_way_is_named():
     post = hk.obstacle("post", hk.robot.Box(np.array([0.1, 0.1, 1.2])), (0.45, 0.0, 0.6))
     scene = hk.Scene(obstacles=[post])
     free, ik = hk.ik(robot), hk.ik(robot, scene=scene)
-    poses = poses_within(robot, 120, seed=9)
+    poses = poses_within(robot, 60, seed=9)
     found, anyhow = ik.batch(poses), free.batch(poses)
     report = hk.motion.checks.Clearances.of(robot, scene)
     assert report.clear(found.q[found.reached]).all()
@@ -291,7 +291,7 @@ def test_with_a_scene_postures_keep_clear_and_what_is_in_the_way_is_named():
     refused = np.flatnonzero(~found.reached)
     every = self_motions_at(hk.pose(robot), poses[refused, :3, 3], poses[refused, :3, :3])
     inside = beyond(robot, every.q) < -1e-3
-    assert inside.sum() > 20
+    assert inside.sum() > 10
     assert not report.clear(every.q[inside]).any()
     inside = np.eye(4)
     inside[:3, :3] = np.diag([1.0, -1.0, -1.0])
@@ -451,7 +451,8 @@ def test_what_is_found_while_a_map_is_made_is_told(few):
     assert re.fullmatch(r"1 sheets serve \d\d\.\d%", told[-1][1])
 
 
-@pytest.mark.parametrize("name", ["irb140", *(campaign("arm", n) for n in SEVEN)])
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", ["irb140", *SEVEN])
 def test_a_map_that_is_deleted_is_made_again_and_serves_the_same(name, monkeypatch, tmp_path, request):
     """Across machines and compilers fits differ in the last bits, and so in which of many like rules they find: what
     the maps serve is compared. In one process a map is the same to the last digit. Six joints have a free spin here."""
@@ -527,6 +528,7 @@ def test_what_answers_an_axis_does_not_depend_on_the_spin_of_the_pose(name, axis
     assert ik.why(away) == "out of reach"
 
 
+@pytest.mark.campaign
 def test_a_tool_whose_axis_goes_round_a_cone_comes_home_to_the_same_joints(few):
     """The axis closes its loop, and so does each joint, whatever the spin of the poses in between."""
     robot, home = hk.load("irb140"), 0

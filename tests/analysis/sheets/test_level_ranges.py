@@ -36,7 +36,7 @@ CASES = {
     "YuMi": (whole("yumi-arm"), hk.lock(6)),
     "Rizon 4": (whole("rizon4"), hk.lock(6)),
 }
-SUITE = 3
+SUITE = 2
 
 
 def branches_of(strategy, count, clear=None, least=0.0):

@@ -102,6 +102,7 @@ def test_pairs_without_a_seam_say_why() -> None:
         none.between(0, 1)
 
 
+@pytest.mark.campaign
 def test_branches_of_an_arm_of_six_joints_have_no_seam() -> None:
     """Nothing is redundant: the elbow cannot change with the tool still."""
     task = hk.pose(hk.load("ur5e"))

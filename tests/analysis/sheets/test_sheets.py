@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import holokin as hk
 from conftest import campaign
 from handmade_sheets import LIMIT, disc, planar_task
-from holokin.analysis.sheets import PoseRest, Sheet, Sheets, candidate_sheets, write_sheets
+from holokin.analysis.sheets import PoseRest, Sheet, Sheets, candidate_sheets, cover_by_sheets, write_sheets
 from holokin.analysis.sheets.seams import fewest_changes
 from holokin.analysis.sheets.set_cover import fewest, labelled
 from holokin.base.errors import (
@@ -377,15 +377,18 @@ def interrupted_in(monkeypatch: pytest.MonkeyPatch, name: str, at: int) -> list[
     return count
 
 
-def test_of_many_poses_a_part_is_searched_and_the_map_says_what_all_of_them_get() -> None:
-    """500 poses are more than are searched: the share is that of all of them, by the sheets asked at each."""
+def test_of_many_poses_a_part_is_searched_and_the_map_says_what_all_of_them_get(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The share is that of all of them, by the sheets asked at each."""
+    monkeypatch.setattr(cover_by_sheets, "SEARCHED", 60)
     task = planar_task()
     laws = [hk.holonomic(task, hk.linear([0, 1, -1]))]
-    s = hk.sheets(task, disc(), laws, samples=500, share=0.5)
+    s = hk.sheets(task, disc(), laws, samples=160, share=0.5)
     assert not s.stopped and s.share >= 0.5
-    assert s.reachable.sum() > 450
+    assert s.reachable.sum() > 140
     np.testing.assert_array_equal(s.batch(s.poses[s.reachable]).served, s.served[s.reachable])
-    for i in np.flatnonzero(s.served)[::60]:
+    for i in np.flatnonzero(s.served)[::20]:
         sheet, q = s(s.poses[i])
         np.testing.assert_allclose(task.robot.pose(q)[:2, 3], s.poses[i][:2, 3], atol=1e-9)
         assert (np.abs(q) <= np.radians(150) + 1e-9).all() and sheet == s.labels[i]

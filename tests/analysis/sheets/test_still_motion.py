@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.analysis.sheets import Hindrance, self_motion_between
 from holokin.analysis.sheets.still_motion import held, still_trajectory
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError
@@ -207,7 +207,7 @@ def test_a_post_that_blocks_both_ways_round_is_named() -> None:
     assert self_motion_between(task, a, b, scene.clear).hindrance is Hindrance.BLOCKED
 
 
-@pytest.mark.parametrize("reach", [2.9933, 2.998, 2.999])
+@sampled(1, "reach", [2.9933, 2.998, 2.999])
 def test_next_to_the_edge_of_reach_the_shorter_way_round_a_small_self_motion_is_taken(reach: float) -> None:
     """It bends within a step of 0.2; a grid of all postures gives its length."""
     up, down = (two_links(np.array([reach, 0.0]), np.linspace(-0.3, 0.3, 40001), side) for side in (1.0, -1.0))

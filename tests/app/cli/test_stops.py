@@ -56,7 +56,7 @@ def stopped(kind: signal.Signals, seconds: float, *arguments: object) -> tuple[o
 CASES = list(itertools.product(("certify", "run", "sheets", "survey"), KINDS, range(4)))
 
 
-@sampled(4, ("what", "kind", "seed"), CASES)
+@sampled(2, ("what", "kind", "seed"), CASES)
 def test_a_command_that_is_stopped_leaves_whole_files_that_say_so_and_no_process(
     tmp_path: Path, what: str, kind: str, seed: int
 ) -> None:

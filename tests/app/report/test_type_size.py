@@ -129,6 +129,7 @@ def test_the_pictures_of_a_workspace_and_of_a_region_can_be_read_on_a_page(
     assert min(saved)[0] > SMALLEST, min(saved)
 
 
+@pytest.mark.campaign
 @sampled(1, "draw", [drift_figure, survival_figure, map_of_laws, boxes_figure])
 def test_the_pictures_of_a_survey_can_be_read_in_a_report_and_in_a_notebook(
     draw: Any, saved: list[tuple[float, str]]

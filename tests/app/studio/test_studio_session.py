@@ -25,18 +25,18 @@ from sessions import FRAME, PANDA, STRATEGIES, TASK, TOOL, panda, run, shifted
 
 
 def test_the_ghost_of_the_pseudo_inverse_creeps_as_drift_says_and_the_holonomic_one_returns() -> None:
-    session = panda(cycles=3)
+    session = panda(cycles=2)
     end = run(session, 0.0501)
     loop = session.loop
-    assert loop is not None and end.cycle == 3 and end.progress == 1.0
+    assert loop is not None and end.cycle == 2 and end.progress == 1.0
     for strategy, state in zip(session.strategies, end.strategies, strict=True):
         assert strategy.G is not None
-        referee = hk.drift(strategy.G, loop.path, PANDA_START, cycles=3, samples=100)
+        referee = hk.drift(strategy.G, loop.path, PANDA_START, cycles=2, samples=100)
         np.testing.assert_allclose(state.drift_joints, referee.since_start, atol=1e-12)
         np.testing.assert_allclose(state.drift, referee.largest, atol=1e-12)
         np.testing.assert_allclose(state.history, referee.trajectory.q, atol=1e-12)
         np.testing.assert_allclose(state.t, referee.trajectory.t, atol=1e-9)
-    assert end.strategy("pseudo-inverse").drift[-1] > 0.4  # 0.1635, 0.3207, 0.4756 of the README
+    assert end.strategy("pseudo-inverse").drift[-1] > 0.3  # 0.1635, 0.3207 of the README
     assert end.strategy("lock").drift[-1] < 1e-12 and end.strategy("arm angle").drift[-1] < 1e-12
 
 

@@ -162,7 +162,7 @@ def check_answers(kind: str, seed: int, count: int) -> int:
     return int(a.reached.sum())
 
 
-@sampled(2, "kind", KINDS)
+@sampled(1, "kind", KINDS)
 def test_what_a_task_leaves_free_changes_no_answer(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On the virtual machine; `ik(pose)`, `near`, `nearest` and `batch`."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
@@ -324,7 +324,7 @@ def test_each_frame_of_several_has_its_own_free_part(monkeypatch: pytest.MonkeyP
     rng, q0 = np.random.default_rng(0), np.clip(np.full(robot.n, 0.4), robot.lower + 0.1, robot.upper - 0.1)
     law = hk.holonomic(task, hk.linear(rng.normal(size=(robot.n - task.m, robot.n))))
     ik, T = hk.ik(law, q0, False), task.pose(q0)
-    for amount in (1e-6, 0.1, 1.0):
+    for amount in (1e-6, 1.0):
         free = np.array([turned("x")(turned("y")(T[0], amount), 2 * amount), turned("z")(T[1], amount)])
         assert same(ik(free), q0) and same(ik.near(free, q0), q0)
         X, Y = T.copy(), free.copy()

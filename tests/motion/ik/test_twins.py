@@ -106,6 +106,7 @@ def test_poses_within_reach_at_its_edge_and_beyond_have_one_answer(
                 pair.agree(there, found.q)
 
 
+@pytest.mark.campaign
 def test_a_panda_finds_a_nearest_pose_to_which_the_way_takes_hundreds_of_pieces(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

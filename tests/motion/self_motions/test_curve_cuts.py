@@ -165,6 +165,7 @@ NEARLY_SINGULAR = [
 """Postures of a YuMi's arm at poses whose curves turn sharply, or pass each other closely, near singular postures."""
 
 
+@pytest.mark.campaign
 def test_near_singular_postures_each_curve_is_told_once() -> None:
     """At values of a joint that is held they have as many postures as the eigenvalue problem has roots."""
     robot, joint = hk.load("yumi-arm"), 2

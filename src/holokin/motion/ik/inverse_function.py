@@ -335,7 +335,7 @@ class InverseKinematics(Value):
             ShapeError, NotFiniteError, ArgumentError: a bad pose or level; a level beside a region.
         """
         if level is None:
-            return self._calls[0](pose)
+            return self._cold_call(pose)
         return self._cold_at(*self._given_poses.one(pose), self._at_level(level))
 
     def all(self, pose: PoseLike, level: ArrayLike | None = None, *, near: ArrayLike | None = None) -> Postures:
@@ -384,7 +384,7 @@ class InverseKinematics(Value):
             As `ik(pose)`, but for OutOfReachError, for which a loop would wait.
         """
         if level is None:
-            return self._calls[1](pose, q)
+            return self._path_calls[1](pose, q)
         return self._warm(pose, q, self._at_level(level))
 
     def batch(self, poses: PoseLike, threads: int | None = None, level: ArrayLike | None = None) -> Solutions:
@@ -508,12 +508,12 @@ class InverseKinematics(Value):
 
         `nearest` has native code of its own, which its first call builds or loads: call it once before a loop begins.
         """
-        _ = self._calls, self._paths.nowhere
+        _ = self._cold_call, self._path_calls, self._paths.nowhere
         return engine() if self._paths.kernel is not None else "CasADi's virtual machine"
 
     def _cold(self, pose: PoseLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
-        if self.region is None and self._paths.nowhere(pose):
+        if self.region is None and self._paths.closed is None and self._paths.nowhere(pose):
             raise self._paths.out_of_reach(np.asarray(pose)[:3, 3])
         return self._cold_at(*self._given_poses.one(pose), self._paths)
 
@@ -567,17 +567,21 @@ class InverseKinematics(Value):
         return GivenPoses(self.strategy.task, *self._place)
 
     @cached_property
-    def _calls(self) -> tuple[Callable[[PoseLike], Vector], Callable[[PoseLike, ArrayLike], Vector]]:
-        """What serves `ik(pose)` and `ik.near(pose, q)`."""
+    def _cold_call(self) -> Callable[[PoseLike], Vector]:
+        """What serves `ik(pose)`."""
+        return self._closed_call(self._cold) or self._path_calls[0]
+
+    @cached_property
+    def _path_calls(self) -> tuple[Callable[[PoseLike], Vector], Callable[[PoseLike, ArrayLike], Vector]]:
+        """What serves `ik(pose)` and `ik.near(pose, q)` by paths."""
         return self._natively(self._cold, self._warm, self.region is None)
 
-    def _closed_call(
-        self, other: Callable[[PoseLike], Any], path: Callable[[PoseLike], Any]
-    ) -> Callable[[PoseLike], Any]:
-        """What answers by the closed form, and asks `other` where that is not enough; `path` where there is none."""
-        branch = self._paths.closed
+    def _closed_call(self, other: Callable[[PoseLike], Any]) -> Callable[[PoseLike], Any] | None:
+        """What answers by the closed form, for which no native code is built, and asks `other` where that is not
+        enough; None where there is no closed form."""
+        branch, other = self._paths.closed, weak(other)
         if branch is None or not branch.single or self.region is not None:
-            return path
+            return None
 
         def call(pose: PoseLike) -> Any:
             if type(pose) is np.ndarray and pose.shape == (4, 4):
@@ -596,18 +600,21 @@ class InverseKinematics(Value):
         return posture if reached else None
 
     @cached_property
-    def _quiet(self) -> tuple[Callable[[PoseLike], Vector | None], Callable[[PoseLike, Vector], Vector | None]]:
-        """What serves `answer`."""
+    def _quiet_call(self) -> Callable[[PoseLike], Vector | None]:
+        """What serves `answer` from the start."""
+        return self._closed_call(self._silent) or self._quiet_paths[0]
+
+    @cached_property
+    def _quiet_paths(self) -> tuple[Callable[[PoseLike], Vector | None], Callable[[PoseLike, Vector], Vector | None]]:
+        """What serves `answer` by paths."""
         return self._natively(self._silent, self._silent)
 
     def _natively(self, cold: Callable[..., Any], warm: Callable[..., Any], native: bool = True) -> tuple[Any, Any]:
         """Two calls by native code, where there is any: `cold` and `warm` serve what it does not answer."""
-        other = cold = weak(cold)
-        warm = weak(warm)
+        cold, warm = weak(cold), weak(warm)
         kernel = None if may_jump(self.strategy) or not native else self._paths.kernel
         bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
-        cold, warm = (cold, warm) if bound is None else bound
-        return self._closed_call(other, cold), warm
+        return (cold, warm) if bound is None else bound
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
@@ -710,7 +717,7 @@ def leads_to(ik: InverseKinematics, pose: PoseLike, begin: ArrayLike, q: ArrayLi
 def answer(ik: InverseKinematics, pose: PoseLike, begin: Vector | None = None) -> Vector | None:
     """`ik(pose)`, or with a posture to begin from (n,) `ik.near(pose, begin)`; None where it has no answer: nothing is
     searched for that would say why. No region is looked at. Raises: a bad pose."""
-    return ik._quiet[0](pose) if begin is None else ik._quiet[1](pose, begin)
+    return ik._quiet_call(pose) if begin is None else ik._quiet_paths[1](pose, begin)
 
 
 def answers(ik: InverseKinematics, poses: Array, begin: Matrix, threads: int | None = None) -> tuple[Matrix, Flags]:
