@@ -14,6 +14,9 @@ from ..strategies import Strategy
 from .follow_path import Following, follow
 from .trajectory import Trajectory
 
+NO_DRIFT = 1e-6
+"""Drift [joint units] that needs no reason: well over the integration error of 500 samples."""
+
 
 @dataclass(frozen=True, eq=False)
 class Drift(NoTruthValue, Value, ask="`.largest`"):

@@ -35,6 +35,7 @@ from ...base.types import (
     some,
     whole,
 )
+from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.follow_path import follow
 from ...motion.ik import InverseKinematics
 from ...motion.ik.closed_leaf import leaf_class
@@ -287,9 +288,6 @@ def _turned(R: Array) -> Vector:
     cosine = (np.einsum("ksij,ksij->ks", R[:, 1:], R[:, :-1]) - 1.0) / 2.0
     return np.arccos(np.clip(cosine, -1.0, 1.0)).sum(axis=1)
 
-
-NO_DRIFT = 1e-6
-"""Drift [joint units] that needs no reason: well over the integration error of 500 samples."""
 
 CHUNK = 256
 """Starts between two looks at the keyboard."""

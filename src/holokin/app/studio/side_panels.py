@@ -388,7 +388,7 @@ _DOING = {
 }
 
 
-def back_and_away(snap: Snapshot) -> str:
+def _back_and_away(snap: Snapshot) -> str:
     """Which strategies are back at the start after their cycles, which are not, and which have stopped on the way."""
     ends = {state.name: state.drift[-1] for state in snap.strategies if len(state.drift)}
     groups = {
@@ -512,7 +512,7 @@ class Panels:
             self.page.session.play()
 
     def _doing(self, snap: Snapshot) -> str:
-        share, who = 100 * snap.progress, back_and_away(snap)
+        share, who = 100 * snap.progress, _back_and_away(snap)
         text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=snap.cycle, who=who)
         faults = [f"{state.name}: {state.sentence}" for state in snap.strategies if state.sentence]
         red = self.page.message or snap.message or (faults[0] if faults else snap.loop_fault)
