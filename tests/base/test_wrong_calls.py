@@ -126,11 +126,11 @@ def test_a_folder_is_loaded_when_it_is_first_asked_for() -> None:
     code = """
 import sys, holokin as hk
 assert "holokin.analysis.design" not in sys.modules
-print(hk.analysis.curvature.obstruction.__name__, "holokin.analysis.design" in sys.modules)
+print(hk.analysis.curvature.ball.__name__, "holokin.analysis.design" in sys.modules)
 print(hk.motion.checks.CheckReport.__name__, hk.strategies.tasks.relative_pose.__name__, hasattr(hk.analysis, "pose"))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["obstruction", "False", "CheckReport", "relative_pose", "False"]
+    assert done.stdout.split() == ["ball", "False", "CheckReport", "relative_pose", "False"]
 
 
 def test_a_noun_says_what_to_write_for_the_names_of_other_libraries() -> None:

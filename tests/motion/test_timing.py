@@ -344,9 +344,6 @@ DOORS = {
     "the path's speed": lambda task: hk.retime(walk_of(task), profile="quintic", speed=1.0),
     "a hand": lambda task: hand_follower(hk.ik(hk.holonomic(task, hk.lock(2)), Q0), dt=0.01, max_acceleration=5.0),
     "a self-motion": lambda task: self_motion_between(task, Q0, mirrored(task)),
-    "the least worst speed": lambda task: hk.design(
-        task, BOX, Q0, degree=1, objective=hk.analysis.design.Objective(worst_speed=1.0), samples=8
-    ),
 }
 BOX = hk.workspace(box=([1.7, 1.3, 0.0], [0.1, 0.1, 0.0]))
 

@@ -172,15 +172,6 @@ class CurveTracer(Value):
             begins[i] = end
         return postures, np.bincount(which, minlength=len(Q)), place, [*zip(begins, last, strict=True)]
 
-    def walked(self, Q: Matrix, v: Matrix, lengths: Vector, step: float) -> tuple[Matrix, Flags]:
-        """Postures (S, n) so far [joint units] along the self-motions through Q (S, n), and which walks got there."""
-        every, steps = np.arange(len(Q)), int(np.ceil(np.abs(lengths).max() / step))
-        postures, along, sound = self.step(Q, v, every, np.zeros(len(Q)))
-        for _ in range(steps):
-            postures, along, sound_now = self.step(postures, along, every, lengths / steps)
-            sound &= sound_now
-        return postures, sound
-
     def step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
         """One step of postures (k, n) of the poses i along their directions v (k, n), which need not hold the tool.
 

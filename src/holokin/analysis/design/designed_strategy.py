@@ -136,7 +136,7 @@ class Problem(Value):
         middle = ik(strategy, best.Q[0], limits=False)(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
         over, nearer = self.over(arrived), self.hard.nearer(arrived)
-        fits = (over <= 0).all(axis=1) & (nearer <= 0).all(axis=1)
+        fits = np.concatenate([over, nearer], axis=1).max(axis=1, initial=0.0) <= 0
         return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), nearer.max(axis=0))
 
     def broken(self, sampled: Sampled) -> int:
