@@ -173,7 +173,7 @@ def _sunrise(text: str, speeds: np.ndarray) -> list[Parsed]:
     read = []
     for name in _each([line.strip() for line in run[1].splitlines()], r"(\w+)\(\);", "//"):
         method = re.search(
-            rf"\n((?:    // .*\n)+)    private void {name}\(\) \{{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}}",
+            rf"\n((?:    // [^\n]*\n)+)    private void {name}\(\) \{{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}}",
             text,
             re.S,
         )
@@ -190,7 +190,7 @@ def _sunrise(text: str, speeds: np.ndarray) -> list[Parsed]:
 
 
 def _python(program: Program, language: str, folder: Path, at: np.ndarray) -> list[Parsed]:
-    """The programs that a main program of Python runs: `runpy` is asked which, and each is run as by `grammars_seven`."""
+    """The programs that a main program of Python runs by `runpy`; each is then run, see `grammars_seven`."""
     saved = program.save(folder)
     asked: list[Path] = []
     module = ModuleType("runpy")

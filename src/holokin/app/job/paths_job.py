@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from ...base.errors import ArgumentError, BranchError, HolokinError, PathError, SingularityError
+from ...base.errors import ArgumentError, BranchError, HolokinError, JobError, PathError, SingularityError
 from ...base.poses import pose_from
 from ...base.types import Array, Indices, Matrix, Value, Vector
 from ...motion import TimedTrajectory, follow
@@ -499,6 +499,9 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search
     if job.checks is not None and robot.tips:
         with naming(file, "checks"):
             clear = Clearances.of(robot, job.checks.scene)
+        if not clear.clear(start[None])[0]:
+            fact = f"puts {clear.touching(start[None])[0]} too near to each other"
+            raise JobError(file, "start.q", fact, "choose another start posture: from it all ways begin")
     scale = np.where(robot.hinges, np.pi / 180 if job.start.degrees else 1.0, 1.0)
     via = []
     for k, q in enumerate(air.via):
