@@ -173,7 +173,7 @@ def _sunrise(text: str, speeds: np.ndarray) -> list[Parsed]:
     read = []
     for name in _each([line.strip() for line in run[1].splitlines()], r"(\w+)\(\);", "//"):
         method = re.search(
-            rf"\n((?:    // [^\n]*\n)+)    private void {name}\(\) \{{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}}",
+            rf"\n((?:    //[^\n]*\n)+)    private void {name}\(\) \{{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}}",
             text,
             re.S,
         )

@@ -10,6 +10,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from ...analysis.coverage.starts import postures_at
 from ...base.errors import ArgumentError, BranchError, HolokinError, JobError, PathError, SingularityError
 from ...base.poses import pose_from
 from ...base.types import Array, Indices, Matrix, Value, Vector
@@ -35,7 +36,7 @@ from .strategy_tables import ConstraintTable
 from .tables import AirTable, NamedPathTable, TimingTable
 
 LEVELS = 12
-"""Levels of a rule with one row that are tried besides that of the start, where that one does not serve all paths."""
+"""Levels of a rule that are tried besides that of the start, where that one does not serve all paths."""
 
 LOOKED_AT = 100
 """Samples of a path at which a posture to begin with is tried out; the chosen one is followed and checked in full."""
@@ -248,20 +249,35 @@ class _Search:
         return walk
 
     def more_levels(self) -> list[Vector]:
-        """Levels spread over those of all postures at the starts of the paths; of rules with one row."""
-        strategy = self.strategies[0]
-        if strategy.constraint.rows != 1:
-            return []
+        """Levels spread over those of postures at the starts of the paths: of all of them for a rule with one row, else
+        of some that are far from each other."""
+        rows = self.strategies[0].constraint.rows
         values = []
-        for i, (own, path) in enumerate(zip(self.strategies, self.paths, strict=True)):
-            R = path.rotation if path.rotation is not None else np.eye(3)
-            q = self_motions_at(own.task, path.start[None], R[None]).q
+        for i, (strategy, path) in enumerate(zip(self.strategies, self.paths, strict=True) if rows else ()):
+            pose = pose_from(path.start, path.rotation if path.rotation is not None else np.eye(3))
+            if rows > 1:
+                q = postures_at(strategy.task, pose)
+                where = "no posture within the limits was found with the tool at its start"
+            else:
+                q = self_motions_at(strategy.task, path.start[None], pose[None, :3, :3]).q
+                where = f"its start, {_typed(path.start)}, is out of reach"
             if not len(q):
                 self.beyond.add(i)
-                self.reasons[i] = f"its start, {_typed(path.start)}, is out of reach"
-            q = q[own.task.robot.beyond(q).max(axis=1) <= 0] if len(q) else q
-            values += np.ravel(own.constraint_value.batch(q)).tolist() if len(q) else []
-        return [np.array([c]) for c in np.quantile(values, np.linspace(0.02, 0.98, LEVELS))] if values else []
+                self.reasons[i] = where
+                continue
+            q = q[strategy.task.robot.beyond(q).max(axis=1) <= 0]
+            values.append(np.reshape(strategy.constraint_value.batch(q), (len(q), rows)) if len(q) else q[:, :rows])
+        every = np.vstack([np.zeros((0, rows)), *values])
+        if not len(every):
+            return []
+        if rows == 1:
+            return list(np.quantile(every, np.linspace(0.02, 0.98, LEVELS))[:, None])
+        # The one nearest to the middle, then each time the one that is farthest from those before.
+        scaled = (every - every.mean(axis=0)) / np.maximum(every.std(axis=0), SAME)
+        chosen = [int(np.linalg.norm(scaled, axis=1).argmin())]
+        while len(chosen) < min(LEVELS, len(every)):
+            chosen.append(int(np.min([np.linalg.norm(scaled - scaled[k], axis=1) for k in chosen], axis=0).argmax()))
+        return list(every[chosen])
 
     def sheets(self) -> Indices:
         """A number of the sheet of each candidate (k,).
