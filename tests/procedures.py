@@ -172,11 +172,8 @@ def _sunrise(text: str, speeds: np.ndarray) -> list[Parsed]:
     head = "package application;\n\n"
     read = []
     for name in _each([line.strip() for line in run[1].splitlines()], r"(\w+)\(\);", "//"):
-        method = re.search(
-            rf"\n((?:    //[^\n]*\n)+)    private void {name}\(\) \{{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}}",
-            text,
-            re.S,
-        )
+        body = r"\(\) \{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}"
+        method = re.search(rf"\n((?:    //[^\n]*\n)+)    private void {name}{body}", text, re.S)
         if method is None:
             raise GrammarError(f"no method {name}")
         remarks = "".join(f"{line.strip()}\n" for line in method[1].splitlines())

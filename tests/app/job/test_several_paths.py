@@ -380,7 +380,7 @@ name = "post"
 kind = "capsule"
 radius = 0.03
 length = 0.5
-xyz = [0.62, 0.0, 0.0]
+xyz = [0.66, 0.0, 0.0]
 """
 
 
@@ -404,7 +404,7 @@ def test_a_way_round_a_post_passes_the_posture_given(tmp_path: Path) -> None:
     s = np.linspace(0, 0.5, 200)
     elbow = 0.5 * np.stack([np.cos(a), np.sin(a)], axis=1)
     ray = [np.stack([np.cos(x), np.sin(x)], axis=1)[:, None] * s[:, None] for x in (a, b)]
-    near = min(np.linalg.norm(points - [0.62, 0.0], axis=2).min() for points in (ray[0], elbow[:, None] + ray[1]))
+    near = min(np.linalg.norm(points - [0.66, 0.0], axis=2).min() for points in (ray[0], elbow[:, None] + ray[1]))
     assert near >= 0.02 + 0.03 + 0.01 - 1e-4
 
 

@@ -29,7 +29,7 @@ from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task
 from ..report.job_result import NotRun
 from ..report.paths_report import PathRow, PathsResult, RuleResult
-from .job_parts import build_begin, build_each, build_strategy, build_tasks, naming, reason
+from .job_parts import build_begin, build_each, build_robot, build_strategy, build_tasks, naming, reason
 from .path_order import Choices, best_sequence, least_pool
 from .schema import Job
 from .strategy_tables import ConstraintTable
@@ -397,6 +397,8 @@ class _Search:
         line = replace(polyline([p, p + [0, 0, self.air.height]], speed=self.air.height_speed), rotation=R)
         try:
             walk = follow(strategy, line, q, samples=LOOKED_AT // 4, native=True)
+            if np.abs(walk.q - q).max() < NOTHING:  # of a task without height
+                return None
             return walk if end else follow(strategy, line.reversed(), walk.q[-1], samples=LOOKED_AT // 4, native=True)
         except (PathError, SingularityError):
             return None
@@ -667,7 +669,8 @@ def run_paths(name: str, job: Job, file: FilePath, progress: Callable[[str], Non
         HolokinError: bad input; or no strategy goes along any path, for the first one's reason.
     """
     began = time.perf_counter()
-    robot, start, tasks = build_tasks(job, file)
+    own = build_robot(job, file)
+    robot, start, tasks = build_tasks(job, file, own)
     rules, not_run, notes = [], [], []
     first: HolokinError | None = None
     for label in job.strategies:
@@ -687,9 +690,11 @@ def run_paths(name: str, job: Job, file: FilePath, progress: Callable[[str], Non
         notes += [f"{each.name}: {note}." for each in plan.paths for note in each.path.notes]
     if first is not None and not rules:
         raise first
+    shown = own if job.checks is None else job.checks.drawn(own)
+    tip = tasks[0].tip or (robot.tips[0].name if robot.tips else "")
     return PathsResult(
-        name, job.title, job.about, robot, tasks[0].name, start, tuple(rules), time.perf_counter() - began,
-        job.checks is not None, tuple(not_run), tuple(dict.fromkeys(notes)), job.printed_units,
+        name, job.title, job.about, robot, shown, tasks[0].name, tip, start, tuple(rules), time.perf_counter() - began,
+        job.scene, tuple(not_run), tuple(dict.fromkeys(notes)), job.printed_units,
     )  # fmt: skip
 
 
