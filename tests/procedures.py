@@ -172,11 +172,8 @@ def _sunrise(text: str, speeds: np.ndarray) -> list[Parsed]:
     head = "package application;\n\n"
     read = []
     for name in _each([line.strip() for line in run[1].splitlines()], r"(\w+)\(\);", "//"):
-        method = re.search(
-            rf"\n((?:    // .*\n)+)    private void {name}\(\) \{{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}}",
-            text,
-            re.S,
-        )
+        body = r"\(\) \{\n        targets = (\w+)\.TARGETS;\n(.*?)\n    \}"
+        method = re.search(rf"\n((?:    //[^\n]*\n)+)    private void {name}{body}", text, re.S)
         if method is None:
             raise GrammarError(f"no method {name}")
         remarks = "".join(f"{line.strip()}\n" for line in method[1].splitlines())
@@ -190,7 +187,7 @@ def _sunrise(text: str, speeds: np.ndarray) -> list[Parsed]:
 
 
 def _python(program: Program, language: str, folder: Path, at: np.ndarray) -> list[Parsed]:
-    """The programs that a main program of Python runs: `runpy` is asked which, and each is run as by `grammars_seven`."""
+    """The programs that a main program of Python runs by `runpy`; each is then run, see `grammars_seven`."""
     saved = program.save(folder)
     asked: list[Path] = []
     module = ModuleType("runpy")

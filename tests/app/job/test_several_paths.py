@@ -14,6 +14,7 @@ from conftest import Command
 from holokin.app.job import certify_job, program_of_paths, read_job, run_paths
 from holokin.app.job.advice_job import question
 from holokin.app.job.path_order import Choices, best_sequence, in_order, least_pool
+from holokin.app.job.paths_job import plan_paths
 from holokin.base.errors import JobError
 
 # --- Order and postures: held against all orders with all postures.
@@ -141,6 +142,26 @@ def test_where_two_changes_are_needed_two_are_made_and_one_in_the_best_order(tmp
     assert (rule.changes, rule.exact, rule.left_out) == (1, True, {})
     (rule,) = result_of(elbow_job(tmp_path, {"left": 100.0, "middle": 0.0})).rules
     assert rule.changes == 0
+
+
+def test_a_rule_of_two_rows_takes_a_level_that_serves_all_paths(tmp_path: Path) -> None:
+    # Four links of a quarter of a metre: with the start's forearm, which is folded, the far path is out of reach.
+    link = '[[joints]]\njoint = "{}"\na = 0.25\nlower = -2.5\nupper = 2.5\nmax_velocity = 2.0\n'
+    head = TWO[: TWO.index("[[joints]]")]
+    (tmp_path / "two.toml").write_text(head + "".join(link.format(f"j{i}") for i in range(1, 5)))
+    rule = 'kind = "lock"\njoints = ["j3", "j4"]'
+    text = ELBOW.replace("q = [0.3, 1.0]", "q = [0.3, 0.4, 2.0, 2.0]").replace('kind = "moore-penrose"', rule)
+    for name, reach in (("near", 0.6), ("far", 0.85)):
+        points = [at(10.0, reach), at(10.0, reach + 0.05)]
+        text += f'[[path]]\nname = "{name}"\nkind = "polyline"\npoints = {points}\nsamples = 50\n'
+    (tmp_path / "job.toml").write_text(text)
+    plan = plan_paths(read_job(tmp_path / "job.toml"), tmp_path / "job.toml", "only")
+    assert (plan.left_out, plan.changes, plan.levels > 1) == ({}, 0, True)
+    for each, reach in zip(plan.paths, (0.6, 0.85), strict=True):
+        q = each.timed.q
+        tool = 0.25 * np.array([f(np.cumsum(q, axis=1)).sum(axis=1) for f in (np.cos, np.sin)])
+        assert tool[:, 0] == pytest.approx(at(10.0, reach), abs=1e-8)
+        assert np.abs(q[:, 2:] - plan.paths[0].level).max() < 1e-8
 
 
 def test_a_path_out_of_reach_is_left_out_and_the_others_are_done(tmp_path: Path, holokin: Command) -> None:
@@ -302,6 +323,89 @@ def test_a_job_of_several_paths_is_written_again_with_the_advised_rule(
     result = result_of(out)
     assert [rule.name for rule in result.rules] == ["advised", "wrist"]
     assert all(rule.passed for rule in result.rules)
+
+
+# --- Ways through the air: over a height, and by way of postures.
+
+
+def rests(timed: hk.TimedTrajectory, way: int) -> None:
+    """A motion that begins and ends at rest, within its limits of speed and acceleration, by differences of joints."""
+    dt, limits = np.diff(timed.t)[:, None], timed.limits
+    rates = np.diff(timed.q, axis=0) / dt
+    assert (np.abs(rates) <= limits.velocity * 1.001).all(), way
+    assert limits.acceleration is not None
+    assert (np.abs(np.diff(rates, axis=0) / dt[1:]) <= limits.acceleration * 1.02).all(), way
+    assert max(np.abs(rates[0]).max(), np.abs(rates[-1]).max()) <= 0.6 * (limits.acceleration * dt[0]).max(), way
+
+
+def torch_gap(robot: hk.Robot, Q: np.ndarray) -> float:
+    """The least distance [m] of the torch's axis, the last 0.25 m before the tool's point, from the box of `BOX`."""
+    T = np.array([robot.pose(q) for q in Q])
+    along = T[:, None, :3, 3] - np.linspace(0, 0.25, 126)[:, None] * T[:, None, :3, 2]
+    outside = np.abs(along - [-0.75, -0.17, 0.2]) - [0.15, 0.2, 0.05]
+    return float(np.linalg.norm(np.maximum(outside, 0), axis=2).min())
+
+
+def test_a_way_over_a_height_rises_straight_and_is_clear_where_the_straight_one_is_not(tmp_path: Path) -> None:
+    file = tmp_path / "job.toml"  # two seams beside the box, below its top
+    file.write_text(WELD.format(torch=0.006, box=BOX, loop=ABOVE).replace("0.065]", "0.0]"), encoding="utf-8")
+    plan = plan_paths(read_job(file), file, "wrist")
+    robot, over = plan.paths[0].strategy.task.robot, 0
+    ends = [np.deg2rad(read_job(file).start.q), *(each.timed.q[-1] for each in plan.paths)]
+    for before, each in zip(ends, plan.paths, strict=False):
+        for leg in each.air.legs:
+            rests(leg, over)
+        assert each.air.timed is not None
+        assert torch_gap(robot, each.air.timed.q) >= 0.006 + 0.005 - 1e-4  # its radius and the clearance
+        if not each.air.by.startswith("over a height of 0.1 m"):
+            continue
+        over += 1
+        *_, down = each.air.legs
+        up = each.air.legs[0]
+        for leg, way in ((up, 1), (down, -1)) if len(each.air.legs) == 3 else ((down, -1),):
+            p = np.array([robot.pose(q)[:3, 3] for q in leg.q])
+            assert np.ptp(p[:, :2], axis=0).max() < 1e-4  # straight up or down
+            assert way * (p[-1, 2] - p[0, 2]) == pytest.approx(0.1, abs=1e-6)
+        straight = before + np.linspace(0, 1, 400)[:, None] * (each.timed.q[0] - before)
+        assert torch_gap(robot, straight) < 0.006 + 0.005
+    assert over
+
+
+POST = """
+[checks]
+self_collision = false
+radius = 0.02
+[[checks.obstacles]]
+name = "post"
+kind = "capsule"
+radius = 0.03
+length = 0.5
+xyz = [0.66, 0.0, 0.0]
+"""
+
+
+def test_a_way_round_a_post_passes_the_posture_given(tmp_path: Path) -> None:
+    file = elbow_job(tmp_path, {"left": 30.0, "right": -30.0})
+    file.write_text(file.read_text() + POST)
+    (rule,) = result_of(file).rules
+    assert "postures in via" in " ".join(rule.left_out.values())
+    text = file.read_text().replace('order = "given"', 'order = "given"\nvia = [[0.0, 2.4]]')
+    file.write_text(text)
+    plan = plan_paths(read_job(file), file, "only")
+    assert [each.name for each in plan.paths] == ["left", "right"]
+    way = plan.paths[1].air
+    assert way.by == "by way of posture 1" and way.timed is not None
+    stop = [leg.q[-1] for leg in way.legs if np.abs(leg.q[-1] - [0.0, 2.4]).max() < 1e-9]
+    assert len(stop) == 1
+    for number, leg in enumerate(way.legs):
+        rests(leg, number)
+    # Both links, as points on their axes, keep their radius and the clearance from the post.
+    a, b = way.timed.q[:, 0], way.timed.q.sum(axis=1)
+    s = np.linspace(0, 0.5, 200)
+    elbow = 0.5 * np.stack([np.cos(a), np.sin(a)], axis=1)
+    ray = [np.stack([np.cos(x), np.sin(x)], axis=1)[:, None] * s[:, None] for x in (a, b)]
+    near = min(np.linalg.norm(points - [0.66, 0.0], axis=2).min() for points in (ray[0], elbow[:, None] + ray[1]))
+    assert near >= 0.02 + 0.03 + 0.01 - 1e-4
 
 
 # --- Scenes: meshes with pockets, pieces, frames.
