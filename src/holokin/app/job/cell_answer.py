@@ -149,7 +149,7 @@ def proof(
     if rejected:
         return False, f"Not proven: the checker rejects the certificate of {', '.join(rejected)}."
     if missing or not certificates:
-        reasons = [one if isinstance(one, str) else one.returning for one in missing.values()]
+        reasons = [one.returning if isinstance(one, Certificate) else str(one) for one in missing.values()]
         return False, f"Not proven: {'; '.join(reasons) or 'there is no certificate'}."
     verified = all(word.outcome is Outcome.VERIFIED for word in words.values())
     checked = "a second program has verified it" if verified else "the checker has not verified it"
@@ -184,12 +184,13 @@ def _slower(outcomes: Outcomes) -> str:
     return f"{words}, down to {worst.least:.0%} of what is asked at {worst.start:.1f} s for {reason}"
 
 
-def next_step(file: FilePath, outcomes: Outcomes, written: bool, proven: bool, units: PrintedUnits) -> str:
+def next_step(
+    cell: CellJob, file: FilePath, outcomes: Outcomes, written: bool, proven: bool, units: PrintedUnits
+) -> str:
     """What to do next: about what is missing, else at the robot; and what limits the motion."""
     if outcomes.left:
-        return (
-            f"Next: move the part or give another tool, in {file}, and run it again; what is left out is named above."
-        )
+        where = cell.beyond or "move the part"
+        return f"Next: {where}, or change [task], [start] or the tool in {file}, and run it again."
     if not outcomes.clear:
         return f"Next: move the part or what stands there, or allow the pair, in [checks] of {file}; then run it again."
     if not written:

@@ -125,7 +125,7 @@ def write_cell(
     }
     if len(read) > 1:
         keys["air"] = {"order": "given", "height": 0.1, "home": True} | tables.get("air", {})
-    keys["timing"] = _timing(chain.robot, tables.get("timing", {}), assumed)
+    keys["timing"] = {"acceleration": ACCELERATIONS[0]} | tables.get("timing", {})
     keys |= {key: tables[key] for key in ("program",) if key in tables}
     keys["checks"] = tables.get("checks", {})
     if scene is None:
@@ -137,6 +137,7 @@ def write_cell(
     if job.timing is not None:
         with naming(origin, "timing", "velocity"):
             job.timing.check(robot)
+    keys["timing"] = _timing(robot, tables.get("timing", {}), assumed)
     shaped = robot if job.checks is None else job.checks.shaped(robot)
     places = _places(job, read)
     with naming(origin, "task"):
@@ -154,7 +155,7 @@ def write_cell(
     # The file.
     out.mkdir(parents=True, exist_ok=True)
     write_new(cell.file, job_text(moved_job(keys, origin, cell.file)))
-    return replace(cell, retract=retract, beyond=_beyond(cell, places))
+    return replace(cell, retract=retract, beyond=_beyond(cell, job, places))
 
 
 # --- The tables of the job.
@@ -272,10 +273,10 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
             return retract, clear
         touching = Q if len(Q) and not len(clear) else touching
     if touching is None or apart is None:
-        raise _out_of_reach(cell, places)
+        raise _out_of_reach(cell, job, places)
     # The pairs that are too near in every posture, else that of the most comfortable one.
-    near = ~keeps(apart.distances(touching), apart.limits)
-    pairs = [pair for pair, always in zip(apart.names, near.all(axis=0), strict=True) if always]
+    kept = keeps(apart.distances(touching), apart.limits)
+    pairs = [apart.names[k] for k in np.flatnonzero(~np.any(kept, axis=0))]
     words = ", ".join(" and ".join(pair) for pair in pairs) or apart.touching(touching[:1])[0]
     allowed = ", ".join(f'["{a}", "{b}"]' for a, b in pairs) or '["...", "..."]'
     cure = f"move the part (--at); or, where shapes are coarse there, give a scene with [checks] allowed = [{allowed}]"
@@ -302,11 +303,13 @@ def _followed(job: Job, file: FilePath, task: Task, starts: Matrix) -> Iterator[
             yield q
 
 
-def _beyond(cell: CellJob, places: Sequence[Array]) -> str:
+def _beyond(cell: CellJob, job: Job, places: Sequence[Array]) -> str:
     """How many points of the paths are out of reach, and which step of the part would cure it; "" where none is."""
     some = _some(places)
     within = reached(cell.task, some, None).within
-    return "" if within.all() else f"{(~within).sum()} of {len(some)} points are out of reach: {_better(cell, some)}"
+    return (
+        "" if within.all() else f"{(~within).sum()} of {len(some)} points are out of reach: {_better(cell, job, some)}"
+    )
 
 
 def _some(places: Sequence[Array]) -> Array:
@@ -314,7 +317,7 @@ def _some(places: Sequence[Array]) -> Array:
     return every[np.unique(np.linspace(0, len(every) - 1, LOOKED_AT).astype(int))]
 
 
-def _better(cell: CellJob, some: Array) -> str:
+def _better(cell: CellJob, job: Job, some: Array) -> str:
     """By which step of the part poses (k, 4, 4) come within reach, of a few in front of the arm."""
     arm = reach(cell.task.robot, cell.task.tip)
     middle = (some[:, :3, 3].min(axis=0) + some[:, :3, 3].max(axis=0)) / 2
@@ -322,12 +325,14 @@ def _better(cell: CellJob, some: Array) -> str:
         moved = some.copy()
         moved[:, :3, 3] += (step := arm * np.array(place) - middle)
         if reached(cell.task, moved, None).within.all():
-            by = ", ".join(f"{value:.3g}" for value in step)
-            return f"move the part by [{by}] m (--at), where all points are in reach"
+            frame = job.frames.get(FRAME, FrameTable())
+            turned = [] if frame.rpy_deg is None else frame.rpy_deg
+            there = " ".join(f"{value:.3g}" for value in [*(frame.matrix[:3, 3] + step).round(3), *turned])
+            return f'place the part at --at "{there}", where all points are in reach'
     return "move the part nearer, or turn it (--at), or give another --tip"
 
 
-def _out_of_reach(cell: CellJob, places: Sequence[Array]) -> OutOfReachError:
+def _out_of_reach(cell: CellJob, job: Job, places: Sequence[Array]) -> OutOfReachError:
     """How far off the paths are, and where they would be in reach."""
     some = _some(places)
     far, arm = np.linalg.norm(some[:, :3, 3], axis=1), reach(cell.task.robot, cell.task.tip)
@@ -335,4 +340,4 @@ def _out_of_reach(cell: CellJob, places: Sequence[Array]) -> OutOfReachError:
         f"{cell.robot.name!r} cannot begin any path as placed: they are {far.min():.3g} to {far.max():.3g} m from its "
         f"base, and with its tool it reaches {arm:.3g} m"
     )
-    return OutOfReachError(fact, _better(cell, some))
+    return OutOfReachError(fact, _better(cell, job, some))
