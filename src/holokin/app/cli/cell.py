@@ -92,6 +92,7 @@ def cell(
             outcomes, report = _done(opened, folder, say)
             made.append(report)
             proven, proof = _proven(opened, folder, say)
+            made.append(folder / f"{NAME}-proof")
             say("the program")
             known = language_of(robot, draft.robot.name)
             language = language or known or "ros"

@@ -14,6 +14,7 @@ import numpy as np
 from ...analysis.coverage.starts import postures_at, reached
 from ...analysis.coverage.tool_chain import chain_to_tool
 from ...base.errors import ArgumentError, JobError, OutOfReachError, PathError, SingularityError
+from ...base.files import write_text
 from ...base.poses import pose_from
 from ...base.types import Array, Matrix, Value, Vector
 from ...motion import follow
@@ -28,7 +29,7 @@ from .advice_job import ADVISED, moved_job, numbers_of
 from .job_parts import build_path, build_robot, build_strategy, named_paths, naming
 from .schema import Job, job_of, job_table
 from .tables import FrameTable
-from .templates import job_text, write_new
+from .templates import job_text
 
 FRAME = "part"
 """The frame of the job in which the paths of the file stand."""
@@ -102,10 +103,9 @@ def write_cell(
     Raises:
         HolokinError: bad input. OutOfReachError: no path can be begun where it is placed.
     """
-    for taken in (out / "cell.toml", out / "draft.toml"):
-        if os.path.lexists(taken):
-            cure = f"it is yours: go on with `holokin run {out / 'cell.toml'}`, choose another --out, or delete it"
-            raise ArgumentError("a job that exists already", str(taken), cure)
+    if os.path.lexists(taken := out / "cell.toml"):
+        cure = f"it is yours: go on with `holokin run {taken}`, choose another --out, or delete it"
+        raise ArgumentError("a job that exists already", str(taken), cure)
     # What the command, the file and the scene say, and what is assumed besides.
     chain = chain_to_tool(name, tip, base, trust_units)
     read = read_paths(paths, units=units, columns=columns)
@@ -154,7 +154,7 @@ def write_cell(
     keys["start"] = _start(robot, q)
     # The file.
     out.mkdir(parents=True, exist_ok=True)
-    write_new(cell.file, job_text(moved_job(keys, origin, cell.file)))
+    write_text(cell.file, job_text(moved_job(keys, origin, cell.file)), new=cell.ruled)
     return replace(cell, retract=retract, beyond=_beyond(cell, job, places))
 
 
