@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import Command, sampled
-from grammars import krl, listing, rapid, urscript
+from conftest import Command
 from holokin.app.job import certify_job, program_of_paths, read_job, run_paths
 from holokin.app.job.advice_job import question
 from holokin.app.job.path_order import Choices, best_sequence, in_order, least_pool
+from holokin.app.job.paths_job import plan_paths
 from holokin.base.errors import JobError
 
 # --- Order and postures: held against all orders with all postures.
@@ -144,6 +144,26 @@ def test_where_two_changes_are_needed_two_are_made_and_one_in_the_best_order(tmp
     assert rule.changes == 0
 
 
+def test_a_rule_of_two_rows_takes_a_level_that_serves_all_paths(tmp_path: Path) -> None:
+    # Four links of a quarter of a metre: with the start's forearm, which is folded, the far path is out of reach.
+    link = '[[joints]]\njoint = "{}"\na = 0.25\nlower = -2.5\nupper = 2.5\nmax_velocity = 2.0\n'
+    head = TWO[: TWO.index("[[joints]]")]
+    (tmp_path / "two.toml").write_text(head + "".join(link.format(f"j{i}") for i in range(1, 5)))
+    rule = 'kind = "lock"\njoints = ["j3", "j4"]'
+    text = ELBOW.replace("q = [0.3, 1.0]", "q = [0.3, 0.4, 2.0, 2.0]").replace('kind = "moore-penrose"', rule)
+    for name, reach in (("near", 0.6), ("far", 0.85)):
+        points = [at(10.0, reach), at(10.0, reach + 0.05)]
+        text += f'[[path]]\nname = "{name}"\nkind = "polyline"\npoints = {points}\nsamples = 50\n'
+    (tmp_path / "job.toml").write_text(text)
+    plan = plan_paths(read_job(tmp_path / "job.toml"), tmp_path / "job.toml", "only")
+    assert (plan.left_out, plan.changes, plan.levels > 1) == ({}, 0, True)
+    for each, reach in zip(plan.paths, (0.6, 0.85), strict=True):
+        q = each.timed.q
+        tool = 0.25 * np.array([f(np.cumsum(q, axis=1)).sum(axis=1) for f in (np.cos, np.sin)])
+        assert tool[:, 0] == pytest.approx(at(10.0, reach), abs=1e-8)
+        assert np.abs(q[:, 2:] - plan.paths[0].level).max() < 1e-8
+
+
 def test_a_path_out_of_reach_is_left_out_and_the_others_are_done(tmp_path: Path, holokin: Command) -> None:
     file = elbow_job(tmp_path, {"near": 10.0, "far": 20.0, "last": 30.0})
     file.write_text(
@@ -271,46 +291,6 @@ def weld(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@sampled(2, "language", ["urscript", "rapid", "krl", "ls"])
-def test_procedures_are_read_back_and_each_begins_where_the_one_before_ended(weld: Path, language: str) -> None:
-    job = read_job(weld)
-    program, plan = program_of_paths("weld", job, weld, language)
-    first = program.text
-    if language == "urscript":
-        *parts, main = (f"def {part}" for part in first.split("def ")[1:])
-        read = [urscript(f"{part}{part.split('(')[0][4:]}()") for part in parts]
-        called = [line.strip()[:-2] for line in main.splitlines() if line.startswith("  ") and "#" not in line]
-    elif language == "rapid":
-        _, *parts = first.replace("ENDMODULE", "").split("  PROC ")
-        called = [line.strip()[:-3] if line.endswith("();") else line.strip()[:-1] for line in parts[0].splitlines()]
-        called = [name for name in called[1:] if name and name != "ENDPRO"]
-        read = []
-        for part in parts[1:]:
-            name, *lines = part.splitlines()
-            targets = [line for line in lines if "!" not in line and ("CONST" in line or line.lstrip().startswith("["))]
-            moves = [line for line in lines if line not in targets]
-            read.append(rapid("\n".join(["MODULE m", *targets, f"PROC {name}", *moves, "ENDMODULE"])))
-    else:
-        end = ".src" if language == "krl" else ".LS"
-        names = [name.removesuffix(end) for name in program.files if name.endswith(end)][1:]
-        of = program.files
-        read = [krl(of[f"{n}.src"], of[f"{n}.dat"]) if end == ".src" else listing(of[f"{n}.LS"]) for n in names]
-        called = [line for line in first.splitlines() if line.endswith("()") and "DEF" not in line]
-        called = [line[:-2] for line in called] or [w.split()[0] for w in first.split("CALL ")[1:]]
-    assert called == [part.name for part in read], language
-    # The motion of the plan, part by part; joints in degrees but for URScript.
-    stages = [each.timed for each in plan.paths]
-    by = 1.0 if language == "urscript" else np.pi / 180
-    for one, other in pairwise(read):
-        assert np.abs(other.axes[0] - one.axes[-1]).max() < 1e-3, language
-    for part, timed in zip(read, stages, strict=False):
-        assert np.abs(by * part.axes[-1] - timed.q[-1]).max() < 1e-4, language
-        assert np.abs(by * part.axes - timed.q[0]).max(axis=1).min() < 1e-4, language
-    on = [[text for _, text in part.lines] for part in read]
-    assert ["5" in str(lines) for lines in on] == [True, True, True, False], language
-    assert ["6" in str(lines) for lines in on] == [False, False, True, False], language
-
-
 def test_names_that_a_language_cannot_hold_become_others_and_it_is_said(weld: Path) -> None:
     program, _ = program_of_paths("weld", read_job(weld), weld, "krl")
     assert all(text.isascii() for text in program.files.values())
@@ -343,6 +323,89 @@ def test_a_job_of_several_paths_is_written_again_with_the_advised_rule(
     result = result_of(out)
     assert [rule.name for rule in result.rules] == ["advised", "wrist"]
     assert all(rule.passed for rule in result.rules)
+
+
+# --- Ways through the air: over a height, and by way of postures.
+
+
+def rests(timed: hk.TimedTrajectory, way: int) -> None:
+    """A motion that begins and ends at rest, within its limits of speed and acceleration, by differences of joints."""
+    dt, limits = np.diff(timed.t)[:, None], timed.limits
+    rates = np.diff(timed.q, axis=0) / dt
+    assert (np.abs(rates) <= limits.velocity * 1.001).all(), way
+    assert limits.acceleration is not None
+    assert (np.abs(np.diff(rates, axis=0) / dt[1:]) <= limits.acceleration * 1.02).all(), way
+    assert max(np.abs(rates[0]).max(), np.abs(rates[-1]).max()) <= 0.6 * (limits.acceleration * dt[0]).max(), way
+
+
+def torch_gap(robot: hk.Robot, Q: np.ndarray) -> float:
+    """The least distance [m] of the torch's axis, the last 0.25 m before the tool's point, from the box of `BOX`."""
+    T = np.array([robot.pose(q) for q in Q])
+    along = T[:, None, :3, 3] - np.linspace(0, 0.25, 126)[:, None] * T[:, None, :3, 2]
+    outside = np.abs(along - [-0.75, -0.17, 0.2]) - [0.15, 0.2, 0.05]
+    return float(np.linalg.norm(np.maximum(outside, 0), axis=2).min())
+
+
+def test_a_way_over_a_height_rises_straight_and_is_clear_where_the_straight_one_is_not(tmp_path: Path) -> None:
+    file = tmp_path / "job.toml"  # two seams beside the box, below its top
+    file.write_text(WELD.format(torch=0.006, box=BOX, loop=ABOVE).replace("0.065]", "0.0]"), encoding="utf-8")
+    plan = plan_paths(read_job(file), file, "wrist")
+    robot, over = plan.paths[0].strategy.task.robot, 0
+    ends = [np.deg2rad(read_job(file).start.q), *(each.timed.q[-1] for each in plan.paths)]
+    for before, each in zip(ends, plan.paths, strict=False):
+        for leg in each.air.legs:
+            rests(leg, over)
+        assert each.air.timed is not None
+        assert torch_gap(robot, each.air.timed.q) >= 0.006 + 0.005 - 1e-4  # its radius and the clearance
+        if not each.air.by.startswith("over a height of 0.1 m"):
+            continue
+        over += 1
+        *_, down = each.air.legs
+        up = each.air.legs[0]
+        for leg, way in ((up, 1), (down, -1)) if len(each.air.legs) == 3 else ((down, -1),):
+            p = np.array([robot.pose(q)[:3, 3] for q in leg.q])
+            assert np.ptp(p[:, :2], axis=0).max() < 1e-4  # straight up or down
+            assert way * (p[-1, 2] - p[0, 2]) == pytest.approx(0.1, abs=1e-6)
+        straight = before + np.linspace(0, 1, 400)[:, None] * (each.timed.q[0] - before)
+        assert torch_gap(robot, straight) < 0.006 + 0.005
+    assert over
+
+
+POST = """
+[checks]
+self_collision = false
+radius = 0.02
+[[checks.obstacles]]
+name = "post"
+kind = "capsule"
+radius = 0.03
+length = 0.5
+xyz = [0.66, 0.0, 0.0]
+"""
+
+
+def test_a_way_round_a_post_passes_the_posture_given(tmp_path: Path) -> None:
+    file = elbow_job(tmp_path, {"left": 30.0, "right": -30.0})
+    file.write_text(file.read_text() + POST)
+    (rule,) = result_of(file).rules
+    assert "postures in via" in " ".join(rule.left_out.values())
+    text = file.read_text().replace('order = "given"', 'order = "given"\nvia = [[0.0, 2.4]]')
+    file.write_text(text)
+    plan = plan_paths(read_job(file), file, "only")
+    assert [each.name for each in plan.paths] == ["left", "right"]
+    way = plan.paths[1].air
+    assert way.by == "by way of posture 1" and way.timed is not None
+    stop = [leg.q[-1] for leg in way.legs if np.abs(leg.q[-1] - [0.0, 2.4]).max() < 1e-9]
+    assert len(stop) == 1
+    for number, leg in enumerate(way.legs):
+        rests(leg, number)
+    # Both links, as points on their axes, keep their radius and the clearance from the post.
+    a, b = way.timed.q[:, 0], way.timed.q.sum(axis=1)
+    s = np.linspace(0, 0.5, 200)
+    elbow = 0.5 * np.stack([np.cos(a), np.sin(a)], axis=1)
+    ray = [np.stack([np.cos(x), np.sin(x)], axis=1)[:, None] * s[:, None] for x in (a, b)]
+    near = min(np.linalg.norm(points - [0.66, 0.0], axis=2).min() for points in (ray[0], elbow[:, None] + ray[1]))
+    assert near >= 0.02 + 0.03 + 0.01 - 1e-4
 
 
 # --- Scenes: meshes with pockets, pieces, frames.

@@ -103,10 +103,10 @@ def cell(
         raise
     # The answer, and how each file is made again.
     by = opened[1].printed_units
-    show(verdict(draft, advice, outcomes))
+    show(by.reworded(verdict(draft, advice, outcomes)))
     show(what_was_read(draft, by))
     show(clearance(outcomes, by))
-    show(proof)
+    show(by.reworded(proof))
     show(program)
     show(next_step(draft, file, outcomes, exported, proven, by))
     show(f"\nAll of it is in {folder}; {file} is yours from now on. Its files are made again by:")

@@ -207,7 +207,7 @@ def moved_job(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[s
     paths = keys["path"] if isinstance(keys["path"], list) else [keys["path"]]
     paths = [every(beside(one), "others") for one in paths]
     moved["path"] = paths if isinstance(keys["path"], list) else paths[0]
-    moved |= {part: beside(keys[part]) for part in ("workspace", "sheets") if part in keys}
+    moved |= {part: beside(keys[part]) for part in ("every_path", "workspace", "sheets") if part in keys}
     if "checks" in keys:
         moved["checks"] = every(beside(keys["checks"], "srdf"), "obstacles")
         for one in moved["checks"].get("obstacles", []):

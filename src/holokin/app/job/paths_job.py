@@ -10,7 +10,8 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from ...base.errors import ArgumentError, BranchError, HolokinError, PathError, SingularityError
+from ...analysis.coverage.starts import postures_at
+from ...base.errors import ArgumentError, BranchError, HolokinError, JobError, PathError, SingularityError
 from ...base.poses import pose_from
 from ...base.types import Array, Indices, Matrix, Value, Vector
 from ...motion import TimedTrajectory, follow
@@ -28,14 +29,14 @@ from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task
 from ..report.job_result import NotRun
 from ..report.paths_report import PathRow, PathsResult, RuleResult
-from .job_parts import build_begin, build_each, build_strategy, build_tasks, naming, reason
+from .job_parts import build_begin, build_each, build_robot, build_strategy, build_tasks, naming, reason
 from .path_order import Choices, best_sequence, least_pool
 from .schema import Job
 from .strategy_tables import ConstraintTable
 from .tables import AirTable, NamedPathTable, TimingTable
 
 LEVELS = 12
-"""Levels of a rule with one row that are tried besides that of the start, where that one does not serve all paths."""
+"""Levels of a rule that are tried besides that of the start, where that one does not serve all paths."""
 
 LOOKED_AT = 100
 """Samples of a path at which a posture to begin with is tried out; the chosen one is followed and checked in full."""
@@ -248,20 +249,35 @@ class _Search:
         return walk
 
     def more_levels(self) -> list[Vector]:
-        """Levels spread over those of all postures at the starts of the paths; of rules with one row."""
-        strategy = self.strategies[0]
-        if strategy.constraint.rows != 1:
-            return []
+        """Levels spread over those of postures at the starts of the paths: of all of them for a rule with one row, else
+        of some that are far from each other."""
+        rows = self.strategies[0].constraint.rows
         values = []
-        for i, (own, path) in enumerate(zip(self.strategies, self.paths, strict=True)):
-            R = path.rotation if path.rotation is not None else np.eye(3)
-            q = self_motions_at(own.task, path.start[None], R[None]).q
+        for i, (strategy, path) in enumerate(zip(self.strategies, self.paths, strict=True) if rows else ()):
+            pose = pose_from(path.start, path.rotation if path.rotation is not None else np.eye(3))
+            if rows > 1:
+                q = postures_at(strategy.task, pose)
+                where = "no posture within the limits was found with the tool at its start"
+            else:
+                q = self_motions_at(strategy.task, path.start[None], pose[None, :3, :3]).q
+                where = f"its start, {_typed(path.start)}, is out of reach"
             if not len(q):
                 self.beyond.add(i)
-                self.reasons[i] = f"its start, {_typed(path.start)}, is out of reach"
-            q = q[own.task.robot.beyond(q).max(axis=1) <= 0] if len(q) else q
-            values += np.ravel(own.constraint_value.batch(q)).tolist() if len(q) else []
-        return [np.array([c]) for c in np.quantile(values, np.linspace(0.02, 0.98, LEVELS))] if values else []
+                self.reasons[i] = where
+                continue
+            q = q[strategy.task.robot.beyond(q).max(axis=1) <= 0]
+            values.append(np.reshape(strategy.constraint_value.batch(q), (len(q), rows)) if len(q) else q[:, :rows])
+        every = np.vstack([np.zeros((0, rows)), *values])
+        if not len(every):
+            return []
+        if rows == 1:
+            return list(np.quantile(every, np.linspace(0.02, 0.98, LEVELS))[:, None])
+        # The one nearest to the middle, then each time the one that is farthest from those before.
+        scaled = (every - every.mean(axis=0)) / np.maximum(every.std(axis=0), SAME)
+        chosen = [int(np.linalg.norm(scaled, axis=1).argmin())]
+        while len(chosen) < min(LEVELS, len(every)):
+            chosen.append(int(np.min([np.linalg.norm(scaled - scaled[k], axis=1) for k in chosen], axis=0).argmax()))
+        return list(every[chosen])
 
     def sheets(self) -> Indices:
         """A number of the sheet of each candidate (k,).
@@ -381,6 +397,8 @@ class _Search:
         line = replace(polyline([p, p + [0, 0, self.air.height]], speed=self.air.height_speed), rotation=R)
         try:
             walk = follow(strategy, line, q, samples=LOOKED_AT // 4, native=True)
+            if np.abs(walk.q - q).max() < NOTHING:  # of a task without height
+                return None
             return walk if end else follow(strategy, line.reversed(), walk.q[-1], samples=LOOKED_AT // 4, native=True)
         except (PathError, SingularityError):
             return None
@@ -499,6 +517,9 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search
     if job.checks is not None and robot.tips:
         with naming(file, "checks"):
             clear = Clearances.of(robot, job.checks.scene)
+        if not clear.clear(start[None])[0]:
+            fact = f"puts {clear.touching(start[None])[0]} too near to each other"
+            raise JobError(file, "start.q", fact, "choose another start posture: from it all ways begin")
     scale = np.where(robot.hinges, np.pi / 180 if job.start.degrees else 1.0, 1.0)
     via = []
     for k, q in enumerate(air.via):
@@ -648,7 +669,8 @@ def run_paths(name: str, job: Job, file: FilePath, progress: Callable[[str], Non
         HolokinError: bad input; or no strategy goes along any path, for the first one's reason.
     """
     began = time.perf_counter()
-    robot, start, tasks = build_tasks(job, file)
+    own = build_robot(job, file)
+    robot, start, tasks = build_tasks(job, file, own)
     rules, not_run, notes = [], [], []
     first: HolokinError | None = None
     for label in job.strategies:
@@ -668,9 +690,11 @@ def run_paths(name: str, job: Job, file: FilePath, progress: Callable[[str], Non
         notes += [f"{each.name}: {note}." for each in plan.paths for note in each.path.notes]
     if first is not None and not rules:
         raise first
+    shown = own if job.checks is None else job.checks.drawn(own)
+    tip = tasks[0].tip or (robot.tips[0].name if robot.tips else "")
     return PathsResult(
-        name, job.title, job.about, robot, tasks[0].name, start, tuple(rules), time.perf_counter() - began,
-        job.checks is not None, tuple(not_run), tuple(dict.fromkeys(notes)), job.printed_units,
+        name, job.title, job.about, robot, shown, tasks[0].name, tip, start, tuple(rules), time.perf_counter() - began,
+        job.scene, tuple(not_run), tuple(dict.fromkeys(notes)), job.printed_units,
     )  # fmt: skip
 
 

@@ -213,6 +213,7 @@ class Job(Table):
     start: StartTable
     frames: dict[str, FrameTable] = Field(default={})
     path: OneOrSeveral
+    every_path: dict[str, Any] = Field(default={})
     air: AirTable | None = None
     timing: TimingTable | None = None
     program: ProgramTable | None = None
@@ -249,7 +250,7 @@ class Job(Table):
     @model_validator(mode="before")
     @classmethod
     def _framed(cls, given: Any) -> Any:
-        """Frames that a path or an obstacle names, in the place of their names."""
+        """Each path with the keys of [every_path], and frames in the place of their names."""
         if not isinstance(given, dict) or not isinstance(frames := given.get("frames", {}), dict):
             return given
 
@@ -263,8 +264,10 @@ class Job(Table):
                 )
             return table | {"frame": frames[name]}
 
-        path, checks = given.get("path"), given.get("checks")
+        path, checks, shared = given.get("path"), given.get("checks"), given.get("every_path", {})
         if isinstance(path, list):
+            if isinstance(shared, dict):
+                path = [shared | table if isinstance(table, dict) else table for table in path]
             given = given | {"path": [placed(table, f"path.{i}") for i, table in enumerate(path)]}
         elif path is not None:
             given = given | {"path": placed(path, "path")}
@@ -280,8 +283,8 @@ class Job(Table):
             if name in names[:i]:
                 fact = f"path.{i}.name: {brief(name, 60)!r} is the name of path.{names.index(name)}, too"
                 raise ValueError(f"{fact}; give each a name of its own")
-        if self.air is not None and not names:
-            raise ValueError("air: leads from one [[path]] to the next; leave it out, or write [[path]] with names")
+        for key in {"air", "every_path"} & self.model_fields_set if not names else ():
+            raise ValueError(f"{key}: is for several paths; leave it out, or write [[path]] with names")
         if names and self.timing is None:
             raise ValueError("timing: is missing; add [timing]: the ways between several paths are timed")
         unused = sorted(self.model_fields_set & {"sheets", "workspace", "expect", "verdict"})
@@ -392,7 +395,7 @@ def _named(path: Path, problem: ValidationError, table: dict[str, Any], form: Fo
     faults.sort(key=lambda located: located[1]["type"] == "missing")
     first = faults[0][0]
     parts, fault = max((f for f in faults if f[0][: len(first)] == first), key=lambda f: len(f[0]))
-    key = dotted(parts)
+    key = dotted(_as_written(parts, table))
     # The kind of the table that it is in, unless the kind itself is wrong.
     of_kind = parts[:1] == (form.named,) and bool(parts[2:])
     kind = str(table[form.named][parts[1]]["kind"]) if of_kind and parts[2] != "kind" else ""
@@ -425,6 +428,18 @@ def _named(path: Path, problem: ValidationError, table: dict[str, Any], form: Fo
         return JobError(path, key, fact, closest(value, choices))
     cures = dict.fromkeys(_cure(f) for k, f in faults if k == parts)
     return JobError(path, key, fact, f"give {' or '.join(cures)}")
+
+
+def _as_written(key: Key, table: Mapping[str, Any]) -> Key:
+    """A key where it stands in the file: one of a path may be in [every_path]."""
+    if (
+        len(key) < 3
+        or key[0] != "path"
+        or key[2] not in table.get("every_path", {})
+        or key[2] in table["path"][int(key[1])]
+    ):
+        return key
+    return ("every_path", *key[2:])
 
 
 def _cure(fault: Mapping[str, Any]) -> str:

@@ -26,7 +26,7 @@ from ...base.errors import (
 from ...base.types import Vector
 from ...export import LANGUAGES, ProcessLines, Program, ascii_text, c_name
 from ...export.programs.procedures import with_procedures
-from ...export.programs.robot_program import LANGUAGE_WORDS, taken
+from ...export.programs.robot_program import LANGUAGE_WORDS, checked_name, taken
 from ...motion import TimedTrajectory, follow
 from ...motion.checks import CheckReport
 from ...motion.timed_trajectory import with_entry
@@ -288,11 +288,19 @@ def program_of_paths(
     Raises:
         as `plan_paths` and the writer.
     """
-    label, strategy, _ = job_strategy(job, file, label)
-    timing, longest = _timing_of(job, changes), LANGUAGES[language].longest
-    plan = plan_paths(job, file, label, progress, timing)
+    label, _, _ = job_strategy(job, file, label)
+    plan = plan_paths(job, file, label, progress, _timing_of(job, changes))
+    return program_of_plan(plan, name, job, file, language, short), plan
+
+
+def program_of_plan(
+    plan: PathsPlan, name: str, job: Job, file: FilePath, language: str, short: str | None = None
+) -> Program:
+    """The program of a plan that was made, see `program_of_paths`. Raises: ArgumentError, and as the writer."""
+    task, longest = plan.paths[0].strategy.task, LANGUAGES[language].longest
     # A name for each procedure: what languages hold, and none twice, whatever its capitals.
-    main = short or _word(f"{strategy.task.robot.name}_{label}", longest)
+    main = short or _word(f"{task.robot.name}_{plan.name}", longest)
+    checked_name(main, longest, next((known for known in LANGUAGE_WORDS if known.lower() == language), language))
     stages: list[tuple[str, PlannedPath | None, TimedTrajectory]] = []
     for each in plan.paths:
         way = each.air.timed
@@ -305,21 +313,19 @@ def program_of_paths(
     # The procedures, then what calls them.
     programs, notes = [], []
     for word, (title, each, timed) in zip(words, stages, strict=True):
-        about = f"Job {name}: {title}, by {label} on {strategy.task.robot.name}, {job.title}"
-        task, table, path = (strategy.task, None, None) if each is None else (each.strategy.task, each.table, each.path)
-        programs.append(_written(job, file, language, task, path, timed, word, about, table))
+        about = f"Job {name}: {title}, by {plan.name} on {task.robot.name}, {job.title}"
+        given = (task, None, None) if each is None else (each.strategy.task, each.table, each.path)
+        own, table, path = given
+        programs.append(_written(job, file, language, own, path, timed, word, about, table))
         notes += [f"the procedure of {title!r} is {word}"] if word.lower() != title.lower() else []
     facts = [
-        f"Job {name}: {label} on {strategy.task.robot.name}, {job.title}",
+        f"Job {name}: {plan.name} on {task.robot.name}, {job.title}",
         *textwrap.wrap(plan.sentence.replace(";", ","), 76),
     ]
     facts.append(f"{len(plan.paths)} paths, {plan.timed.duration:.3f} s in all")
     program = with_procedures(language, main, words, programs, facts)
-    if "lines" not in LANGUAGES[language].takes:  # motion alone: all of it one after the other
-        about = f"Job {name}: {', '.join(title for title, _, _ in stages)}, by {label}, {job.title}"
-        program, notes = _written(job, file, language, strategy.task, None, plan.timed, main, about), []
     left = [f"left out: {title}: {why}" for title, why in plan.left_out.items()]
-    return replace(program, notes=(*left, plan.sentence, *notes, *program.notes)), plan
+    return replace(program, notes=(*left, plan.sentence, *notes, *program.notes))
 
 
 def _procedure(title: str, longest: int, used: set[str]) -> str:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from html import escape
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
+
 from ...base.errors import brief, posture_text
 from ...base.files import write_text
-from ...base.types import Vector, number_or_none
+from ...base.types import Matrix, Vector, number_or_none
 from ...base.units import SI, PrintedUnits
 from ...motion import TimedTrajectory
-from ...motion.checks import CheckReport
+from ...motion.checks import CheckReport, Clearances, Scene
 from ...robot import Robot
 from .html_page import page
 from .job_result import NotRun, free_name, renewed, write_facts
-from .section import Column, Note, Section, right
+from .section import Column, Note, Section, drawn, right
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +69,23 @@ class RuleResult:
 
 @dataclass(frozen=True, eq=False)
 class PathsResult:
-    """The findings of a job of several paths."""
+    """The findings of a job of several paths.
+
+    robot: as it is checked, `shown` as it is drawn. tip: the name of its tool. scene: what it is held apart from, None
+    where nothing was checked.
+    """
 
     name: str
     title: str
     about: str
     robot: Robot
+    shown: Robot
     task: str
+    tip: str
     q0: Vector
     rules: tuple[RuleResult, ...]
     seconds: float
-    checked: bool
+    scene: Scene | None = None
     not_run: tuple[NotRun, ...] = ()
     notes: tuple[str, ...] = field(default=())
     units: PrintedUnits = SI
@@ -85,6 +94,12 @@ class PathsResult:
     def passed(self) -> bool:
         """Whether every rule goes along every path, and the checks find nothing."""
         return not self.not_run and all(rule.passed for rule in self.rules)
+
+    def distances(self, Q: Matrix) -> Vector:
+        """The least distance between the shapes of the checks at postures (k, n) -> (k,) [m]."""
+        if self.scene is None or not self.robot.tips:
+            return np.full(len(Q), np.inf)
+        return Clearances.of(self.robot, self.scene).least(Q, np.inf)
 
     def reworded(self, text: str) -> str:
         """A text of these results in the units in which they are printed."""
@@ -116,7 +131,7 @@ def _section(result: PathsResult, rule: RuleResult) -> Section:
     count = len(rule.rows) - any(row.own is None for row in rule.rows)
     done = f"{count} of {count + len(rule.left_out)} paths in {rule.motion.duration:.4g} s. "
     points = [Note(done, tone, f"{rule.sentence}."), *(Note(f"{n}: {why}", "bad") for n, why in rule.left_out.items())]
-    points += [] if result.checked else [Note("Nothing was checked: the job has no [checks].", "warning")]
+    points += [] if result.scene is not None else [Note("Nothing was checked: the job has no [checks].", "warning")]
     return Section(rule.name, head=_columns(result), rows=table, points=points)
 
 
@@ -142,10 +157,12 @@ def write_paths_report(result: PathsResult, out: FilePath, version: str) -> File
 
 
 def _page(result: PathsResult, version: str) -> str:
+    from .paths_figures import PLAN, ROBOT, motion_figure, motion_words, plan_figure, robot_figure
+
     robot, units = result.robot, [c.unit for c in result.robot.coordinates]
     start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)
     whole = "All paths are gone along" if result.passed else "Not all paths are gone along"
-    clear = ", and the checks of the motion find nothing." if result.passed and result.checked else "."
+    clear = ", and the checks of the motion find nothing." if result.passed and result.scene is not None else "."
     facts = f"{robot.name}, {robot.n} joints ({robot.source}); task: {result.task}; start: {start}. "
     facts += f"holokin {version}, {result.seconds:.1f} s. All of this was computed; no robot moved."
     parts: list[Section | str] = [
@@ -153,13 +170,25 @@ def _page(result: PathsResult, version: str) -> str:
         Section("Verdict", [Note(whole + clear, "strong"), result.about, *result.notes, Note(facts, "small")]),
         *(_section(result, rule) for rule in result.rules),
     ]
+    # The robot among the paths, where the model has a tool in space, and the motion over time.
+    figures = (
+        [] if not result.robot.tips else [(robot_figure, ROBOT)] + [(plan_figure, PLAN)] * (not result.robot.planar)
+    )
     for rule in result.rules:
-        checks = [(row.name, report) for row in rule.rows for report in row.reports]
+        for draw, caption in (*figures, (motion_figure, motion_words(result))):
+            told = caption if len(result.rules) == 1 else f"{rule.name}: {caption}"
+            parts.append(Section(figure=drawn(partial(draw, result, rule), told)))
+    for rule in result.rules:
+        # Of a row the last report is that of the path, the one before it that of the way there.
+        checks = []
+        for row in rule.rows:
+            names = [row.name] if row.own is None else [f"to {row.name}", row.name]
+            checks += zip(names[-len(row.reports) :], row.reports, strict=False) if row.reports else []
         points = [
             f"{name}: {'; '.join(report.told(result.units)[:1] + report.notes(result.units)[:1])}"
             for name, report in checks
         ]
-        last = [line for _, report in checks[:1] for line in report.notes(result.units)[1:]]
+        last = [line for row in rule.rows[:1] for line in row.reports[-1].notes(result.units)[1:]] if checks else []
         parts += [Section(f"{rule.name}: checks of the motion", points=[*points, *last])] if checks else []
         parts.append(
             f"<h2>{escape(rule.name)}: the whole motion</h2><pre>{escape(rule.motion.table(result.units))}</pre>"

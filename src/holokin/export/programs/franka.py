@@ -97,8 +97,8 @@ def to_franka(
 def _within_limits(q: Matrix) -> None:
     """Raises: ExportError: rows q (k, 7), a millisecond apart, from rest to rest, are too much for the robot."""
     still = np.vstack([q[:1].repeat(3, axis=0), q, q[-1:].repeat(3, axis=0)])
-    for what, order, most in (("acceleration", 2, ACCELERATION), ("jerk", 3, JERK)):
+    for what, order, most in (("an acceleration", 2, ACCELERATION), ("a jerk", 3, JERK)):
         rates = np.abs(np.diff(still, order, axis=0)).max(axis=0) / MILLISECOND**order
         if rates.max() > most:
-            fact = f"joint {int(np.argmax(rates)) + 1} has a {what} of {rates.max():.4g} rad/s^{order}"
-            raise ExportError(f"{fact}, and the robot takes {most:g}", f"give the motion a limit of {what}")
+            fact = f"joint {int(np.argmax(rates)) + 1} has {what} of {rates.max():.4g} rad/s^{order}"
+            raise ExportError(f"{fact}, and the robot takes {most:g}", f"give the motion a limit of {what.split()[1]}")

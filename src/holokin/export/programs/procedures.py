@@ -2,8 +2,8 @@
 
 Calls: RAPID, ABB 3HAC050946, procedure call and data declarations in routines; KRL, KUKA KSS 8.3, calls of the main
 function of another module; TP, FANUC, CALL; INFORM, Yaskawa, CALL JOB:; URScript, Universal Robots, functions; VAL3,
-Staubli D28062804A, call; G-code, LinuxCNC, o<name> sub, endsub and call. Of other languages each procedure is a program
-of its own.
+Staubli D28062804A, call; G-code, LinuxCNC, o<name> sub, endsub and call; Sunrise, methods of one class; programs of
+Python, runpy. A trajectory of ROS calls nothing: each procedure is one of its own.
 """
 
 from __future__ import annotations
@@ -92,6 +92,58 @@ def _gcode(name: str, names: Sequence[str], programs: Sequence[Program], facts: 
     return {f"{name}.ngc": "\n".join([*text, *(f"o<{each.lower()}> call" for each in names), "M2", ""])}
 
 
+def _sunrise(name: str, names: Sequence[str], programs: Sequence[Program], facts: Sequence[str]) -> Files:
+    """One class, in which each procedure is a method, with a nested class of its targets."""
+    first = programs[0].text
+    imports, helpers = (
+        first[: first.index("// ")],
+        first[first.index("    private SplineJP spline") : first.rindex("}")],
+    )
+    text = [
+        imports + "\n".join(f"// {fact}" for fact in facts),
+        f"public class {name} extends RoboticsAPIApplication {{",
+    ]
+    text += ["    private double[][] targets;", "", "    @Inject", "    private LBR lbr;", ""]
+    text += ["    @Override", "    public void run() {", *(f"        {each}();" for each in names), "    }"]
+    tables = []
+    for each, program in zip(names, programs, strict=True):
+        rows = program.text.partition("TARGETS = {\n")[2].partition("\n    };")[0]
+        body = program.text.partition("run() {\n")[2].partition("\n    }")[0]
+        remarks = re.findall(r"(?m)^// .*$", program.text)
+        text += ["", *(f"    {line}" for line in remarks), f"    private void {each}() {{"]
+        text += [f"        targets = Of_{each}.TARGETS;", body, "    }"]
+        tables += ["", "    /** A1 to A7 in degrees, and the share of the axes' greatest speed on the way there. */"]
+        tables += [
+            f"    private static class Of_{each} {{",
+            "        static final double[][] TARGETS = {",
+            rows,
+            "        };",
+        ]
+        tables.append("    }")
+    text += ["", helpers.replace("TARGETS", "targets").rstrip(), *tables, "}", ""]
+    return {f"{name}.java": "\n".join(text)}
+
+
+def _python(name: str, names: Sequence[str], programs: Sequence[Program], facts: Sequence[str]) -> Files:
+    """A program that runs the others, up to the first that ends with an error."""
+    used = next(line for line in programs[0].text.splitlines() if line.startswith(f"python {names[0]}.py"))
+    told = [fact.replace('"', "'").replace("\\", "/") for fact in facts]
+    text = [
+        '"""',
+        *told,
+        "",
+        used.replace(names[0], name, 1),
+        '"""',
+        "",
+        "import runpy",
+        "from pathlib import Path",
+        "",
+    ]
+    text += ["for name in (", *(f'    "{each}.py",' for each in names), "):"]
+    text += ['    runpy.run_path(str(Path(__file__).with_name(name)), run_name="__main__")', ""]
+    return {f"{name}.py": "\n".join(text)} | _all_files(programs)
+
+
 def _apart(names: Sequence[str], programs: Sequence[Program]) -> Files:
     """The files of programs, with the name of each before them where it is not in them."""
     named = {}
@@ -112,6 +164,10 @@ MAINS: dict[str, Main] = {
     "ls": _fanuc,
     "val3": _val3,
     "gcode": _gcode,
+    "sunrise": _sunrise,
+    "xarm": _python,
+    "franka": _python,
+    "kinova": _python,
 }
 """How procedures are called, by the name of the language's subcommand."""
 

@@ -94,11 +94,11 @@ _VAL3 = """
 """
 
 _JAVA = """
-    abstract assert boolean break byte case catch char class const continue default do double else enum extends final
-    finally float for goto if implements import inject int interface joint jointposition lbr long math native new null
-    override package private protected ptp public return roboticsapiapplication short spline splinejp splinemotionjp
-    static strictfp string super switch synchronized target targets this threadutil throw throws transient true false
-    try void volatile while
+    abstract assert boolean break byte case catch char class const continue default dispose do double else enum
+    extends final finally float for goto if implements import initialize inject int interface joint jointposition
+    lbr long math native new null override package private protected ptp public return roboticsapiapplication run
+    short spline splinejp splinemotionjp static strictfp string super switch synchronized target targets this
+    threadutil throw throws transient true false try void volatile while
 """
 
 LANGUAGE_WORDS = {
@@ -106,9 +106,9 @@ LANGUAGE_WORDS = {
     "KRL": Words(frozenset(_KRL.split()), r"X[PCFG]\d+|XERR"),
     "URScript": Words(frozenset(_URSCRIPT.split()), exact=True),
     "Sunrise": Words(frozenset(_JAVA.split())),
-    "xArm": Words(frozenset({"sys", "xarm"})),
-    "Kortex": Words(frozenset({"csv", "sys", "threading", "pathlib", "kortex_api", "joints"})),
-    "libfranka": Words(frozenset({"sys", "pathlib", "numpy", "pylibfranka", "joints"})),
+    "xArm": Words(frozenset({"sys", "xarm", "runpy", "pathlib"})),
+    "Kortex": Words(frozenset({"csv", "sys", "runpy", "threading", "pathlib", "kortex_api", "joints"})),
+    "libfranka": Words(frozenset({"sys", "runpy", "pathlib", "numpy", "pylibfranka", "joints"})),
     "VAL3": Words(frozenset(_VAL3.split()), r"l_(jA|jB|pA|pB|mDesc)", r"flange|world|diOut\d+"),
 }
 """By the name of the language in messages; the others keep the names of devices alone."""
