@@ -121,7 +121,7 @@ def write_cell(
         "task": tables.get("task") or _task(chain.robot, read, assumed),
         "start": {"q": [0.0] * chain.robot.n},
         "frames": _frames(tables.get("frames", {}), at, assumed),
-        "path": _paths(read, paths, speed, {"units": units, "columns": columns}, assumed),
+        **_paths(read, paths, speed, {"units": units, "columns": columns}, assumed),
     }
     if len(read) > 1:
         keys["air"] = {"order": "given", "height": 0.1, "home": True} | tables.get("air", {})
@@ -147,7 +147,8 @@ def write_cell(
         cell = replace(cell, file=out / "cell.toml")
         keys["strategies"] = {ONLY: {"kind": "custom", "g": []}}
     retract, starts = _starts(cell, job, places)
-    _retract(keys, retract)
+    if retract:
+        keys["path" if len(read) == 1 else "every_path"]["retract"] = retract
     q = starts[0]
     if cell.ruled:
         q = next(_followed(job_of(origin, keys), origin, task, starts), q)
@@ -208,18 +209,18 @@ def _frames(frames: Mapping[str, Any], at: str | None, assumed: list[str]) -> di
 
 def _paths(
     read: PathFile, file: FilePath, speed: float | None, given: Mapping[str, Any], assumed: list[str]
-) -> dict[str, Any] | list[dict[str, Any]]:
-    """[path] of a file with one path, or [[path]] for each."""
+) -> dict[str, Any]:
+    """[path] of a file with one path, or [every_path] and a [[path]] for each."""
     words = {key: list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
              for key, value in given.items() if value is not None}  # fmt: skip
     if speed is None and all(path.speeds is None and path.times is None for path in read.paths):
         speed = 0.1
         assumed.append("the file states no speed: 100 mm/s is taken (--speed says another)")
     words |= {} if speed is None else {"speed": speed}
-    tables = [{"kind": "file", "file": file.absolute().as_posix(), "frame": FRAME} | words for _ in read.paths]
-    if len(tables) == 1:
-        return tables[0]
-    return [{"name": path.name, **table, "only": path.name} for path, table in zip(read.paths, tables, strict=True)]
+    table = {"kind": "file", "file": file.absolute().as_posix(), "frame": FRAME} | words
+    if len(read) == 1:
+        return {"path": table}
+    return {"every_path": table, "path": [{"name": path.name, "only": path.name} for path in read.paths]}
 
 
 def _timing(robot: Robot, given: Mapping[str, Any], assumed: list[str]) -> dict[str, Any]:
@@ -235,12 +236,6 @@ def _timing(robot: Robot, given: Mapping[str, Any], assumed: list[str]) -> dict[
 def _start(robot: Robot, q: Vector) -> dict[str, Any]:
     """[start] in degrees."""
     return {"q": (q * np.where(robot.hinges, 180 / np.pi, 1.0)).tolist(), "degrees": True}
-
-
-def _retract(keys: dict[str, Any], retract: float) -> None:
-    """Let all paths of a job be come to from above."""
-    for table in keys["path"] if isinstance(keys["path"], list) else [keys["path"]]:
-        table |= {"retract": retract} if retract else {}
 
 
 # --- Where the robot may begin.
