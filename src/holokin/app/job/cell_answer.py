@@ -126,20 +126,21 @@ def clearance(outcomes: Outcomes, units: PrintedUnits) -> str:
             on = f" on {name}" if name else ""
             return f"Not clear{on}: {report.told(units)[0]}."
     far = "" if outcomes.timed is not None else " up to where it stops"
-    remarks = dict.fromkeys(remark for _, report in outcomes.reports for remark in report.remarks)
+    every = [report.remarks for _, report in outcomes.reports]
+    remarks = [remark for remark in (every[0] if every else ()) if all(remark in own for own in every)]
     unseen = dict.fromkeys(link.link for _, report in outcomes.reports for link in report.unseen)
     more = [*remarks, *([f"without a shape: {', '.join(unseen)}"] if unseen else [])]
     told = units.reworded("".join(f"; {words}" for words in more))
     seen = [(name, report) for name, report in outcomes.reports if np.isfinite(report.clearance)]
     if not seen:
-        return f"Clear{far}: within limits and away from singular postures, but no two shapes were held apart{told}."
+        return f"Clear{far}: within limits, on the paths away from singular postures, but no two shapes were held apart{told}."
     name, report = min(seen, key=lambda pair: pair[1].clearance)
     if (near := report.nearest) is None:  # its clearance is finite, so there is one
         return ""
     least = f"{units.factor('m') * near.least:.4g} {units.name('m')}"
     on = f" on {name}" if name else ""
     return (
-        f"Clear{far}: within limits, away from singular postures, and nothing comes nearer than {least} "
+        f"Clear{far}: within limits, on the paths away from singular postures, and nothing comes nearer than {least} "
         f"({' and '.join(near.pair)}, at {near.time:.3g} s{on}){told}."
     )
 
