@@ -19,9 +19,9 @@ from printed import assert_alike
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "start.md").read_text("utf-8")
-ELSEWHERE = ("pip ", "holokin studio", "holokin advise ")
-"""The first is run by .ci/run; the second serves a page; the last takes long: tests/analysis/design/test_advise.py runs
-it on a smaller arm."""
+ELSEWHERE = ("pip ", "holokin studio", "holokin advise ", "holokin cell ")
+"""The first is run by .ci/run; the second serves a page; the last two take long: tests/analysis/design/test_advise.py
+and tests/app/cli/test_cell.py run them."""
 FRAME = str.maketrans("┏┓┗┛┡┩╇┳┴━─┃│┌┐└┘├┤┬┼╞╡", " " * 23)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +24,12 @@ NAME, PROGRAM = "cell", "program"
 """Of the job, and so of the folders of its results; of the folder of the program."""
 
 
+class Lengths(StrEnum):
+    """Units of lengths in files of paths."""
+
+    M, MM, IN = "m", "mm", "in"
+
+
 def cell(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A catalogue name, or a .urdf, .xacro, .xml or .toml.")],
     paths: Annotated[
@@ -39,7 +46,7 @@ def cell(
     base: Base = None,
     trust_units: TrustUnits = False,
     speed: Annotated[float | None, typer.Option(help="Of the tool [m/s], in place of that of the file.")] = None,
-    units: Annotated[str | None, typer.Option(help="Of lengths where the file states none: m, mm or in.")] = None,
+    units: Annotated[Lengths | None, typer.Option(help="Of lengths, where the file states none.")] = None,
     columns: Annotated[
         str | None, typer.Option(help='Of a table without a header, as "x_mm, y_mm, z_mm, i, j, k".')
     ] = None,
@@ -76,7 +83,7 @@ def cell(
             say("the job")
             draft = write_cell(
                 robot, paths, folder, scene=scene, tip=tip, base=base, trust_units=trust_units, at=at, speed=speed,
-                units=units, columns=given,
+                units=None if units is None else units.value, columns=given,
             )  # fmt: skip
             made.append(draft.file)
             advice = None if draft.ruled else _ruled(draft, file, say)
@@ -85,6 +92,7 @@ def cell(
             outcomes, report = _done(opened, folder, say)
             made.append(report)
             proven, proof = _proven(opened, folder, say)
+            made.append(folder / f"{NAME}-proof")
             say("the program")
             known = language_of(robot, draft.robot.name)
             language = language or known or "ros"
@@ -95,10 +103,10 @@ def cell(
         raise
     # The answer, and how each file is made again.
     by = opened[1].printed_units
-    show(verdict(draft, advice, outcomes))
+    show(by.reworded(verdict(draft, advice, outcomes)))
     show(what_was_read(draft, by))
     show(clearance(outcomes, by))
-    show(proof)
+    show(by.reworded(proof))
     show(program)
     show(next_step(draft, file, outcomes, exported, proven, by))
     show(f"\nAll of it is in {folder}; {file} is yours from now on. Its files are made again by:")

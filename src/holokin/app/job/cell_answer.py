@@ -125,18 +125,23 @@ def clearance(outcomes: Outcomes, units: PrintedUnits) -> str:
         if not report.passed:
             on = f" on {name}" if name else ""
             return f"Not clear{on}: {report.told(units)[0]}."
+    far = "" if outcomes.timed is not None else " up to where it stops"
+    every = [report.remarks for _, report in outcomes.reports]
+    remarks = [remark for remark in (every[0] if every else ()) if all(remark in own for own in every)]
+    unseen = dict.fromkeys(link.link for _, report in outcomes.reports for link in report.unseen)
+    more = [*remarks, *([f"without a shape: {', '.join(unseen)}"] if unseen else [])]
+    told = units.reworded("".join(f"; {words}" for words in more))
     seen = [(name, report) for name, report in outcomes.reports if np.isfinite(report.clearance)]
     if not seen:
-        return "Clear: nothing was held apart, as no two shapes are known; limits and singular postures were looked at."
+        return f"Clear{far}: within limits, on the paths away from singular postures, but no two shapes were held apart{told}."
     name, report = min(seen, key=lambda pair: pair[1].clearance)
-    near = report.nearest
-    assert near is not None  # noqa: S101  its clearance is finite
-    by, unit = units.factor("m"), units.name("m")
+    if (near := report.nearest) is None:  # its clearance is finite, so there is one
+        return ""
+    least = f"{units.factor('m') * near.least:.4g} {units.name('m')}"
     on = f" on {name}" if name else ""
     return (
-        "Clear: within limits, away from singular postures, and nothing comes nearer than "
-        f"{by * near.least:.4g} {unit} "
-        f"({' and '.join(near.pair)}, at {near.time:.3g} s{on})."
+        f"Clear{far}: within limits, on the paths away from singular postures, and nothing comes nearer than {least} "
+        f"({' and '.join(near.pair)}, at {near.time:.3g} s{on}){told}."
     )
 
 
@@ -149,13 +154,19 @@ def proof(
     if rejected:
         return False, f"Not proven: the checker rejects the certificate of {', '.join(rejected)}."
     if missing or not certificates:
-        reasons = [one if isinstance(one, str) else one.returning for one in missing.values()]
+        reasons = [one.returning if isinstance(one, Certificate) else str(one) for one in missing.values()]
         return False, f"Not proven: {'; '.join(reasons) or 'there is no certificate'}."
+    # What the certificates are about: some ask for less.
+    cells = [one for one in certificates.values() if isinstance(one, Certificate)]
+    limits = ["within the limits"] * all(one.limits is not None for one in cells)
+    kept = " and ".join([*limits, *["clear"] * all(one.demands.clear is not None for one in cells)])
+    places = "the path" if len(certificates) == 1 else "each path"
+    between = "" if len(certificates) == 1 else " (the ways between them are checked at their samples)"
     verified = all(word.outcome is Outcome.VERIFIED for word in words.values())
     checked = "a second program has verified it" if verified else "the checker has not verified it"
     return True, (
-        "Proven: at every place of the paths, not at samples alone, there is one posture, within the limits and clear, "
-        f"and wherever the tool comes back, so do the joints; {checked}."
+        f"Proven: at every place of {places}, not at samples alone, there is one posture{kept and f', {kept}'}, and "
+        f"wherever the tool comes back on it, so do the joints{between}; {checked}."
     )
 
 
@@ -184,12 +195,13 @@ def _slower(outcomes: Outcomes) -> str:
     return f"{words}, down to {worst.least:.0%} of what is asked at {worst.start:.1f} s for {reason}"
 
 
-def next_step(file: FilePath, outcomes: Outcomes, written: bool, proven: bool, units: PrintedUnits) -> str:
+def next_step(
+    cell: CellJob, file: FilePath, outcomes: Outcomes, written: bool, proven: bool, units: PrintedUnits
+) -> str:
     """What to do next: about what is missing, else at the robot; and what limits the motion."""
     if outcomes.left:
-        return (
-            f"Next: move the part or give another tool, in {file}, and run it again; what is left out is named above."
-        )
+        where = cell.beyond or "move the part"
+        return f"Next: {where}, or change [task], [start] or the tool in {file}, and run it again."
     if not outcomes.clear:
         return f"Next: move the part or what stands there, or allow the pair, in [checks] of {file}; then run it again."
     if not written:

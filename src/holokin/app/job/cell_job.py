@@ -14,6 +14,7 @@ import numpy as np
 from ...analysis.coverage.starts import postures_at, reached
 from ...analysis.coverage.tool_chain import chain_to_tool
 from ...base.errors import ArgumentError, JobError, OutOfReachError, PathError, SingularityError
+from ...base.files import write_text
 from ...base.poses import pose_from
 from ...base.types import Array, Matrix, Value, Vector
 from ...motion import follow
@@ -28,7 +29,7 @@ from .advice_job import ADVISED, moved_job, numbers_of
 from .job_parts import build_path, build_robot, build_strategy, named_paths, naming
 from .schema import Job, job_of, job_table
 from .tables import FrameTable
-from .templates import job_text, write_new
+from .templates import job_text
 
 FRAME = "part"
 """The frame of the job in which the paths of the file stand."""
@@ -102,10 +103,9 @@ def write_cell(
     Raises:
         HolokinError: bad input. OutOfReachError: no path can be begun where it is placed.
     """
-    for taken in (out / "cell.toml", out / "draft.toml"):
-        if os.path.lexists(taken):
-            cure = f"it is yours: go on with `holokin run {out / 'cell.toml'}`, choose another --out, or delete it"
-            raise ArgumentError("a job that exists already", str(taken), cure)
+    if os.path.lexists(taken := out / "cell.toml"):
+        cure = f"it is yours: go on with `holokin run {taken}`, choose another --out, or delete it"
+        raise ArgumentError("a job that exists already", str(taken), cure)
     # What the command, the file and the scene say, and what is assumed besides.
     chain = chain_to_tool(name, tip, base, trust_units)
     read = read_paths(paths, units=units, columns=columns)
@@ -121,11 +121,11 @@ def write_cell(
         "task": tables.get("task") or _task(chain.robot, read, assumed),
         "start": {"q": [0.0] * chain.robot.n},
         "frames": _frames(tables.get("frames", {}), at, assumed),
-        "path": _paths(read, paths, speed, {"units": units, "columns": columns}, assumed),
+        **_paths(read, paths, speed, {"units": units, "columns": columns}, assumed),
     }
     if len(read) > 1:
         keys["air"] = {"order": "given", "height": 0.1, "home": True} | tables.get("air", {})
-    keys["timing"] = _timing(chain.robot, tables.get("timing", {}), assumed)
+    keys["timing"] = {"acceleration": ACCELERATIONS[0]} | tables.get("timing", {})
     keys |= {key: tables[key] for key in ("program",) if key in tables}
     keys["checks"] = tables.get("checks", {})
     if scene is None:
@@ -137,6 +137,7 @@ def write_cell(
     if job.timing is not None:
         with naming(origin, "timing", "velocity"):
             job.timing.check(robot)
+    keys["timing"] = _timing(robot, tables.get("timing", {}), assumed)
     shaped = robot if job.checks is None else job.checks.shaped(robot)
     places = _places(job, read)
     with naming(origin, "task"):
@@ -146,15 +147,16 @@ def write_cell(
         cell = replace(cell, file=out / "cell.toml")
         keys["strategies"] = {ONLY: {"kind": "custom", "g": []}}
     retract, starts = _starts(cell, job, places)
-    _retract(keys, retract)
+    if retract:
+        keys["path" if len(read) == 1 else "every_path"]["retract"] = retract
     q = starts[0]
     if cell.ruled:
         q = next(_followed(job_of(origin, keys), origin, task, starts), q)
     keys["start"] = _start(robot, q)
     # The file.
     out.mkdir(parents=True, exist_ok=True)
-    write_new(cell.file, job_text(moved_job(keys, origin, cell.file)))
-    return replace(cell, retract=retract, beyond=_beyond(cell, places))
+    write_text(cell.file, job_text(moved_job(keys, origin, cell.file)), new=cell.ruled)
+    return replace(cell, retract=retract, beyond=_beyond(cell, job, places))
 
 
 # --- The tables of the job.
@@ -207,18 +209,18 @@ def _frames(frames: Mapping[str, Any], at: str | None, assumed: list[str]) -> di
 
 def _paths(
     read: PathFile, file: FilePath, speed: float | None, given: Mapping[str, Any], assumed: list[str]
-) -> dict[str, Any] | list[dict[str, Any]]:
-    """[path] of a file with one path, or [[path]] for each."""
+) -> dict[str, Any]:
+    """[path] of a file with one path, or [every_path] and a [[path]] for each."""
     words = {key: list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
              for key, value in given.items() if value is not None}  # fmt: skip
     if speed is None and all(path.speeds is None and path.times is None for path in read.paths):
         speed = 0.1
         assumed.append("the file states no speed: 100 mm/s is taken (--speed says another)")
     words |= {} if speed is None else {"speed": speed}
-    tables = [{"kind": "file", "file": file.absolute().as_posix(), "frame": FRAME} | words for _ in read.paths]
-    if len(tables) == 1:
-        return tables[0]
-    return [{"name": path.name, **table, "only": path.name} for path, table in zip(read.paths, tables, strict=True)]
+    table = {"kind": "file", "file": file.absolute().as_posix(), "frame": FRAME} | words
+    if len(read) == 1:
+        return {"path": table}
+    return {"every_path": table, "path": [{"name": path.name, "only": path.name} for path in read.paths]}
 
 
 def _timing(robot: Robot, given: Mapping[str, Any], assumed: list[str]) -> dict[str, Any]:
@@ -234,12 +236,6 @@ def _timing(robot: Robot, given: Mapping[str, Any], assumed: list[str]) -> dict[
 def _start(robot: Robot, q: Vector) -> dict[str, Any]:
     """[start] in degrees."""
     return {"q": (q * np.where(robot.hinges, 180 / np.pi, 1.0)).tolist(), "degrees": True}
-
-
-def _retract(keys: dict[str, Any], retract: float) -> None:
-    """Let all paths of a job be come to from above."""
-    for table in keys["path"] if isinstance(keys["path"], list) else [keys["path"]]:
-        table |= {"retract": retract} if retract else {}
 
 
 # --- Where the robot may begin.
@@ -272,10 +268,10 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
             return retract, clear
         touching = Q if len(Q) and not len(clear) else touching
     if touching is None or apart is None:
-        raise _out_of_reach(cell, places)
+        raise _out_of_reach(cell, job, places)
     # The pairs that are too near in every posture, else that of the most comfortable one.
-    near = ~keeps(apart.distances(touching), apart.limits)
-    pairs = [pair for pair, always in zip(apart.names, near.all(axis=0), strict=True) if always]
+    kept = keeps(apart.distances(touching), apart.limits)
+    pairs = [apart.names[k] for k in np.flatnonzero(~np.any(kept, axis=0))]
     words = ", ".join(" and ".join(pair) for pair in pairs) or apart.touching(touching[:1])[0]
     allowed = ", ".join(f'["{a}", "{b}"]' for a, b in pairs) or '["...", "..."]'
     cure = f"move the part (--at); or, where shapes are coarse there, give a scene with [checks] allowed = [{allowed}]"
@@ -302,11 +298,13 @@ def _followed(job: Job, file: FilePath, task: Task, starts: Matrix) -> Iterator[
             yield q
 
 
-def _beyond(cell: CellJob, places: Sequence[Array]) -> str:
+def _beyond(cell: CellJob, job: Job, places: Sequence[Array]) -> str:
     """How many points of the paths are out of reach, and which step of the part would cure it; "" where none is."""
     some = _some(places)
     within = reached(cell.task, some, None).within
-    return "" if within.all() else f"{(~within).sum()} of {len(some)} points are out of reach: {_better(cell, some)}"
+    return (
+        "" if within.all() else f"{(~within).sum()} of {len(some)} points are out of reach: {_better(cell, job, some)}"
+    )
 
 
 def _some(places: Sequence[Array]) -> Array:
@@ -314,7 +312,7 @@ def _some(places: Sequence[Array]) -> Array:
     return every[np.unique(np.linspace(0, len(every) - 1, LOOKED_AT).astype(int))]
 
 
-def _better(cell: CellJob, some: Array) -> str:
+def _better(cell: CellJob, job: Job, some: Array) -> str:
     """By which step of the part poses (k, 4, 4) come within reach, of a few in front of the arm."""
     arm = reach(cell.task.robot, cell.task.tip)
     middle = (some[:, :3, 3].min(axis=0) + some[:, :3, 3].max(axis=0)) / 2
@@ -322,12 +320,14 @@ def _better(cell: CellJob, some: Array) -> str:
         moved = some.copy()
         moved[:, :3, 3] += (step := arm * np.array(place) - middle)
         if reached(cell.task, moved, None).within.all():
-            by = ", ".join(f"{value:.3g}" for value in step)
-            return f"move the part by [{by}] m (--at), where all points are in reach"
+            frame = job.frames.get(FRAME, FrameTable())
+            turned = [] if frame.rpy_deg is None else frame.rpy_deg
+            there = " ".join(f"{value:.3g}" for value in [*(frame.matrix[:3, 3] + step).round(3), *turned])
+            return f'place the part at --at "{there}", where all points are in reach'
     return "move the part nearer, or turn it (--at), or give another --tip"
 
 
-def _out_of_reach(cell: CellJob, places: Sequence[Array]) -> OutOfReachError:
+def _out_of_reach(cell: CellJob, job: Job, places: Sequence[Array]) -> OutOfReachError:
     """How far off the paths are, and where they would be in reach."""
     some = _some(places)
     far, arm = np.linalg.norm(some[:, :3, 3], axis=1), reach(cell.task.robot, cell.task.tip)
@@ -335,4 +335,4 @@ def _out_of_reach(cell: CellJob, places: Sequence[Array]) -> OutOfReachError:
         f"{cell.robot.name!r} cannot begin any path as placed: they are {far.min():.3g} to {far.max():.3g} m from its "
         f"base, and with its tool it reaches {arm:.3g} m"
     )
-    return OutOfReachError(fact, _better(cell, some))
+    return OutOfReachError(fact, _better(cell, job, some))
