@@ -181,7 +181,7 @@ NO_QUESTION = {
     "BadFrames", "EqualPoses", "JointRates",
     "MoveItPackage", "Ros2ControlPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
-    "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
+    "PairDistance", "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no
     "motion.checks.Finding", "motion.checks.Scene", "motion.checks.Clearances", "Evidence", "FindingKind",
 }  # fmt: skip

@@ -254,7 +254,8 @@ class AuditSetup:
             off = walk.tracking_error(unit)
             if off > FOLLOWED * far and off > self.tolerance:
                 moves = "leads" if unit == "m" else "turns"
-                return f"the tool was up to {off:.3g} {unit} off the path, which {moves} it by {far:.3g} {unit} at most"
+                where = f"{off:.3g} {unit} off the path, which {moves} it by {far:.3g} {unit}"
+                return f"the tool did not follow: it was {where}"
         return ""
 
 
