@@ -150,11 +150,11 @@ def _find_joints(dataset: Dataset, columns: Sequence[_NewJoints]) -> None:
 _WHY = {
     JUMPED: "the joints jump",
     InverseStatus.LIMIT: "beyond the joint limits",
-    InverseStatus.LEAF_ENDS: "the leaf ends before",
-    InverseStatus.SINGULAR: "singular",
+    InverseStatus.LEAF_ENDS: "the strategy does not lead there",
+    InverseStatus.SINGULAR: "singular there",
     InverseStatus.NOT_CONVERGED: "not reached",
     InverseStatus.OUTSIDE: "outside the region",
-    InverseStatus.NOT_A_ROTATION: "no rotation",
+    InverseStatus.NOT_A_ROTATION: "its orientation is no rotation",
     InverseStatus.JUMP: "the rule jumps",
 }
 

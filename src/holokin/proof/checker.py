@@ -348,9 +348,7 @@ class Checker:
             corners = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
             steps = [self.apart(self.numbers, u, self.numbers, [-x for x in u], pieces[0]["q"]) for u in corners]
             wide = ", ".join(f"{float(max(abs(x) for x in step).upper()):.3g}" for step in steps)
-            lines.append(
-                f"{what} of a box of poses, {wide} along its sides, by rows of its task, in {self.count} cells"
-            )
+            lines.append(f"{what} of a box of poses, whose sides are {wide} in rows of its task: {self.count} cells")
         else:
             rows = ", ".join(f"{x:.4g}" for x in self.moved[: self.joints - r])
             lines.append(

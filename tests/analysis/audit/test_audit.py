@@ -61,7 +61,7 @@ def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Ro
     assert "do not depend" in found["speed"].sentence
     assert "no memory" in found["history"].sentence
     assert "keeps" in found["start"].sentence
-    assert "obey the area law" in found["small loops"].sentence
+    assert "drift by the area of the loop" in found["small loops"].sentence
     assert found["small loops"].metrics["ratio"] == pytest.approx(4, abs=0.4)
     F = hk.curvature(hk.moore_penrose(hk.pose(panda)), PANDA_START)[:, 0, 1]
     assert "in x-y" in found["planes"].sentence

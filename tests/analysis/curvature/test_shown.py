@@ -181,7 +181,7 @@ NO_QUESTION = {
     "Clearance", "Deviation", "Exported", "GeneralForm", "Jump", "JointLoad",
     "BadFrames", "EqualPoses", "JointRates",
     "MoveItPackage", "Ros2ControlPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
-    "LeftOut", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
+    "LeftOut", "PairDistance", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen",
     # a fault that was found, and kinds: none is a no
     "motion.checks.Finding", "motion.checks.Scene", "motion.checks.Clearances", "Evidence", "FindingKind",

@@ -55,7 +55,9 @@ def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(pla
     found = hk.coverage(clear.best.strategy, PLANE, clear.q0, samples=256)
     assert 0.05 <= clear.best.clearance <= from_post(found.q).min() + 1e-9
     assert np.isinf(plain.best.clearance) and plain.best.clear == 1.0
-    assert f"{clear.best.clearance:.3f} m apart" in str(clear) and clear.best.closest is not None
+    closest = clear.best.closest
+    assert closest is not None and str(closest) in str(clear) and closest.distance == clear.best.clearance
+    assert from_post(closest.q[None])[0] == pytest.approx(closest.distance, abs=1e-9) and "post" in closest.names
     assert clear.to_dict()["strategies"][0]["clearance"] == clear.best.clearance
 
 
@@ -67,7 +69,7 @@ def test_the_call_that_is_named_proves_it_and_refuses_the_law_without_the_post(p
     assert proof.whole
     least = proof.findings.apart.min()
     assert 0.05 <= least <= clear.best.clearance + 1e-9
-    with pytest.raises(ArgumentError, match=r"post are 0\.0.* m apart there"):
+    with pytest.raises(ArgumentError, match=r"post are 0\.0.* m apart, where 0.05 m is asked"):
         hk.certify(plain.best.strategy, PLANE, plain.q0, scene=SCENE)
     said = str(plain).splitlines()[-1].removeprefix("Certify it by: ")
     assert eval(said, {"hk": hk, "advice": plain}).whole
@@ -91,7 +93,9 @@ def test_what_cannot_be_kept_clear_of_is_refused() -> None:
 def test_where_no_posture_keeps_clear_the_cause_is_named_at_once() -> None:
     """The tank swallows the arm, wherever its joints are: that is found before any strategy is tried."""
     tank, heard = hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0)), []
-    with pytest.raises(OutOfReachError, match=r"no strategy can serve .* tank .* every posture"):
+    with pytest.raises(
+        OutOfReachError, match=r"no strategy can serve .* tank is in the way .* and tank overlap by 0\.\d+ m"
+    ):
         hk.advise(hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[tank]), progress=heard.append)
     assert heard[-1] == "what is in the way"
 

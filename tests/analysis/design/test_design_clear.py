@@ -98,7 +98,7 @@ def test_a_distance_that_binds_is_kept_at_other_poses(pair: tuple[Design, Design
     seen = least_by_coal(held, poses)
     assert seen >= 0.06 - 1e-5 and held.holds
     assert held.checked.clearance == pytest.approx(seen, abs=1e-5) and held.checked.closest is not None
-    assert "post" in held.checked.closest
+    assert "post" in held.checked.closest.names and held.checked.closest.distance == held.checked.clearance
     assert f"the least distance is {held.checked.clearance:.3g} m, between" in str(held.checked)
     assert held.costs[-1] > free.costs[-1] and held.broken > 0
     assert free.checked.closest is None and np.isinf(free.checked.clearance)

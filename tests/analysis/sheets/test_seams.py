@@ -95,7 +95,7 @@ def test_pairs_without_a_seam_say_why() -> None:
         assert report.passed, report
     there = blocked.seams(at=seam.pose)
     assert there.missing[0].both == 1
-    assert "1 times q1 and post" in there.missing[0].reason
+    assert "q1 and post, 1 times" in there.missing[0].reason
     none = free.seams(at=lambda _pose: False)
     assert none.missing[0].reason == Hindrance.NO_POSE.text
     with pytest.raises(PathError, match="served by both"):

@@ -146,7 +146,7 @@ def test_the_program_of_a_strategy_begins_and_ends_where_the_strategy_does_on_th
 def test_a_strategy_with_leaves_is_certified_from_the_page_and_one_without_is_not_and_says_why(worked: Any) -> None:
     panel, browser = worked.page.panels.work, Browser()
     panel._work(browser, panel._certificate)
-    assert "every place on the path has exactly one posture" in panel.answer.content
+    assert "All along the path the joints follow the tool without a jump" in panel.answer.content
     (name, content), *others = browser.files.items()
     assert name == "bolts-nuts-certificate.json" and not others
     assert json.loads(content)

@@ -168,5 +168,5 @@ def test_designs_and_advice_do_not_depend_on_the_mounting() -> None:
     for _robot, task, space, q0 in on_the_spot_and_away():
         made = hk.design(task, space, q0, scene=hk.Scene(clearance=0.01), degree=1, samples=16)
         advice = hk.advise(task, space, scene=hk.Scene(clearance=0.01))
-        said.append((made.holds, made.checked.closest, made.checked.clearance, advice.best.coverage))
+        said.append((made.holds, made.checked.closest.names, made.checked.clearance, advice.best.coverage))
     assert said[0][:2] == said[1][:2] and said[0][2:] == pytest.approx(said[1][2:], abs=5e-3)

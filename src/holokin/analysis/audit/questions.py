@@ -253,8 +253,9 @@ class AuditSetup:
         for unit, far in reach.items():
             off = walk.tracking_error(unit)
             if off > FOLLOWED * far and off > self.tolerance:
-                where = f"up to {off:.3g} {unit} off, on a path that leads {far:.3g} {unit} away"
-                return f"the tool did not follow: {where}"
+                moves = "leads" if unit == "m" else "turns"
+                where = f"{off:.3g} {unit} off the path, which {moves} it by {far:.3g} {unit}"
+                return f"the tool did not follow: it was {where}"
         return ""
 
 
@@ -270,7 +271,7 @@ def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
     unfollowed = setup.went_round(walk, path)
     if unfollowed:
         cure = "feedback, dq = J^+ (x' + K e), or a smaller dt keeps it on the path"
-        raise ControllerError(setup.law.name, f"after its cycles: {unfollowed}; {cure}", walk)
+        raise ControllerError(setup.law.name, f"without a verdict: {unfollowed}; {cure}", walk)
     fine = setup.run(path, dt=setup.dt / 2)
     each = np.abs(walk.drift()).max(axis=1)
     total = largest(walk.drift_since_start()[-1])
@@ -496,7 +497,7 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
         curved = " with a curvature that rises from about 0 at the start"
     elif metrics["ratio"] <= AREA[0]:
         curved = " with a curvature that changes within the loops"
-    return f"obey the area law{curved} ({facts}): a local strategy dq = G(q) x', {per}", metrics
+    return f"drift by the area of the loop{curved} ({facts}), as every law dq = G(q) x' does: {per}", metrics
 
 
 def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> float:

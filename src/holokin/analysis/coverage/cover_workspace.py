@@ -52,13 +52,13 @@ class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
 
     REACHED = 0, "reached"
     LIMIT = 1, "a joint is beyond its limit on this leaf"
-    ALGORITHMIC = 2, "the leaf ends before: the strategy is singular there, the arm is not"
-    KINEMATIC = 3, "the leaf ends before: the arm is singular there"
-    REPRESENTATION = 4, "the leaf ends before: a representation, the task's or the rule's, ends there"
-    STOPPED = 5, "no path could be shown to keep to the leaf"
+    ALGORITHMIC = 2, "the strategy is singular on the way there, the arm is not"
+    KINEMATIC = 3, "the arm is singular on the way there"
+    REPRESENTATION = 4, "angles by which the task or the rule is written are not defined on the way there"
+    STOPPED = 5, "no way there could be shown to be without a jump of the joints"
     BEYOND_LIMITS = 6, "every posture found is beyond the joint limits"
     OUT_OF_REACH = 7, "out of reach: no posture was found"
-    BLOCKED = 8, "a link is too near to an obstacle, the floor or another link on this leaf"
+    BLOCKED = 8, "a link would be too near to an obstacle, the floor or another link"
 
     def __new__(cls, value: int, text: str) -> PoseStatus:
         """A status with its text."""
@@ -184,7 +184,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
                 share = f"{self.share / self.reachable:.1%}" if k else "none"
                 facts[0] += f", {share} of the {reachable} {'that the arm reaches' if self.reach.complete else FOUND}"
             if k < reachable:
-                facts[0] += f"; other leaves serve {reachable - k}"
+                facts[0] += f"; other starts serve {reachable - k}"
         if k:
             rcond = self.rcond[self.reached]
             facts.append(f"rcond at least {rcond.min():.2g}, median {np.median(rcond):.2g}")

@@ -103,8 +103,8 @@ class Evidence(Enum):
     """What is known of the postures between those judged, when no curvature was found."""
 
     CONSTRAINT = (
-        "its planes are normal to the gradient of its constraint, so wherever that is smooth and [J; J_g] regular the "
-        "curvature vanishes: the sampling checks the program"
+        "it keeps a function g(q) of the joints constant, so wherever that is smooth and no posture singular small "
+        "loops cannot make the joints drift: the samples check the program alone"
     )
     TRIGONOMETRIC = (
         "its planes are written with + - * / sin and cos alone, so on every connected set of regular postures its "

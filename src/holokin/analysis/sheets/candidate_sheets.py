@@ -279,7 +279,7 @@ class CandidateSheets:
         keys = {key: value for key, value in candidate.keys.items() if key != "level"}
         if degree and c is not None:
             zeta = Polynomial(c, x[None])
-            name = f"{candidate.name}, level of degree {degree}"
+            name = f"{candidate.name}, following the tool's pose (degree {degree})"
             strategy = holonomic(self.task, tilted(strategy.constraint, zeta, chart=zeta.chart, name=name), name=name)
             keys = zeta.keys_over(candidate.keys)
         return Sheet(strategy, _roomiest(self.task, q), self.rcond, keys, q, poses)

@@ -13,7 +13,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, PathError
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, runs
-from ...motion.checks import Clearances
+from ...motion.checks import Clearances, PairDistance
 from ...motion.trajectory import Trajectory
 from ...path import Path
 from ...path.workspaces import Workspace
@@ -76,6 +76,7 @@ class NoSeam(Value):
 
     both: poses looked at that both serve. hindrances: each with the number of poses at which it was met. ends: the
     joints at their limits, and the things too near to each other, that end the most self-motions, and how many.
+    nearest: two of these things, how near they came, and where.
     """
 
     first: int
@@ -83,6 +84,7 @@ class NoSeam(Value):
     both: int
     hindrances: tuple[tuple[Hindrance, int], ...]
     ends: tuple[tuple[str, int], ...] = ()
+    nearest: PairDistance | None = None
 
     @property
     def reason(self) -> str:
@@ -90,9 +92,10 @@ class NoSeam(Value):
         if not self.both:
             return Hindrance.NO_POSE.text
         tried = sum(count for _, count in self.hindrances)
-        reasons = "; ".join(f"{count} times: {hindrance.text}" for hindrance, count in self.hindrances)
-        most = f" ({', '.join(f'{count} times {end}' for end, count in self.ends)})" if self.ends else ""
-        return f"at {tried} of {self.both} poses that both serve: {reasons}{most}"
+        reasons = "; ".join(f"{hindrance.text} ({count} of them)" for hindrance, count in self.hindrances)
+        most = f"; most often {', '.join(f'{end}, {count} times' for end, count in self.ends)}" if self.ends else ""
+        example = f"; for instance {self.nearest}" if self.nearest else ""
+        return f"{tried} of the {self.both} poses that both serve were looked at: {reasons}{most}{example}"
 
     def __str__(self) -> str:
         return f"sheet {self.first} to sheet {self.second}: {self.reason}"
@@ -172,18 +175,20 @@ def _change(task: Task, poses: Array, q: Array, first: int, second: int, clear: 
     order = both[np.argsort(fastest, kind="stable")][:most]
     fastest = np.sort(fastest)
     best, met, ends, done, size = None, Counter[Hindrance](), Counter[str](), 0, FIRST
+    nearest: PairDistance | None = None
     while done < len(order) and (best is None or fastest[done] < best.seconds):
         rows = order[done : done + size]
         for i, motion in zip(rows.tolist(), still_motions(task, q[first, rows], q[second, rows], clear), strict=True):
             if motion.hindrance is not None:
                 met[motion.hindrance] += 1
                 ends.update(motion.ends)
+                nearest = nearest or motion.nearest
             elif best is None or motion.seconds < best.seconds:
                 best = Seam(task, first, second, poses[i], motion)
         done, size = done + size, min(2 * size, MOST)
     if best is not None:
         return best
-    return NoSeam(first, second, len(both), tuple(met.most_common()), tuple(ends.most_common(SHOWN)))
+    return NoSeam(first, second, len(both), tuple(met.most_common()), tuple(ends.most_common(SHOWN)), nearest)
 
 
 def _placed(

@@ -238,7 +238,7 @@ class Sheet(Value):
 
     def __str__(self) -> str:
         level = ", ".join(f"{c:.4g}" for c in self.level.round(9) + 0.0)  # -0 is 0
-        return f"{self.name}, level {level}" if level else self.name
+        return f"{self.name}, level {level}" if level and self.strategy.constraint.tilt is None else self.name
 
 
 def allowed_postures(

@@ -325,13 +325,12 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def sentence(self) -> str:
         """How many sheets serve how much."""
         many = f"{len(self)} sheet{'' if len(self) == 1 else 's'}"
-        proven = "no fewer" if self.least == len(self) else f"at least {self.least}"
+        of_leaves = f"of the {self.candidates} leaves compared would"
+        fewer = f"no fewer {of_leaves} do" if self.least == len(self) else f"fewer than {self.least} {of_leaves} not do"
         sentence = (
             f"{many} serve{'s' if len(self) == 1 else ''} {self.served.sum()} of the {self.reachable.sum()} sampled "
         )
-        sentence += (
-            f"poses that the arm reaches ({self.share:.2%}); of the {self.candidates} leaves compared, {proven} will do"
-        )
+        sentence += f"poses that the arm reaches ({self.share:.2%}); {fewer}"
         return f"{sentence}; the search was stopped early" if self.stopped else sentence
 
     def __str__(self) -> str:

@@ -13,7 +13,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
-from ...motion.checks import Clear, Clearances
+from ...motion.checks import Clear, Clearances, PairDistance
 from ...motion.self_motions.curve_cuts import curve_of_each
 from ...motion.self_motions.pose_curves import ArcEnd, EndKind
 from ...motion.timing import Stretch
@@ -58,12 +58,12 @@ class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
     """Why the arm cannot go from one posture to another with its tool still; the text says it in words."""
 
     NOT_REDUNDANT = "no joint is redundant: the tool moves with every motion of the joints"
-    APART = "the postures belong to different self-motions: none leads from one to the other"
-    TURNS = "the postures differ by whole turns of joints that the self-motion does not make"
-    LIMITS = "joint limits end the self-motion before it comes to the other posture"
-    BLOCKED = "every self-motion between the postures comes too near to an obstacle, the floor or another link"
-    SINGULAR = "the self-motion leads to a singular posture before it comes to the other one"
-    NOT_FOUND = "no self-motion between the postures was found; that does not prove that there is none"
+    APART = "with the tool still, no motion leads from the one posture to the other"
+    TURNS = "the postures differ by whole turns, which the joints do not make with the tool still"
+    LIMITS = "with the tool still, a joint comes to its limit before the arm is in the other posture"
+    BLOCKED = "with the tool still, the arm comes too near to something on every way to the other posture"
+    SINGULAR = "with the tool still, the arm comes to a singular posture before it is in the other one"
+    NOT_FOUND = "no motion to the other posture was found with the tool still; that does not prove that there is none"
     NO_POSE = "no pose that was looked at is served by both sheets"
     NOT_ALLOWED = "no change is allowed there"
 
@@ -79,14 +79,15 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
 
     The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
     for accelerating is not in them. hindrance: why there is no motion; then there are no rows. ends: a joint that comes
-    to its limit, or two things, how near they come to each other, and where; on a closed self-motion those of both
-    ways round.
+    to its limit, or two things that come too near to each other; on a closed self-motion those of both ways round.
+    nearest: these two things, their distance and where that is.
     """
 
     q: Matrix
     t: Vector
     hindrance: Hindrance | None = None
     ends: tuple[str, ...] = ()
+    nearest: PairDistance | None = None
 
     @property
     def seconds(self) -> float:
@@ -97,6 +98,8 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     def reason(self) -> str:
         """Why there is none, in words, with what is in the way; empty where there is one."""
         text = "" if self.hindrance is None else self.hindrance.text
+        if self.nearest is not None:
+            return f"{text}: {self.nearest}"
         return f"{text}: {' and '.join(dict.fromkeys(self.ends))}" if self.ends else text
 
     def __str__(self) -> str:
@@ -107,12 +110,12 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     def reversed(self) -> StillMotion:
         """The way back."""
         back = (self.q[::-1], self.seconds - self.t[::-1]) if len(self.t) else (self.q, self.t)
-        return StillMotion(*back, self.hindrance, self.ends[::-1])
+        return StillMotion(*back, self.hindrance, self.ends[::-1], self.nearest)
 
 
-def _hindered(n: int, why: Hindrance, ends: Sequence[str] = ()) -> StillMotion:
+def _hindered(n: int, why: Hindrance, ends: Sequence[str] = (), nearest: PairDistance | None = None) -> StillMotion:
     """None, for n joints."""
-    return StillMotion(np.zeros((0, n)), np.zeros(0), why, tuple(ends))
+    return StillMotion(np.zeros((0, n)), np.zeros(0), why, tuple(ends), nearest)
 
 
 def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
@@ -217,7 +220,8 @@ class _Curve(NamedTuple):
             return best
         met = {motion.hindrance for motion in motions}
         why = next(h for h in (Hindrance.BLOCKED, Hindrance.SINGULAR, Hindrance.LIMITS) if h in met)
-        return _hindered(robot.n, why, [end for motion in motions for end in motion.ends])
+        nearest = next((motion.nearest for motion in motions if motion.nearest), None)
+        return _hindered(robot.n, why, [end for motion in motions for end in motion.ends], nearest)
 
     def _apart(self) -> tuple[Hindrance, tuple[str, ...]]:
         """Why it has not both postures, and what is there where it ends."""
@@ -364,7 +368,7 @@ def _blocked(task: Task, q: Matrix, clear: Clear | Clearances | None) -> StillMo
         return None
     first = q[[int(np.argmin(free))]]
     pair = clear.closest(task, first) if isinstance(clear, Clearances) else None
-    return _hindered(task.n, Hindrance.BLOCKED, () if pair is None else (str(pair),))
+    return _hindered(task.n, Hindrance.BLOCKED, () if pair is None else (" and ".join(pair.names),), pair)
 
 
 def held(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:

@@ -23,9 +23,9 @@ from . import plots
 CAUSES = {
     PoseStatus.LIMIT: (plots.ORANGE, "joint limit"),
     PoseStatus.BLOCKED: (plots.SKY, "too near to something"),
-    PoseStatus.ALGORITHMIC: (plots.VERMILLION, "leaf ends: strategy singular"),
-    PoseStatus.KINEMATIC: (plots.PURPLE, "leaf ends: arm singular"),
-    PoseStatus.REPRESENTATION: (plots.YELLOW, "leaf ends: representation"),
+    PoseStatus.ALGORITHMIC: (plots.VERMILLION, "strategy singular on the way"),
+    PoseStatus.KINEMATIC: (plots.PURPLE, "arm singular on the way"),
+    PoseStatus.REPRESENTATION: (plots.YELLOW, "angles not defined on the way"),
     PoseStatus.STOPPED: (plots.BLACK, "no path shown"),
     PoseStatus.BEYOND_LIMITS: ("#6b7480", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#b4bcc8", "out of reach"),
