@@ -6,15 +6,16 @@ joints end. Every question is asked on its own: one that the law cannot answer i
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
-from ...base.types import ArrayLike, Matrix, NoTruthValue, Vector, own_number
+from ...base.types import ArrayLike, Matrix, NoTruthValue, Vector, own_number, positive
 from ...motion.control import ControlLaw, Step, as_control_law
 from ...motion.self_motions.posture_search import spread
 from ...motion.trajectory import Trajectory
@@ -281,6 +282,8 @@ def audit(
     tolerance: float = TOLERANCE,
     patience: float = 2.0,
     metrics: Mapping[str, Callable[[Trajectory], Any]] | None = None,
+    seconds: float = 300.0,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> Audit:
     """Put any control law to the test.
 
@@ -299,9 +302,12 @@ def audit(
         patience: seconds after which a call that does not return is given up.
         metrics: name -> a function of your own of the trajectory of all cycles round the first loop, which gives a
             number, or None. Each is a finding "metric NAME", apart from the verdict.
+        seconds: that it may take; what is not asked by then is said.
+        progress: hears how long a step of the law takes, and what is asked.
 
     Raises:
-        ArgumentError, ShapeError, NotFiniteError: bad arguments, as a strategy of another robot; not a bad law.
+        ArgumentError, ShapeError, NotFiniteError: bad arguments, as a strategy of another robot; not a bad law, but one
+            whose steps are so slow that the audit would take longer than it may.
         OpenPathError: a path is not closed.
         StartError: a path does not begin at the tool. SingularityError: the task has orientation rows alone, and their
             representation is singular at the start.
@@ -325,21 +331,41 @@ def audit(
     for loop in paths:
         if not loop.closed:
             raise OpenPathError("an audit", loop.gap)
+    # How long it will take; a law may be too slow.
+    positive("the seconds of an audit", seconds)
+    steps = (ROUNDS * paths[0].duration + (cycles + 2) * sum(loop.duration for loop in paths[1:])) / dt
+    each = _seconds_of_a_step(setup)
+    about = f"a step of the law takes {1e3 * each:.2g} ms, so that an audit of {steps:,.0f} steps takes"
+    if each * steps > seconds:
+        raise ArgumentError(
+            f"the seconds of the audit of {setup.law.name!r}",
+            seconds,
+            f"{about} about {each * steps / 60:,.0f} min: {FASTER}",
+        )
+    progress(f"{about} about {each * steps:,.0f} s")
+    late = f"not asked within the {seconds:g} s of the audit; {FASTER}"
+    setup = replace(setup, until=time.monotonic() + seconds, late=late)
+
+    def asked(question: str, ask: Callable[[], Answer]) -> Finding:
+        progress(question)
+        return _answered(question, ask)
+
     # Each question on its own: the cycles of each loop and of the worst plane, then what the cycles leave open.
     suffixes = [f", loop {i + 1}" if len(paths) > 1 else "" for i in range(len(paths))]
     findings = [
-        _asked(f"cycles{word}", lambda loop=loop: ask_cycles(setup, loop))
+        asked(f"cycles{word}", lambda loop=loop: ask_cycles(setup, loop))
         for word, loop in zip(suffixes, paths, strict=True)
     ]
+    progress("loops in every plane")
     planes = _planes(setup, paths, given=path is not None)
     findings += _of_planes(setup, paths[0], planes, findings)
     others = {"paths": ask_two_paths, "speed": ask_speed, "history": _ask_history, "start": ask_start}
-    findings += [_asked(name, lambda ask=ask: ask(setup, paths[0])) for name, ask in others.items()]
-    findings += [_asked("small loops", lambda: ask_small_loops(setup, widest(setup, planes)))]
+    findings += [asked(name, lambda ask=ask: ask(setup, paths[0])) for name, ask in others.items()]
+    findings += [asked("small loops", lambda: ask_small_loops(setup, widest(setup, planes)))]
     # The user's own metrics do not change the verdict.
     verdict = _verdict(setup, findings, planes)
     findings += [
-        _asked(f"metric {name}", lambda name=name, f=f: _own_metric(setup, paths[0], name, f))
+        asked(f"metric {name}", lambda name=name, f=f: _own_metric(setup, paths[0], name, f))
         for name, f in (metrics or {}).items()
     ]
     return Audit(setup.law.name, verdict, tuple(findings), tolerance, tuple(planes))
@@ -374,7 +400,33 @@ def _default_loops(setup: AuditSetup) -> list[Path]:
     return loops or [setup.loop(plane) for plane in dict.fromkeys((planes[0], planes[-1]))]
 
 
-def _asked(question: str, ask: Callable[[], Answer]) -> Finding:
+ROUNDS = 50
+"""Rounds of its first loop that an audit takes, as long as those of all other runs together: 30 to 59 were met."""
+
+FASTER = (
+    "build tasks, strategies and CasADi functions once, before the first step, and not in each; or give a longer dt, "
+    "fewer cycles, a shorter path, or more seconds"
+)
+
+TRIAL = 10
+"""Steps of the short runs by which the law is timed."""
+
+
+def _seconds_of_a_step(setup: AuditSetup) -> float:
+    """Of a step of the law, in the second of two short runs: the first may build something. 0 if it does not run."""
+    point, taken = setup.tool[:3, 3], 0.0
+    way = polyline([point, point + [0.0, 0.0, 0.1 * TRIAL * setup.dt]])
+    for _ in range(2):
+        began = time.perf_counter()
+        try:
+            setup.run(way)
+        except HolokinError:  # each question says it
+            return 0.0
+        taken = (time.perf_counter() - began) / TRIAL
+    return taken
+
+
+def _answered(question: str, ask: Callable[[], Answer]) -> Finding:
     """The answer, or why there is none: a law's fault ends its question, not the audit."""
     try:
         sentence, metrics = ask()
@@ -424,7 +476,7 @@ def _of_planes(setup: AuditSetup, first: Path, planes: list[PlaneDrift], before:
     loop = setup.loop(worst.plane, worst.size)
     slower = min(1.0, loop.duration / first.duration)  # what converges needs time: as long a cycle as the others have
     loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
-    return [*findings, _asked(f"cycles in {worst.name}", lambda: ask_cycles(setup, loop))]
+    return [*findings, _answered(f"cycles in {worst.name}", lambda: ask_cycles(setup, loop))]
 
 
 def _by_step(setup: AuditSetup, plane: PlaneDrift) -> bool:

@@ -5,6 +5,7 @@ A question answers with a sentence and its metrics, by name [joint units unless 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -220,6 +221,8 @@ class AuditSetup:
     cycles: int
     patience: float
     tolerance: float
+    until: float = np.inf  # the time of `time.monotonic` after which no run begins, and what is said then
+    late: str = ""
 
     @cached_property
     def tool(self) -> Matrix:
@@ -235,7 +238,9 @@ class AuditSetup:
         dt: float | None = None,
         law: ControlLaw | None = None,
     ) -> Trajectory:
-        """One run of the law, or of another, such as this one watched. Raises: ControllerError."""
+        """One run of the law, or of another, such as this one watched. Raises: ControllerError; it is too late."""
+        if time.monotonic() > self.until:
+            raise ControllerError(self.law.name, self.late)
         begin, law = self.q0 if q0 is None else q0, law or self.law
         return simulate(law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
 
