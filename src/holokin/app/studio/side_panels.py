@@ -25,7 +25,7 @@ from ..job import Job, certify_job, open_one_job, packaged_jobs, program_of_job
 from ..report.plots import CLOCKWISE, COUNTER_CLOCKWISE
 from ..report.sheets_plots import sheet_color
 from .followers import circle_loop, eight_loop
-from .panel_html import block, file_name, gauge, line, named, plain, put, quiet, swatch, table, warning
+from .panel_html import block, file_name, gauge, line, named, plain, put, quiet, swatch, table, verdict, warning
 from .playback import record_session
 from .posture_panel import PosturePanel
 from .session import Session, to_job
@@ -528,8 +528,7 @@ class Panels:
             if len(state.drift):
                 stopped = np.isnan(state.drift[-1])
                 drift = "stopped" if stopped else difference(units, robot, state.drift_joints[-1])
-            verdict = "holonomic" if state.repeatable else "not holonomic" if state.judgement is not None else ""
-            name = named(state.name, verdict)
+            name = named(state.name, verdict(state.repeatable))
             status = plain("follows" if state.following else state.status.value, red=not state.following, right=True)
             rows.append((swatch(color, index == self.page.lead), name, plain(drift, right=True), status))
         return block(table(rows, [COLUMNS, *(self.page.worded(state.sentence) for state in snap.strategies)]))
