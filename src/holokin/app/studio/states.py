@@ -115,7 +115,7 @@ class StrategyState:
 
     @property
     def repeatable(self) -> bool | None:
-        """Whether small closed paths of the tool bring the joints back, by leaves or verdict; None if it is not known."""
+        """Whether small closed paths of the tool bring the joints back, by leaves or verdict; None if not known."""
         return True if self.holonomic else None if self.judgement is None else self.judgement.holonomic
 
 
