@@ -141,8 +141,7 @@ class Incoming:
             if isinstance(message, GuiUpdateMessage):
                 message.updates.value = fitted(self._control(message.uuid), message.updates.value)
             elif isinstance(message, TransformControlsUpdateMessage | ViewerCameraMessage):
-                if abs(math.hypot(*message.wxyz) - 1.0) > UNIT:
-                    return None
+                _check_turn(message.wxyz)
         except (msgspec.MsgspecError, ValueError, RecursionError, Refused):
             return None
         return msgspec.msgpack.encode(message)
@@ -181,6 +180,12 @@ def between(value: Any, low: float | None, high: float | None) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise Refused
     return float(min(max(float(value), -FAR if low is None else low), FAR if high is None else high))  # NumPy ends, too
+
+
+def _check_turn(wxyz: _Turn) -> None:
+    """Raises: Refused: a quaternion is no rotation."""
+    if abs(math.hypot(*wxyz) - 1.0) > UNIT:
+        raise Refused
 
 
 # --- The server: viser behind a door.

@@ -368,7 +368,7 @@ _DOING = {
     Phase.GATHERING: "The joints go to where the loop begins.",
     Phase.RUNNING: "Cycle {cycle}, {share:.0f} %",
     Phase.PAUSED: "Held in cycle {cycle}, {share:.0f} %",
-    Phase.DONE: "Done: {done} cycles. {who}",
+    Phase.DONE: "Done: {done}. {who}",
 }
 
 
@@ -497,7 +497,8 @@ class Panels:
 
     def _doing(self, snap: Snapshot) -> str:
         share, who = 100 * snap.progress, back_and_away(snap)
-        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=snap.cycle, who=who)
+        done = "1 cycle" if snap.cycle == 1 else f"{snap.cycle} cycles"
+        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=done, who=who)
         faults = [f"{state.name}: {state.sentence}" for state in snap.strategies if state.sentence]
         red = self.page.message or snap.message or (faults[0] if faults else snap.loop_fault)
         return block(line(text), gauge(snap.progress), *(warning(self.page.worded(s)) for s in (red, snap.fault)))
