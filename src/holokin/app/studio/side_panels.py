@@ -449,7 +449,7 @@ class Panels:
         self.way = gui.add_dropdown("Way round", ROUND, hint="The sense in which the loop is run")
         # What is drawn, and in which units.
         names = tuple(strategy.name for strategy in session.strategies)
-        hint = "The strategy whose robot is drawn solid; the others are ghosts"
+        hint = "The strategy whose robot is drawn solid; the others are seen where they differ from it"
         self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=hint)
         hint = "A pale pink robot where all strategies began"
         self.at_start = gui.add_checkbox("Show the start posture, in pink", False, hint=hint)
