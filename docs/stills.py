@@ -103,14 +103,12 @@ def studio() -> None:
         taken = Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB")
         browser.close()
         shown.close()
-    file = HERE / "pictures" / "studio.png"
-    taken.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(file, optimize=True)
-    print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)
+    save(taken, HERE / "pictures" / "studio.png")
 
 
 def save(picture: Image.Image, file: Path) -> None:
     """As a PNG of few colours."""
-    few = picture.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few = picture.quantize(COLORS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     few.save(file, optimize=True)
     print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)
 

@@ -8,7 +8,9 @@ import re
 import threading
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from html import escape
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,12 +18,16 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
+from holokin.app.report.plots import law_colors, rgb
 from holokin.app.studio.stage import circle_of
-from holokin.app.studio.states import UNITS
-from sessions import panda, served
+from holokin.app.studio.states import UNITS, difference, figure
+from holokin.base.units import SI
+from sessions import panda, served, until
 from sessions import run as run_to_the_end
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
+from holokin.app.studio.page_scene import linear
+from holokin.app.studio.side_panels import back_and_away
 
 
 @pytest.fixture
@@ -177,3 +183,71 @@ def test_advice_in_the_page_is_that_of_advise(worked: Any) -> None:
     found = hk.advise(hk.pose(worked.session.robot), q0=worked.session.home)
     assert f"The best is {escape(found.best.name)}." in panel.answer.content
     assert all(escape(reason) in panel.answer.content for reason in found.reasons)
+
+
+def test_the_status_names_who_is_back_who_is_not_and_who_stopped_and_no_number_is_a_power_of_ten() -> None:
+    session = panda(cycles=1)
+    end = run_to_the_end(session)
+    assert back_and_away(end) == "Back at the start: lock, arm angle. Not back: pseudo-inverse."
+    lost = replace(end.strategy("lock"), drift=np.array([np.nan]))
+    others = tuple(lost if state.name == "lock" else state for state in end.strategies)
+    assert "Back at the start: arm angle. " in back_and_away(replace(end, strategies=others))
+    assert back_and_away(replace(end, strategies=others)).endswith("Stopped on the way: lock.")
+    assert back_and_away(session.reset()) == ""
+    drifts = {state.name: difference(SI, session.robot, state.drift_joints[-1]) for state in end.strategies}
+    assert drifts == {
+        "pseudo-inverse": f"{end.strategy('pseudo-inverse').drift[-1]:.3g}",
+        "lock": "none",
+        "arm angle": "none",
+    }
+    for value in np.logspace(-9, 6, 31) * 1.2345:
+        assert "e" not in figure(value) and float(figure(value)) == pytest.approx(value, rel=5e-3)
+
+
+def test_robots_and_lines_have_the_colours_of_reports_also_where_a_verdict_tells_that_joints_return(
+    studio: Any,
+) -> None:
+    """Of ppr-cycle the strategy `paper` has no leaves that are known, and is holonomic: cool in reports."""
+    import trimesh
+
+    page, scene = studio.page, studio.page.scene
+    wanted = law_colors([False, True, True])
+    assert [strategy.holonomic for strategy in studio.session.strategies] == [False, False, True]
+    until(lambda: page.colors == wanted and scene.colors == wanted)
+    page_thread_done(page)
+    for plot in (page.charts.drift, page.charts.history):
+        assert tuple(line["stroke"] for line in plot.series[1:]) == wanted
+        assert [bool(line["dash"]) for line in plot.series[1:]] == [True, False, False]
+    for ghost in scene._ghosts:
+        assert (ghost.batched_colors == linear([rgb(color) for color in wanted])).all()
+    until(lambda: 'paper</b> <span style="color:#8A919C">holonomic' in page.panels.table.content)
+    # The solid robot has three quarters of its strategy's colour, and that of another strategy when it is chosen.
+    for index in (2, 0):
+        page.ask(lambda index=index: page.set_lead(index))
+        page_thread_done(page)
+        for look, part in zip(scene.looks, scene._solid, strict=True):
+            (mesh,) = trimesh.load_scene(io.BytesIO(part.glb_data), file_type="glb").geometry.values()
+            found = np.unique(np.asarray(mesh.visual.vertex_attributes["color"])[:, :3], axis=0)
+            mixed = np.unique(linear(0.75 * np.array(rgb(wanted[index])) + 0.25 * look.colors), axis=0)
+            assert (found == mixed).all()
+
+
+def test_a_narrow_browser_has_the_plots_as_a_bar_once_and_a_wide_one_keeps_them(studio: Any) -> None:
+    page, sent = studio.page, []
+    page.close()  # its thread: the test draws
+
+    def browser(number: int, wide: int, high: int) -> Any:
+        api = SimpleNamespace(
+            _panel_lifecycle_lock=threading.RLock(), _layout_run_id="one", _next_layout_counter=lambda: 1
+        )
+        api._websock_interface = SimpleNamespace(queue_message=lambda message: sent.append((number, message)))
+        return SimpleNamespace(gui=api, camera=SimpleNamespace(image_width=wide, image_height=high))
+
+    windows = {0: browser(0, 404, 768), 1: browser(1, 820, 900), 2: browser(2, 1300, 1080)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page.server, "get_clients", lambda: windows)
+        for _ in range(3):
+            page.charts.draw(studio.session.snapshot())
+    assert [(number, message.uuid, message.collapsed) for number, message in sent] == [
+        (0, page.charts._panel._placement_uuid, True)
+    ]

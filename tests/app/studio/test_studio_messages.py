@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import math
 import threading
@@ -112,7 +111,7 @@ def test_no_value_of_any_control_is_taken_that_the_page_could_not_set(shown: Any
     found = controls(shown.studio)
     kinds = {"Button", "Checkbox", "Dropdown", "Number", "Slider", "Text", "Vector3"}
     assert {type(one).__name__ for one in found} == {f"Gui{kind}Handle" for kind in kinds}
-    spared = {"Open this job", "Screenshot", "Record to HTML", "Go two paths to the tool's place"}
+    spared = {"Open this job", "Record to HTML", "Go two paths to the tool's place"}
     for control in found:
         if control.label in spared:  # they do what they do, whatever value is sent
             continue
@@ -346,27 +345,3 @@ def test_corners_are_near_and_not_many(shown: Any) -> None:
     assert len(handles.corners) == 50
     handles.stop_corners()
     page.say("")
-
-
-def picture(kind: str, size: tuple[int, int]) -> bytes:
-    from PIL import Image
-
-    file = io.BytesIO()
-    Image.new("L", size).save(file, kind)
-    return file.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("payload", "passes"),
-    [
-        (picture("JPEG", (40, 30)), True), (b"", True),
-        (picture("PNG", (40, 30)), False), (picture("GIF", (40, 30)), False),
-        (b"\x00" * 9000, False), (b"\xff\xd8\xff\xe0", False), (picture("JPEG", (9000, 8)), False),
-    ],
-    ids=["a picture", "none", "png", "gif", "zeros", "a head", "too wide"],
-)  # fmt: skip
-def test_a_picture_is_read_only_where_it_is_of_the_kind_that_was_asked_for(payload: bytes, passes: bool) -> None:
-    from holokin.app.studio.gate import Incoming
-
-    said = msgspec.msgpack.encode({"type": "GetRenderResponseMessage", "payload": payload, "render_uuid": "u"})
-    assert (Incoming().passed(said) is not None) == passes

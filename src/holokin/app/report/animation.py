@@ -13,7 +13,7 @@ from ...base.files import writing
 from ...base.types import Vector
 from ...motion.trajectory import Status, Trajectory
 from . import plots
-from .job_figures import tool_points
+from .job_figures import strategy_colors, tool_points
 from .job_result import JobResult, StrategyResult
 from .robot_panels import GHOST, Curve, stage_of
 from .robot_view import Layer, Pixels, floor_scale, layer_of, onto, show, solids_at, standing, triad
@@ -187,7 +187,7 @@ def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> 
     """The cycles, one panel a strategy, the start in pale pink, and below how far the joints are after each cycle."""
     panels = []
     for strategy in strategies:
-        color = plots.HOLONOMIC if strategy.verdict.holonomic else plots.NONHOLONOMIC
+        color = strategy_colors(result)[strategy.name]
 
         def title(
             share: float, walk: Trajectory = strategy.cycles, name: str = plots.on_figure(strategy.name, 44)

@@ -209,6 +209,12 @@ def cycles_figure(result: JobResult) -> Any:
     return figure
 
 
+def strategy_colors(result: JobResult) -> dict[str, str]:
+    """Name -> the colour of a strategy in all pictures of a result."""
+    names = [s.name for s in result.drawn]
+    return dict(zip(names, plots.law_colors([s.verdict.holonomic for s in result.drawn]), strict=True))
+
+
 def drift_figure(result: JobResult) -> Any:
     """Drift after each cycle, all strategies in one."""
     from matplotlib.figure import Figure
@@ -218,7 +224,8 @@ def drift_figure(result: JobResult) -> Any:
     room = 0.5 + 0.08 * max(26 if len(walks) > plots.LABELS else 0, *map(len, walks))
     figure = Figure(figsize=(6.2 + room, 4.0))
     margins(figure, left=0.85, right=room, bottom=0.6, top=0.2)
-    plots.drift_per_cycle(figure.subplots(), walks, plots.law_colors([s.verdict.holonomic for s in done]))
+    colors = strategy_colors(result)
+    plots.drift_per_cycle(figure.subplots(), walks, [colors[s.name] for s in done])
     return figure
 
 
@@ -232,9 +239,8 @@ def _ranges_figure(result: JobResult) -> Any:
     figure = Figure(figsize=(7.6, 0.9 + rows * max(0.32, 0.13 * len(shown)) + 0.24 * -(-len(shown) // 3)))
     margins(figure, left=1.7, right=0.45, bottom=0.45 + 0.24 * -(-len(shown) // 3), top=0.15)
     walks = {plots.on_figure(s.name, 40): s.cycles for s in shown}
-    axes = plots.joint_ranges(
-        figure.subplots(), result.robot, walks, plots.law_colors([s.verdict.holonomic for s in shown])
-    )
+    colors = strategy_colors(result)
+    axes = plots.joint_ranges(figure.subplots(), result.robot, walks, [colors[s.name] for s in shown])
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, fontsize=9)
     return figure
 
@@ -295,9 +301,7 @@ def _key(figure: Any, drawn: list[StrategyResult]) -> None:
     if any(s.two_paths is not None for s in drawn):
         marks += [(plots.CLOCKWISE, "end, clockwise", "-"), (plots.COUNTER_CLOCKWISE, "end, counter-clockwise", "--")]
     else:
-        shown = {s.verdict.holonomic for s in drawn}
-        end = {True: (plots.HOLONOMIC, "end, holonomic", "-"), False: (plots.NONHOLONOMIC, "end, not holonomic", "-")}
-        marks += [end[kind] for kind in (True, False) if kind in shown]
+        marks.append((plots.INK, "end, in the colour of the strategy", "-"))
     handles = [Line2D([], [], color=color, linestyle=style, linewidth=4, label=name) for color, name, style in marks]
     figure.legend(handles=handles, loc="lower center", fontsize=9, ncols=len(handles), frameon=False)
 
@@ -306,8 +310,7 @@ def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list
     """The postures to show of a strategy, and its tool's paths; the start is pale, the second path an outline."""
     actors = [Actor(result.q0, plots.START, "ghost")]
     if strategy.two_paths is None:
-        color = plots.HOLONOMIC if strategy.verdict.holonomic else plots.NONHOLONOMIC
-        points = tool_points(result, strategy.cycles)
+        points, color = tool_points(result, strategy.cycles), strategy_colors(result)[strategy.name]
         return [*actors, Actor(strategy.cycles.q[-1], color)], [Curve(p, plots.LOOP) for p in points]
     clockwise, counter = strategy.two_paths
     actors += [Actor(clockwise.q[-1], plots.CLOCKWISE), Actor(counter.q[-1], plots.COUNTER_CLOCKWISE, "outline")]

@@ -79,7 +79,7 @@ def circle_loop(
     return Loop("circle", path, keys | {"at": start.tolist()}, samples, clockwise)
 
 
-def polygon_loop(points: ArrayLike, *, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False) -> Loop:
+def polygon_loop(points: ArrayLike, *, speed: float = SPEED, samples: int = SAMPLES) -> Loop:
     """A closed polyline through points (k, 3), such as those of clicks; it begins at the first one.
 
     Raises:
@@ -88,26 +88,25 @@ def polygon_loop(points: ArrayLike, *, speed: float = SPEED, samples: int = SAMP
     given = finite("the points of a polygon", points, ("k", 3), "give points in space")
     if len(given) < 3:
         raise ArgumentError("the number of points of a polygon", len(given), "give at least three")
-    order = np.vstack([given[:1], given[:0:-1]]) if clockwise else given
-    path = polyline(order, closed=True, speed=positive("speed", speed))
-    keys = {"kind": "polyline", "points": order.tolist(), "closed": True, "speed": float(speed)}
-    return Loop("polyline", path, keys, samples, clockwise)
+    path = polyline(given, closed=True, speed=positive("speed", speed))
+    keys = {"kind": "polyline", "points": given.tolist(), "closed": True, "speed": float(speed)}
+    return Loop("polyline", path, keys, samples)
 
 
 def eight_loop(
     crossing: ArrayLike, width: float, height: float | None = None, normal: ArrayLike = (0.0, 0.0, 1.0), *,
-    along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False,
+    along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES,
 ) -> Loop:  # fmt: skip
     """A figure eight that begins where it crosses itself, as `hk.path.figure_eight`."""
     start, n = finite("crossing", crossing, (3,)), _unit(normal)
     flat = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0]) if along is None else _unit(along)
     flat = flat - (flat @ n) * n
-    wide = (-1.0 if clockwise else 1.0) * flat / np.linalg.norm(flat)
+    wide = flat / np.linalg.norm(flat)
     path = figure_eight(start, width, height, n, along=wide, speed=speed)
     keys: dict[str, Any] = {"kind": "figure-eight", "at": start.tolist(), "width": float(width)}
     keys |= {"normal": n.tolist(), "along": wide.tolist(), "speed": float(speed)}
     keys |= {} if height is None else {"height": float(height)}
-    return Loop("figure-eight", path, keys, samples, clockwise)
+    return Loop("figure-eight", path, keys, samples)
 
 
 def reversed_loop(loop: Loop) -> Loop:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import http
-import io
 import math
 import threading
 import time
@@ -37,9 +36,9 @@ from .page_scene import silent_viser
 # options. What does not fit is dropped, and nobody else notices.
 
 LONGEST = 200  # characters of a text that is typed into the page, and of names in messages
-SMALL = 8192  # bytes of a message that is no picture: the longest, of the camera, has 400
-LARGEST = 16 * 2**20  # bytes of a message: a picture of 8192 x 4096 pixels has 10 MB
-PIXELS = 8192  # width and height of a picture at most
+SMALL = 8192  # bytes of a message that is heard: the longest, of the camera, has 400
+LARGEST = 2**20  # bytes of a message after which its sender is no page of ours
+PIXELS = 16_384  # width and height of a window at most
 # largest number [m, or any unit] of a control without bounds of its own, and of a handle's place: no robot is larger
 FAR = 1e3
 AWAY = 1e6  # largest coordinate of a camera [m], which zooms out far beyond what it sees
@@ -109,22 +108,13 @@ class TransformControlsDragEndMessage(TransformControlsDragStartMessage, tag_fie
     """A handle is let go."""
 
 
-class GetRenderResponseMessage(Struct, tag_field="type"):
-    """A picture that the browser was asked for; an empty one if it has none."""
-
-    payload: bytes
-    render_uuid: _Name
-
-
-_PICTURE = msgspec.msgpack.Decoder(GetRenderResponseMessage)
-_SMALL = msgspec.msgpack.Decoder(
+_DECODER = msgspec.msgpack.Decoder(
     GuiUpdateMessage
     | ViewerCameraMessage
     | ScenePointerMessage
     | TransformControlsUpdateMessage
     | TransformControlsDragStartMessage
     | TransformControlsDragEndMessage
-    | GetRenderResponseMessage
 )
 
 
@@ -144,17 +134,14 @@ class Incoming:
 
     def passed(self, sent: bytes | str) -> bytes | None:
         """What viser shall hear of a message: the same, a number in its bounds and no field more, or nothing."""
-        if not isinstance(sent, bytes) or len(sent) > LARGEST:
+        if not isinstance(sent, bytes) or len(sent) > SMALL:
             return None
         try:
-            message = (_SMALL if len(sent) <= SMALL else _PICTURE).decode(sent)
+            message = _DECODER.decode(sent)
             if isinstance(message, GuiUpdateMessage):
                 message.updates.value = fitted(self._control(message.uuid), message.updates.value)
             elif isinstance(message, TransformControlsUpdateMessage | ViewerCameraMessage):
-                if abs(math.hypot(*message.wxyz) - 1.0) > UNIT:
-                    return None
-            elif isinstance(message, GetRenderResponseMessage) and message.payload:
-                _check_picture(message.payload)
+                _check_turn(message.wxyz)
         except (msgspec.MsgspecError, ValueError, RecursionError, Refused):
             return None
         return msgspec.msgpack.encode(message)
@@ -195,16 +182,9 @@ def between(value: Any, low: float | None, high: float | None) -> float:
     return float(min(max(float(value), -FAR if low is None else low), FAR if high is None else high))  # NumPy ends, too
 
 
-def _check_picture(payload: bytes) -> None:
-    """Raises: Refused: bytes are no picture of the kind and size that is asked for; they are read as one later."""
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(io.BytesIO(payload), formats=["JPEG"]) as picture:
-            size = picture.size
-    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError):
-        raise Refused from None
-    if max(size) > PIXELS:
+def _check_turn(wxyz: _Turn) -> None:
+    """Raises: Refused: a quaternion is no rotation."""
+    if abs(math.hypot(*wxyz) - 1.0) > UNIT:
         raise Refused
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import RobotFileError, brief
+from ...base.errors import RobotFileError
 from ...base.extra_module import extra_module
 from ...base.poses import pose_from
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, Vector
@@ -113,8 +113,8 @@ def quaternions(rotations: Array) -> Array:
     """w, x, y, z (..., 4) of rotations (..., 3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    xyzw = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
-    return xyzw[:, [3, 0, 1, 2]].reshape(*rotations.shape[:-2], 4)
+    turns = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat(scalar_first=True)
+    return turns.reshape(*rotations.shape[:-2], 4)
 
 
 def _mesh(shape: Shape | Surface, color: Any = None) -> Any:
@@ -122,7 +122,7 @@ def _mesh(shape: Shape | Surface, color: Any = None) -> Any:
     tm = trimesh_package()
     match shape:
         case Mesh():
-            mesh = _file_mesh(shape)
+            mesh = tm.Trimesh(*shape.triangles, process=True)
         case Surface():
             mesh = tm.Trimesh(shape.points, shape.triangles, process=True)
         case Box():
@@ -139,44 +139,9 @@ def _mesh(shape: Shape | Surface, color: Any = None) -> Any:
             mesh = tm.convex.convex_hull(shape.corners)
         case _:
             raise RobotFileError("the robot", "a shape that is not read", "draw it without")
-    if color is not None or not isinstance(shape, Mesh):
-        tint = LINK if color is None else tuple(int(255 * min(max(c, 0.0), 1.0)) for c in color[:3])
-        mesh.visual = tm.visual.ColorVisuals(mesh, vertex_colors=np.tile([*tint, 255], (len(mesh.vertices), 1)))
+    tint = LINK if color is None else tuple(int(255 * min(max(c, 0.0), 1.0)) for c in color[:3])
+    mesh.visual = tm.visual.ColorVisuals(mesh, vertex_colors=np.tile([*tint, 255], (len(mesh.vertices), 1)))
     return mesh
-
-
-def _file_mesh(shape: Mesh) -> Any:
-    """The mesh of a file with its own colours. Raises: RobotFileError."""
-    tm, cure = trimesh_package(), "install the reader of its format, or convert it to .stl, .obj or .glb"
-    if not shape.file.is_file():
-        raise RobotFileError(shape.file, "there is no such mesh", "put it where the robot's file says")
-    try:
-        loaded = tm.load(shape.file)
-        pieces = loaded.dump() if hasattr(loaded, "dump") else [loaded]
-        meshes = []
-        for piece in pieces:
-            points = np.asarray(piece.vertices, dtype=float) * shape.scale
-            colors = _own_colors(piece)
-            faces = shape.outward(np.asarray(piece.faces, dtype=np.int64))
-            meshes.append(tm.Trimesh(points, faces, vertex_colors=colors, process=False))
-        mesh = tm.util.concatenate(meshes)
-        if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-            raise RobotFileError(shape.file, "has no triangles", cure)
-        return mesh
-    except RobotFileError:
-        raise
-    except Exception as problem:  # its readers raise what they like, of packages that are missing, too
-        raise RobotFileError(shape.file, f"cannot be read ({brief(problem, 100)})", cure) from problem
-
-
-def _own_colors(piece: Any) -> Any:
-    """A colour for each point of a mesh as it was loaded; light grey where the file has none."""
-    visual = piece.visual
-    if getattr(visual, "defined", False):
-        rgba = np.asarray((visual.to_color() if hasattr(visual, "to_color") else visual).vertex_colors)
-        if rgba.shape == (len(piece.vertices), 4):
-            return rgba
-    return np.tile([*LINK, 255], (len(piece.vertices), 1))
 
 
 def _capsules(robot: Robot) -> dict[int, list[Any]]:
@@ -558,7 +523,7 @@ def rotations_of(turns: Matrix) -> Matrix:
     """Rotations (k, 3, 3) of quaternions w, x, y, z (k, 4)."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_quat(turns[:, [1, 2, 3, 0]]).as_matrix()
+    return Rotation.from_quat(turns, scalar_first=True).as_matrix()
 
 
 def pose_of(position: ArrayLike, wxyz: ArrayLike) -> Matrix:

@@ -80,6 +80,11 @@ def named(name: str, note: str = "") -> Cell:
     return f'<b>{escape(name)}</b> <span style="color:{GREY}">{escape(note)}</span>'
 
 
+def verdict(holonomic: bool | None) -> str:
+    """Whether a strategy is holonomic, in a word or two."""
+    return "not judged" if holonomic is None else "holonomic" if holonomic else "not holonomic"
+
+
 def table(rows: Sequence[Sequence[Cell]], hints: Sequence[str] = ()) -> str:
     """Cells in rows; a hint is shown where the mouse rests on its row."""
     titles = [*hints, *[""] * (len(rows) - len(hints))]

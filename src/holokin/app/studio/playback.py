@@ -21,6 +21,7 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, ShapeError
 from ...base.files import write_text
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
+from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.trajectory import Status
 from ...robot import LinkShape, Robot
 from ..report.plots import law_colors
@@ -28,7 +29,9 @@ from ..report.robot_view import best_view
 from .door import HERE, Door
 from .page_scene import FOV, Scene, camera_axes, silent_viser, viser_package
 from .session import Session
+from .states import colors_of
 
+SECONDS = 20.0  # for which a recording plays at most
 RATE = 25.0  # postures a second of a recording: the player does not blend them, and more cost more than they show
 HOLD = 2.5  # seconds for which the end is held, to be read
 TRACE = 40  # points of an elbow's line at most in a cycle: a line smooth enough, in few bytes
@@ -40,7 +43,6 @@ ASPECT, LEFT, RIGHT, UPRIGHT = 1.6, -0.2, 0.96, 0.86
 BELOW = (-0.8, 0.04)
 ASIDE = np.deg2rad(20.0)  # of the camera, from the middle between two hands that it looks at from the front
 ELEVATION = np.deg2rad(18.0)  # of the camera; planar robots are seen from above
-RETURNED = 1e-6  # largest error [joint unit] of a motion that is said to return: what integration leaves is below it
 TRIANGLES = 60_000  # of the robot at most: a megabyte
 ABOVE = np.array([0.0, 0.0, 0.06])  # how far [m] lines are drawn above the floor in which a planar robot moves
 
@@ -86,7 +88,7 @@ class Motion(Value):
     @property
     def returns(self) -> bool:
         """True where the joints at all marks are the same."""
-        return len(self.marks) > 1 and bool(self.errors.max() < RETURNED)
+        return len(self.marks) > 1 and bool(self.errors.max() < NO_DRIFT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +129,7 @@ def record(
     text: str = "",
     path: ArrayLike | None = None,
     lead: str | None = None,
-    seconds: float = 20.0,
+    seconds: float = SECONDS,
     obstacles: Sequence[LinkShape] = (),
 ) -> Recording:
     """Record motions of one robot, side by side in one place, to an HTML file that plays without a server.
@@ -158,11 +160,9 @@ def record(
         lead = list(clips)[-1]
     if lead not in clips:
         raise ArgumentError("lead", lead, f"give one of {', '.join(clips)}")
-    film = _Film(robot, clips, lead, positive("seconds", seconds), tuple(obstacles))
-    made = Recording(film.shoot(path), film.caption(title, text))
-    if file is not None:
-        made.save(file)
-    return made
+    colors = law_colors([name == lead or clip.returns for name, clip in clips.items()])
+    film = _Film(robot, clips, lead, colors, positive("seconds", seconds), tuple(obstacles))
+    return film.recording(file, title, text, path)
 
 
 @typed
@@ -172,39 +172,52 @@ def record_session(session: Session, file: str | FilePath | None = None, *, text
     Raises:
         ArgumentError: the loop has not run yet. MissingExtraError, WriteError.
     """
-    snapshot, loop = session.snapshot(), session.loop
-    if loop is None or not any(len(strategy.t) > 1 for strategy in snapshot.strategies):
-        raise ArgumentError(
-            "the loop to record", None, "none has run yet: press Start first, or call play() and advance()"
-        )
+    states, loop = session.snapshot().strategies, session.loop
+    if loop is None or not any(len(strategy.t) > 1 for strategy in states):
+        cure = "none has run yet: press Start first, or call play() and advance()"
+        raise ArgumentError("the loop to record", None, cure)
     motions = {}
-    for strategy in snapshot.strategies:
+    for strategy in states:
         if len(strategy.t) < 2:
             continue
         ends = strategy.t[0] + np.arange(len(strategy.drift) + 1) * loop.path.duration
         marks = np.unique(np.searchsorted(strategy.t, ends - 1e-9 * loop.path.duration).clip(max=len(strategy.t) - 1))
         motions[strategy.name] = Motion(strategy.t, strategy.history, tuple(int(mark) for mark in marks))
-    holonomic = [strategy.name for strategy in snapshot.strategies if strategy.holonomic and strategy.name in motions]
-    points = loop.points(200)
+    holonomic = [strategy.name for strategy in states if strategy.holonomic and strategy.name in motions]
     lead = holonomic[0] if holonomic else list(motions)[-1]
-    return record(session.robot, motions, file, title=session.title, text=text, path=points, lead=lead)
+    colors = [color for state, color in zip(states, colors_of(states), strict=True) if state.name in motions]
+    film = _Film(session.robot, motions, lead, colors, SECONDS)
+    return film.recording(file, session.title, text, loop.points(200))
 
 
 class _Film:
     """Motions on the clock of a recording."""
 
     def __init__(
-        self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float, things: tuple[LinkShape, ...] = ()
+        self,
+        robot: Robot,
+        clips: Mapping[str, Motion],
+        lead: str,
+        colors: Sequence[str],
+        seconds: float,
+        things: tuple[LinkShape, ...] = (),
     ):
         self.robot, self.clips, self.lead, self.things = robot, clips, list(clips).index(lead), things
         self.start = min(float(clip.t[0]) for clip in clips.values())
         self.length = max(float(clip.t[-1]) for clip in clips.values()) - self.start
         self.pace = max(1.0, self.length / seconds)
         self.count = max(2, round(self.length / self.pace * RATE) + 1)
-        self.colors = law_colors([name == lead or clip.returns for name, clip in clips.items()])
+        self.colors = colors
         carried = {tip.joint: tip for tip in reversed(robot.tips)}
         self.tools = list(carried.values())[::-1]  # one for each link that has a tip
         self.lift = ABOVE if robot.planar else np.zeros(3)
+
+    def recording(self, file: str | FilePath | None, title: str, text: str, path: ArrayLike | None) -> Recording:
+        """The recording, written to a file unless that is None."""
+        made = Recording(self.shoot(path), self.caption(title, text))
+        if file is not None:
+            made.save(file)
+        return made
 
     def clock(self, t: float) -> float:
         """Seconds of the recording at a time of the motions."""

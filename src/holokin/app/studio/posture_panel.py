@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.errors import HolokinError
 from ..report.plots import BLUE, GREY, PURPLE, YELLOW, rgb
-from .panel_html import block, line, plain, put, quiet, ramp, swatch, table
+from .panel_html import block, line, plain, put, quiet, ramp, swatch, table, verdict
 from .stage import Page
 from .states import Cloud, LeafCusps, Phase, Snapshot, figure
 from .strategies import DEGREES, Slider
@@ -175,17 +175,18 @@ class PosturePanel:
         rows = [("", *(plain(text, grey=True) for text in ("strategy", "verdict about the start", "rcond")))]
         hints = [COLUMNS]
         for state, color in zip(snap.strategies, self.page.colors, strict=False):
-            verdict, hint = "is being judged", ""
-            if (judgement := state.judgement) is not None:
-                holonomic = "holonomic" if judgement.holonomic else "not holonomic"
+            judgement = state.judgement
+            known, hint = "is being judged", ""
+            if judgement is not None:
                 size = figure(judgement.curvature, 2) if judgement.curvature > FLAT else "none"
-                verdict = holonomic if np.isnan(judgement.curvature) else f"{holonomic}, curvature {size}"
+                known = verdict(judgement.holonomic)
+                known += "" if np.isnan(judgement.curvature) else f", curvature {size}"
                 hint = self.page.worded(judgement.sentence)
             elif np.isnan(state.rcond):
-                verdict = "a control law is not judged"
+                known = "a control law is not judged"
             rcond = "" if np.isnan(state.rcond) else f"{state.rcond:.3f}"
             rcond = plain(rcond, red=bool(state.rcond < SINGULAR), right=True)
-            rows.append((swatch(color), plain(state.name), plain(verdict), rcond))
+            rows.append((swatch(color), plain(state.name), plain(known), rcond))
             hints.append(hint)
         foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
         return block(table(rows, hints), quiet(foot))

@@ -517,8 +517,6 @@ class Session:
                     loop=self._loops,
                     progress=self._playing.progress,
                     cycle=self._playing.cycle,
-                    time=self._playing.time,
-                    factor=self._playing.factor,
                     cycles=self._playing.cycles,
                     clockwise=self._loop is not None and self._loop.clockwise,
                     message=self._message,

@@ -25,7 +25,7 @@ from ..job import Job, certify_job, open_one_job, packaged_jobs, program_of_job
 from ..report.plots import CLOCKWISE, COUNTER_CLOCKWISE
 from ..report.sheets_plots import sheet_color
 from .followers import circle_loop, eight_loop
-from .panel_html import block, file_name, gauge, line, named, plain, put, quiet, swatch, table, warning
+from .panel_html import block, file_name, gauge, line, named, plain, put, quiet, swatch, table, verdict, warning
 from .playback import record_session
 from .posture_panel import PosturePanel
 from .session import Session, to_job
@@ -316,9 +316,7 @@ class SheetsPanel:
         put(self.status, block(table(rows), sentence, warning(why), quiet(who), quiet(about)))
 
 
-# --- What leaves the page: a job file, a picture, a recording. All of it is downloaded by the browser.
-
-PATIENCE = 30.0  # seconds to wait for a picture of a browser
+# --- What leaves the page: a job file, a recording. The browser downloads it.
 
 
 class SavePanel:
@@ -327,46 +325,32 @@ class SavePanel:
     def __init__(self, page: Page):
         self.page = page
         gui = page.server.gui
-        gray = partial(gui.add_button, color="gray")
         self.name = gui.add_text("Name", file_name(page.session.title), hint="Of the files, and the title of the job")
         gui.add_markdown("A **job** runs to the same numbers: `holokin run NAME.toml`.")
         self.job = gui.add_button("Save as job", hint="A TOML file with robot, task, start, loop and strategies")
-        self.picture = gray("Screenshot", hint="A PNG of the scene as this browser sees it")
         gui.add_markdown("A **recording** is a page of its own: one HTML file, without a server.")
-        self.recording = gray("Record to HTML", hint="Of the loop that has run; press Start first")
+        hint = "Of the loop that has run; press Start first"
+        self.recording = gui.add_button("Record to HTML", color="gray", hint=hint)
         self.job.on_click(lambda event: self._save(event, self._job))
-        self.picture.on_click(lambda event: self._save(event, self._picture))
         self.recording.on_click(lambda event: self._save(event, self._recording))
 
     def _save(self, event: Any, make: Any) -> None:
         """Make a file in the thread of the click, and send it to the browser that asked."""
 
         def download() -> None:
-            try:
-                ending, content = make(event.client)
-            except (TimeoutError, RuntimeError) as problem:
-                self.page.say(f"The browser gave no picture ({problem}): keep its window in sight and try again.")
-            else:
-                name = f"{file_name(self.name.value)}{ending}"
-                event.client.send_file_download(name, content, save_immediately=True)
+            ending, text = make()
+            name = f"{file_name(self.name.value)}{ending}"
+            event.client.send_file_download(name, text.encode(), save_immediately=True)
 
         if event.client is not None:
             self.page.alone(("save", event.client_id), download)
 
-    def _job(self, _client: Any) -> tuple[str, bytes]:
+    def _job(self) -> tuple[str, str]:
         name, title = self.name.value, self.page.session.title
-        return ".toml", to_job(self.page.session, title if name in ("", file_name(title)) else name).encode()
+        return ".toml", to_job(self.page.session, title if name in ("", file_name(title)) else name)
 
-    def _picture(self, client: Any) -> tuple[str, bytes]:
-        from PIL import Image
-
-        pixels = client.get_render(client.camera.image_height, client.camera.image_width, timeout=PATIENCE)
-        file = io.BytesIO()
-        Image.fromarray(pixels).save(file, "PNG", optimize=True)
-        return ".png", file.getvalue()
-
-    def _recording(self, _client: Any) -> tuple[str, bytes]:
-        return ".html", record_session(self.page.session, text=self.page.session.title).html().encode()
+    def _recording(self) -> tuple[str, str]:
+        return ".html", record_session(self.page.session, text=self.page.session.title).html()
 
 
 # --- The panel with all of these, and what runs.
@@ -384,7 +368,7 @@ _DOING = {
     Phase.GATHERING: "The joints go to where the loop begins.",
     Phase.RUNNING: "Cycle {cycle}, {share:.0f} %",
     Phase.PAUSED: "Held in cycle {cycle}, {share:.0f} %",
-    Phase.DONE: "Done: {done} cycles. {who}",
+    Phase.DONE: "Done: {done}. {who}",
 }
 
 
@@ -465,7 +449,7 @@ class Panels:
         self.way = gui.add_dropdown("Way round", ROUND, hint="The sense in which the loop is run")
         # What is drawn, and in which units.
         names = tuple(strategy.name for strategy in session.strategies)
-        hint = "The strategy whose robot is drawn solid; the others are ghosts"
+        hint = "The strategy whose robot is drawn solid; the others are seen where they differ from it"
         self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=hint)
         hint = "A pale pink robot where all strategies began"
         self.at_start = gui.add_checkbox("Show the start posture, in pink", False, hint=hint)
@@ -513,7 +497,8 @@ class Panels:
 
     def _doing(self, snap: Snapshot) -> str:
         share, who = 100 * snap.progress, _back_and_away(snap)
-        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=snap.cycle, who=who)
+        done = "1 cycle" if snap.cycle == 1 else f"{snap.cycle} cycles"
+        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=done, who=who)
         faults = [f"{state.name}: {state.sentence}" for state in snap.strategies if state.sentence]
         red = self.page.message or snap.message or (faults[0] if faults else snap.loop_fault)
         return block(line(text), gauge(snap.progress), *(warning(self.page.worded(s)) for s in (red, snap.fault)))
@@ -528,8 +513,7 @@ class Panels:
             if len(state.drift):
                 stopped = np.isnan(state.drift[-1])
                 drift = "stopped" if stopped else difference(units, robot, state.drift_joints[-1])
-            verdict = "holonomic" if state.repeatable else "not holonomic" if state.judgement is not None else ""
-            name = named(state.name, verdict)
+            name = named(state.name, verdict(state.repeatable))
             status = plain("follows" if state.following else state.status.value, red=not state.following, right=True)
             rows.append((swatch(color, index == self.page.lead), name, plain(drift, right=True), status))
         return block(table(rows, [COLUMNS, *(self.page.worded(state.sentence) for state in snap.strategies)]))

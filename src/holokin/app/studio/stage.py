@@ -15,12 +15,12 @@ from ...base.poses import pose_from
 from ...base.types import Matrix, Vector
 from ...base.units import SI, PrintedUnits
 from ...robot import reach
-from ..report.plots import BAD, GOOD, INK, LOOP, PALE, law_colors, rgb, thin
+from ..report.plots import BAD, GOOD, INK, LOOP, PALE, rgb, thin
 from .followers import Loop, circle_loop, polygon_loop
 from .page_scene import Scene, pose_of, wxyz_of
 from .panel_html import block, marks, plain, put, quiet, short_names, table
 from .session import Session
-from .states import Phase, Snapshot, joint_factors, joint_unit, largest
+from .states import Phase, Snapshot, colors_of, joint_factors, joint_unit, largest
 from .work import failure
 
 RATE = 30.0  # pictures a second
@@ -82,14 +82,14 @@ class Page:
         """A robot, a line in each plot and a place in each list for every strategy that there is."""
         states = self.session.snapshot().strategies
         self.lead = min(self.lead, len(states) - 1)
-        self.colors = law_colors([state.repeatable for state in states])
+        self.colors = colors_of(states)
         self.scene.set_strategies([state.name for state in states], self.colors, self.lead)
         self.charts = Charts(self)
         self.panels = self._make_panels(self)
 
     def _recolor(self, snap: Snapshot) -> None:
         """All in other colours, as when a strategy without leaves was found to be holonomic."""
-        self.colors = law_colors([state.repeatable for state in snap.strategies])
+        self.colors = colors_of(snap.strategies)
         self.scene.set_strategies(self.scene.names, self.colors, self.lead)
         self.charts.recolor(snap)
         self.drawn, self._loop_drawn = -1, None
@@ -223,7 +223,7 @@ class Page:
             self.server.gui.reset()
             self._arrange()
             self.drawn, self._loop_drawn = -1, None
-        elif law_colors([state.repeatable for state in snap.strategies]) != self.colors:
+        elif colors_of(snap.strategies) != self.colors:
             self._recolor(snap)
         if snap.number != self.drawn:
             self.drawn = snap.number

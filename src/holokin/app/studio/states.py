@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path as FilePath
@@ -14,7 +14,7 @@ from ...analysis.coverage import Coverage, coverage
 from ...analysis.curvature import around, curvature, involutivity
 from ...analysis.design.nearby_cusps import NearbyCusps, cusps_near
 from ...base.errors import HolokinError
-from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
+from ...base.types import Array, ArrayLike, Flags, Matrix, Value, Vector
 from ...base.units import SI, PrintedUnits
 from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.ik.leaf import leaf_value
@@ -22,6 +22,7 @@ from ...path.workspaces import Workspace, pose_cloud, workspace
 from ...robot import Robot
 from ...strategies import HolonomicStrategy, Strategy
 from ...strategies.tasks.task import Task
+from ..report.plots import law_colors
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +67,12 @@ class Phase(Enum):
 class Judgement(Value):
     """What is known of a strategy at a posture, found in the background.
 
-    holonomic, defect and sentence as of `hk.involutivity` about the start; `curvature`: the largest |F_ij| of
-    `hk.curvature` at the posture q (n,), drift over the area of a small loop [joint unit / task unit^2].
+    holonomic and sentence as of `hk.involutivity` about the start, None where that could not be found; `curvature`:
+    the largest |F_ij| of `hk.curvature` at the posture q (n,), drift over the area of a small loop
+    [joint unit / task unit^2].
     """
 
-    holonomic: bool
-    defect: float
+    holonomic: bool | None
     sentence: str
     curvature: float
     q: Vector
@@ -113,9 +114,14 @@ class StrategyState:
         return self.status is StrategyStatus.FOLLOWING
 
     @property
-    def repeatable(self) -> bool:
-        """True where small closed paths of the tool bring the joints back: by its leaves, or by its verdict."""
-        return self.holonomic or (self.judgement is not None and self.judgement.holonomic)
+    def repeatable(self) -> bool | None:
+        """Whether small closed paths of the tool bring the joints back, by leaves or verdict; None if not known."""
+        return True if self.holonomic else None if self.judgement is None else self.judgement.holonomic
+
+
+def colors_of(states: Sequence[StrategyState]) -> tuple[str, ...]:
+    """The colour of each strategy, as in reports: by whether it is holonomic, as far as that is known."""
+    return law_colors([bool(state.repeatable) for state in states])
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +133,7 @@ class Cloud:
         status: whether it goes on; `sentence` says why it failed, else empty.
         points: positions (k, 3) [m] of the poses looked at. reached: (k,).
         margin: (k,) least distance to a joint limit over half the joint's range, 1 in the middle, 0 at a limit; NaN
-            where it is not reached. rcond: (k,), NaN where it is not reached.
-        why: (k,) the status of each pose, `PoseStatus`.
+            where it is not reached.
     """
 
     strategy: str
@@ -139,8 +144,6 @@ class Cloud:
     points: Matrix
     reached: Flags
     margin: Vector
-    rcond: Vector
-    why: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,8 +175,8 @@ class Snapshot:
         strategies: the state of each, in order.
         target: where the tool is wanted, (F, 4, 4), a pose of each frame of the task; F is 1 but for tasks of several.
         loop: how many times `Session.set_loop` was called; the curve is to be drawn again when it changes.
-        progress: share of the cycle that is done, 0 to 1. cycle: complete cycles. time: of the loop [s].
-        factor: of the speed. cycles: after which the loop ends, None for never. clockwise: the other way round.
+        progress: share of the cycle that is done, 0 to 1. cycle: complete cycles.
+        cycles: after which the loop ends, None for never. clockwise: the other way round.
         message: one sentence on the session as a whole, such as why a loop cannot begin; empty if all is well.
         cloud: the coverage, if one was asked for. cusps: those of a leaf, if they were asked for.
         loop_fault: the first strategy that does not get round the loop, and why; empty until it is known, or if all do.
@@ -187,8 +190,6 @@ class Snapshot:
     loop: int
     progress: float
     cycle: int
-    time: float
-    factor: float
     cycles: int | None
     clockwise: bool
     message: str
@@ -277,9 +278,8 @@ def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus, se
     """What the pieces so far show."""
     if not parts:
         none = np.zeros(0)
-        return Cloud(name, 0, total, status, sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+        return Cloud(name, 0, total, status, sentence, np.zeros((0, 3)), none > 0, none)
     poses, q = np.concatenate([part.poses for part in parts]), np.concatenate([part.q for part in parts])
-    why = np.concatenate([part.status for part in parts])
     reached = np.concatenate([part.reached for part in parts])
     # The least distance to a joint limit over half the joint's range: 1 in the middle of all, and without limits.
     lower, upper = parts[0].lower, parts[0].upper
@@ -287,8 +287,7 @@ def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus, se
     bounded = np.isfinite(half) & (half > 0)
     shares = np.minimum(q - lower, upper - q)[:, bounded] / half[bounded]
     margin = np.where(reached, shares.min(axis=1, initial=1.0), np.nan)
-    rcond = np.where(reached, np.concatenate([part.rcond for part in parts]), np.nan)
-    return Cloud(name, len(poses), total, status, sentence, poses[:, :3, 3].copy(), reached, margin, rcond, why)
+    return Cloud(name, len(poses), total, status, sentence, poses[:, :3, 3].copy(), reached, margin)
 
 
 def failed_cloud(name: str, sentence: str) -> Cloud:
@@ -305,10 +304,10 @@ def judged(strategy: Strategy, home: Vector, q: Vector) -> Judgement:
     """The verdict of `hk.involutivity` about the start (n,), and the largest |F_ij| of `hk.curvature` at q (n,)."""
     try:
         verdict = involutivity(strategy, around(home, RADIUS))
-        holonomic, defect, sentence = verdict.holonomic, verdict.defect, str(verdict).partition("\n")[0]
+        holonomic, sentence = verdict.holonomic, str(verdict).partition("\n")[0]
     except Exception as problem:  # noqa: BLE001  a control law of one's own may raise anything; its thread goes on
-        holonomic, defect, sentence = False, np.nan, f"It could not be judged: {problem}"
-    return Judgement(holonomic, defect, sentence, largest_curvature(strategy, q), q)
+        holonomic, sentence = None, f"It could not be judged: {problem}"
+    return Judgement(holonomic, sentence, largest_curvature(strategy, q), q)
 
 
 def largest_curvature(strategy: Strategy, q: Vector) -> float:

@@ -115,7 +115,7 @@ class Slider:
     """What a slider shows: its value now, from `low` to `high`, and why it ends there.
 
     unit: "rad" or "m" of joints (of both: joint units), "deg" of an angle of the arm, "" of another level.
-    closed: whether it comes round, so that low and high are one posture. label: what it moves, in a few words.
+    label: what it moves, in a word or two.
     """
 
     name: str
@@ -124,7 +124,6 @@ class Slider:
     low: float
     high: float
     unit: str
-    closed: bool
     why_low: str
     why_high: str
 
@@ -158,7 +157,7 @@ def self_slider(strategy: NamedStrategy, curve: SelfMotionCurve, s: float) -> Sl
     units = {c.unit for c in strategy.task.robot.coordinates}
     why_low, why_high = (ENDINGS[ending] for ending in curve.endings)
     unit, low, high = units.pop() if len(units) == 1 else "joint units", float(curve.s[0]), float(curve.s[-1])
-    return Slider(strategy.name, "Self-motion", s, low, high, unit, curve.closed, why_low, why_high)
+    return Slider(strategy.name, "Self-motion", s, low, high, unit, why_low, why_high)
 
 
 def level_slider(strategy: NamedStrategy, q: Vector, limits: bool) -> Slider:
@@ -173,9 +172,8 @@ def level_slider(strategy: NamedStrategy, q: Vector, limits: bool) -> Slider:
     (down, why_low), (up, why_high) = (_across(G, q, sign, limits) for sign in (-1.0, 1.0))
     scale, unit = (180 / np.pi, DEGREES) if angular else (1.0, _unit(strategy))
     value, low, high = (float(scale * number) for number in (level[0], level[0] - down, level[0] + up))
-    closed = why_low == why_high == "closed"
     label = "Elbow angle" if angular else "Level"
-    return Slider(strategy.name, label, value, low, high, unit, closed, ENDINGS[why_low], ENDINGS[why_high])
+    return Slider(strategy.name, label, value, low, high, unit, ENDINGS[why_low], ENDINGS[why_high])
 
 
 def across(strategy: NamedStrategy, q: Vector, slider: Slider, value: float) -> Vector:
