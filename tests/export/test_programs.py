@@ -471,6 +471,7 @@ def test_the_process_begins_and_ends_where_the_seam_does(language: str, weld: Pa
     assert timed.begin > 0 and timed.begin in timed.stops
 
 
+@pytest.mark.campaign
 def test_the_seam_is_straight_and_even_from_its_start_to_its_end(weld: Path) -> None:
     weld.write_text(of("krl"), "utf-8")
     program, _, _ = program_of_job(*open_job(str(weld)), "krl")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import campaign
+from conftest import campaign, sampled
 from holokin.base.errors import ArgumentError, HolokinError, NoProofError, NotFiniteError, OutOfReachError
 from holokin.motion.ik import InverseStatus, all_postures
 from holokin.motion.ik.closed_leaf import closed_leaf, leaf_class
@@ -42,7 +42,7 @@ SPECIAL = [
 ]
 
 
-@pytest.mark.parametrize(("name", "joint", "level"), SINGULAR)
+@sampled(1, ("name", "joint", "level"), SINGULAR)
 def test_where_every_posture_of_a_level_is_singular_no_closed_form_speaks(name, joint, level):
     robot = hk.load(name)
     strategy = lock(robot, joint)
@@ -55,7 +55,7 @@ def test_where_every_posture_of_a_level_is_singular_no_closed_form_speaks(name, 
     assert np.abs(found.q[:, joint] - level).max() < 1e-9 and np.abs(robot.pose(found.q) - robot.pose(q)).max() < 1e-9
 
 
-@pytest.mark.parametrize(("name", "joint", "level"), SPECIAL)
+@sampled(2, ("name", "joint", "level"), SPECIAL)
 def test_at_levels_where_axes_are_parallel_that_are_not_elsewhere_every_posture_is_found(name, joint, level):
     robot = hk.load(name)
     strategy = lock(robot, joint)
@@ -115,7 +115,7 @@ BAD_POSES = [
 
 
 @pytest.mark.parametrize(("change", "status", "error"), BAD_POSES)
-@pytest.mark.parametrize("joint", [4, 6])
+@pytest.mark.parametrize("joint", [campaign("joint", 4), 6])
 def test_what_is_no_pose_is_refused_by_every_door(joint, change, status, error):
     robot = hk.load("panda")
     ik, pose = hk.ik(lock(robot, joint), PANDA), robot.pose(PANDA) @ change
