@@ -315,8 +315,8 @@ def test_a_pocket_stays_open_for_a_thin_torch_and_one_that_is_smaller_is_told(tm
     file, mesh = tmp_path / "job.toml", 'kind = "mesh"\nfile = "box.stl"\nscale = 0.001'
     inside = "[0.0, -0.01, 0.0], [0.0, 0.01, 0.0]"  # 50 mm below the rim
     pocket(tmp_path / "box.stl", 60.0)
-    head, *_, loop = WELD.format(torch=0.006, box=mesh, loop=inside).split("[[path]]")
-    file.write_text(f"{head}[[path]]{loop}", encoding="utf-8")
+    head, seam, _, loop = WELD.format(torch=0.006, box=mesh, loop=inside).split("[[path]]")
+    file.write_text("[[path]]".join((head, seam, loop)), encoding="utf-8")
     (rule,) = result_of(file).rules
     assert rule.left_out == {}
     assert next(row for row in rule.rows if row.name == "loop").clearance < 0.06
