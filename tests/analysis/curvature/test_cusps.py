@@ -512,7 +512,7 @@ def test_a_loop_round_a_hole_ends_elsewhere_though_no_posture_is_singular() -> N
 
 
 def test_a_whole_turn_of_the_tool_is_a_loop_that_turns_the_last_joint() -> None:
-    """The tool of a Panda turns once about the axis of joint 7, which alone moves, by one turn: no hole, and no cusp."""
+    """The tool of a Panda turns once about the axis of joint 7, which alone moves: no hole, and no cusp."""
     G = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
     T, c, s = G.task.robot.pose(PANDA), np.cos, np.sin
     turn = [[[c(a), -s(a), 0, 0], [s(a), c(a), 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] for a in np.arange(4) * np.pi / 2]
@@ -523,7 +523,9 @@ def test_a_whole_turn_of_the_tool_is_a_loop_that_turns_the_last_joint() -> None:
 
 @pytest.mark.campaign
 @pytest.mark.parametrize(("spin", "proven"), [(np.pi, False), (2.8, True)])
-def test_a_box_of_poses_with_a_whole_turn_is_not_proven_and_one_with_almost_a_turn_is(spin: float, proven: bool) -> None:
+def test_a_box_of_poses_with_a_whole_turn_is_not_proven_and_one_with_almost_a_turn_is(
+    spin: float, proven: bool
+) -> None:
     G = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
     T = G.task.robot.pose(PANDA)
     box = hk.workspace(box=(T[:3, 3], [1e-5] * 3), rotation=T[:3, :3], spin=spin)

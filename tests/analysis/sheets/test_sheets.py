@@ -380,7 +380,9 @@ def interrupted_in(monkeypatch: pytest.MonkeyPatch, name: str, at: int) -> list[
     return count
 
 
-def test_of_many_poses_a_part_is_searched_and_the_map_says_what_all_of_them_get(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_many_poses_a_part_is_searched_and_the_map_says_what_all_of_them_get(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The share is that of all of them, by the sheets asked at each."""
     monkeypatch.setattr(cover_by_sheets, "SEARCHED", 60)
     task = planar_task()
