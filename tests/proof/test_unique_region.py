@@ -135,7 +135,7 @@ def test_of_a_plane_round_the_base_the_part_is_found_on_which_a_closed_form_is_o
     """A planar arm with q3 + 0.3 q1 tied: its cells' postures are on the leaf, at the pose, and one for each pose."""
     region = around(budget)
     assert not region.whole and 0.05 < region.share < 1
-    poses = region.workspace.poses(1_500, seed=3)
+    poses = region.workspace.poses(3_000, seed=3)
     inside = region.contains(poses)
     assert inside.mean() == pytest.approx(region.share, abs=4 * np.sqrt(0.25 / len(poses)))
     ik = hk.ik(region.strategy, R3, region=region)
