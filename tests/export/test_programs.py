@@ -471,6 +471,7 @@ def test_the_process_begins_and_ends_where_the_seam_does(language: str, weld: Pa
     assert timed.begin > 0 and timed.begin in timed.stops
 
 
+@pytest.mark.campaign
 def test_the_seam_is_straight_and_even_from_its_start_to_its_end(weld: Path) -> None:
     weld.write_text(of("krl"), "utf-8")
     program, _, _ = program_of_job(*open_job(str(weld)), "krl")
@@ -534,7 +535,7 @@ kind = "circle"
 center = [-0.05, 0, 0]
 relative = true
 speed = 0.02
-samples = 150
+samples = 80
 [timing]
 profile = "trapezoidal"
 acceleration = 5
@@ -565,7 +566,7 @@ def test_on_a_turntable_the_speed_is_that_on_the_part(weld: Path) -> None:
     assert program.tool.slowest == pytest.approx(slowest, abs=5e-4)
     assert program.tool.fastest == pytest.approx(fastest, abs=5e-4)
     with pytest.raises(HolokinError, match="a line in the room, and not on plate"):
-        linear = TURNED.replace("samples = 150", "samples = 12").replace(
+        linear = TURNED.replace("samples = 80", "samples = 12").replace(
             "[program]", '[program]\nlinear = true\ntool = "t1"'
         )
         program_of_job(*open_job(rewritten(weld, linear)), "rapid")
@@ -658,7 +659,8 @@ def test_the_advised_strategy_is_exported_before_others(tmp_path: Path) -> None:
         assert all(name in sentence for name in order) or len(order) == 1
 
 
-@pytest.mark.parametrize(
+@sampled(
+    7,
     ("language", "old", "new", "words"),
     [
         ("rapid", '"tTorch"', '"my torch"', "a letter, then letters"),

@@ -269,7 +269,7 @@ def still_true(kind: str, data: Data, given: Data, at: tuple[Any, ...]) -> None:
 
 
 @pytest.mark.parametrize("kind", ["parabola", "path", "box", "clear"])
-@pytest.mark.parametrize(("first", "count"), [(0, 20), campaign(("first", "count"), (1000, 800))])
+@pytest.mark.parametrize(("first", "count"), [(0, 12), campaign(("first", "count"), (1000, 800))])
 def test_any_part_of_a_file_replaced_is_refused_in_words_or_leaves_a_true_statement(
     kind: str, first: int, count: int, honest: dict[str, Data], arm: hk.Robot, tmp_path: Path
 ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import campaign, sampled
 from holokin.base.types import Array
 from holokin.proof import Certificate, Extent, SignedBox
 from holokin.robot import Robot
@@ -115,8 +116,8 @@ def check_random_arms(count: int, seed: int, budget: int) -> dict[Extent, int]:
 
 
 def test_boxes_of_random_arms_hold_what_is_proven_of_them_and_where_a_proof_ends_there_is_no_posture():
-    ended = check_random_arms(20, 1, 10)
-    assert min(ended[k] for k in (Extent.WHOLE, Extent.END, Extent.LIMIT)) >= 2, ended
+    ended = check_random_arms(16, 1, 10)
+    assert min(ended[k] for k in (Extent.WHOLE, Extent.END, Extent.LIMIT)) >= 1, ended
 
 
 @pytest.mark.campaign
@@ -134,7 +135,7 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "held", "half", "q0"), OTHERS)
+@sampled(2, ("name", "held", "half", "q0"), OTHERS)
 def test_other_arms_whose_joints_have_more_turns_than_one_or_axes_in_parallel_are_proven(name, held, half, q0):
     robot = hk.load(name)
     proof = hk.certify(holding(robot, *held), box_about(robot, np.array(q0), half, 2.5 * half), q0, budget=300)
@@ -177,9 +178,12 @@ def test_with_a_scene_or_a_file_of_cells_the_proof_is_that_of_cells_of_joints(tm
 
 
 @pytest.mark.parametrize(
-    "rule", [hk.lock(4), hk.lock(6, follows=lambda p, _R: 0.3 * p[0])], ids=["degree four", "a joint that follows"]
+    "rule",
+    [campaign("rule", hk.lock(4)), hk.lock(6, follows=lambda p, _R: 0.3 * p[0])],
+    ids=["degree four", "a joint that follows"],
 )
-def test_where_signs_alone_do_not_tell_the_posture_the_proof_is_that_of_cells_of_joints(rule):
+def test_where_signs_alone_do_not_tell_the_posture_the_proof_is_that_of_cells_of_joints(rule, monkeypatch):
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     panda = hk.load("panda")
     G, q0 = hk.holonomic(hk.pose(panda), rule), READY + [0.1, 0, 0.2, 0, 0.3, 0, 0]
     proof = hk.certify(G, box_about(panda, q0, 1e-3), q0, budget=200)

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import holokin as hk
-from conftest import fails
+from conftest import fails, sampled
 from holokin.app.cli.main import app
 from holokin.base.errors import ArgumentError, FileError, HolokinError, NoProofError
 from holokin.base.types import Array
@@ -232,7 +232,7 @@ def check_signs(name: str, joint: int, count: int) -> None:
     assert same == 0 and fewer > count / 2
 
 
-@pytest.mark.parametrize(("name", "joint"), PAIRS)
+@sampled(9, ("name", "joint"), PAIRS)
 def test_no_two_postures_of_a_pose_have_the_same_signs(name: str, joint: int) -> None:
     check_signs(name, joint, 200)
 
@@ -519,7 +519,7 @@ def check_forgeries(name: str, held: tuple[int, ...], count: int, seed: int, tmp
     return outcomes
 
 
-@pytest.mark.parametrize(("name", "held"), [("panda", (6,)), ("panda", (3,)), ("iiwa14", (1,)), ("rail-ur10e", (0,))])
+@sampled(2, ("name", "held"), [("panda", (6,)), ("panda", (3,)), ("iiwa14", (1,)), ("rail-ur10e", (0,))])
 def test_forged_files_are_rejected_or_true_all_the_same(name: str, held: tuple[int, ...], tmp_path: Path) -> None:
     outcomes = check_forgeries(name, held, 40, 6, tmp_path)
     assert outcomes["rejected"] > 15 and outcomes["verified"] > 1

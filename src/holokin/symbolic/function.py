@@ -369,10 +369,10 @@ class Function:
         port = self._maps[size]
         k = len(results[0])
         for slot, value in zip(port.arguments, arguments, strict=True):
-            slot[..., :k] = np.moveaxis(value, 0, -1)
+            slot[..., :k] = value.transpose(*range(1, value.ndim), 0)  # `moveaxis` takes longer than the copy
         port.trigger()
         for slot, result in zip(port.results, results, strict=True):
-            result[...] = np.moveaxis(slot[..., :k], -1, 0)
+            result[...] = slot[..., :k].transpose(-1, *range(slot.ndim - 1))
 
     def _collect(self, args: tuple[ArrayLike, ...], named: Mapping[str, ArrayLike]) -> list[ArrayLike]:
         keys = list(self.input_shapes)

@@ -66,7 +66,7 @@ def quarter() -> hk.Path:
 RESULTS: dict[str, tuple[type, Callable[[Path], Any], str]] = {
     "a strategy that repeats": (
         audit.Audit,
-        lambda _: hk.audit(LOCKED, q0=Q0, dt=0.05, cycles=3),
+        lambda _: hk.audit(LOCKED, q0=Q0, dt=0.1, cycles=3),
         "lock: repeats",
     ),
     "a log that repeats": (audit.LogAudit, lambda _: log_audit(LOCKED), "repeats: the joints were the same"),

@@ -252,7 +252,7 @@ def test_noise_of_known_size_is_no_trend(cycles: int) -> None:
     assert trends[Trend.GOES_ON] + trends[Trend.FADES] + trends[Trend.ALTERNATES] <= 3
 
 
-@sampled(2, "common", [0.0, 0.7, 1.0])
+@sampled(1, "common", [0.0, 0.7, 1.0])
 @sampled(2, "cycles", [4, 5, 8, 20])
 def test_scatter_of_unknown_size_is_no_trend(common: float, cycles: int) -> None:
     """Repeatability errors that the encoder noise does not show, alike at all phases or not."""

@@ -317,7 +317,7 @@ CASES = [(lengths, 0) for lengths in ARMS]
 
 @pytest.mark.parametrize(
     ("lengths", "before"),
-    [*(CASES[k] for k in (0, 4, 7, 10, 14)), (ARMS[8], 1), *(campaign(("a", "b"), case) for case in CASES),
+    [*(CASES[k] for k in (0, 4, 7)), (ARMS[8], 1), *(campaign(("a", "b"), case) for case in CASES),
      *(campaign(("a", "b"), (one, 1)) for one in ARMS)],
 )  # fmt: skip
 def test_orthogonal_arms_in_five_domains_have_0_4_2_4_and_0_families_of_cusps(
@@ -445,6 +445,7 @@ def test_a_whole_turn_of_the_base_is_no_other_posture() -> None:
 # --- A closed path on a regular leaf that ends elsewhere, by a cusp, a hole or a turn; and leaves with many postures.
 
 
+@pytest.mark.campaign
 def test_the_cusp_round_which_a_panda_went_is_named() -> None:
     """The loop is about a cusp by construction; the one that is named lies within its size of it."""
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
@@ -492,7 +493,7 @@ def test_a_loop_round_a_hole_ends_elsewhere_though_no_posture_is_singular() -> N
     the origin turns joint 3 by 2 pi s / k, a loop beside it by nothing. The verdict promises small loops alone.
     """
     rng, ppr = np.random.default_rng(9), hk.load("ppr")
-    for k, s in [(2, 1), *rng.integers(1, 6, (4, 2))]:
+    for k, s in [(2, 1), *rng.integers(1, 6, (2, 2))]:
         q0 = np.array([*rng.uniform(-2, 2, 2), rng.uniform(-np.pi, np.pi)])
         g = hk.custom(lambda q, k=int(k), s=int(s): k * q[2] - s * ca.atan2(q[1] + ca.sin(q[2]), q[0] + ca.cos(q[2])),
                       angular=True)  # fmt: skip
@@ -511,7 +512,7 @@ def test_a_loop_round_a_hole_ends_elsewhere_though_no_posture_is_singular() -> N
 
 
 def test_a_whole_turn_of_the_tool_is_a_loop_that_turns_the_last_joint() -> None:
-    """The tool of a Panda turns once about the axis of joint 7, which alone moves, by one turn: no hole, and no cusp."""
+    """The tool of a Panda turns once about the axis of joint 7, which alone moves: no hole, and no cusp."""
     G = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
     T, c, s = G.task.robot.pose(PANDA), np.cos, np.sin
     turn = [[[c(a), -s(a), 0, 0], [s(a), c(a), 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] for a in np.arange(4) * np.pi / 2]

@@ -154,7 +154,7 @@ def search_of(task: hk.Task, space: hk.Workspace, base: hk.Constraint, goal: Obj
     return Search(section, costs_of(task.robot, goal, c.turns, c.spread), goal.weights, limits, near)
 
 
-@sampled(2, "name", Objective.NAMES)
+@sampled(1, "name", Objective.NAMES)
 @sampled(2, "case", ["position", "pose", "cost"])
 def test_derivatives_are_those_of_differences(panda: hk.Robot, name: str, case: str) -> None:
     """The objective and the violated limits by the coefficients, also with r = 4, with turns, with a curved base."""

@@ -53,6 +53,7 @@ def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_a
 
 def test_where_none_is_found_or_none_is_looked_for_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nearby_cusps, "STARTS", 60)
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     law = strategy(hk.linear([0, 0, 0, 1, 0, 0, 1]))
     space = hk.workspace(box=(law.task.pose(PANDA)[:3, 3], [0.05] * 3))
     proven = cusps_near(strategy(hk.lock(6)), PANDA, space)

@@ -216,7 +216,8 @@ def test_a_strategy_that_the_job_lacks_is_named_with_those_that_it_has(holokin, 
     assert "lock-3" in done.err
 
 
-def test_a_page_shows_a_strategy_without_leaves_beside_one_with_them() -> None:
+def test_a_page_shows_a_strategy_without_leaves_beside_one_with_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     session = open_session("panda-circle")
     names = [strategy.name for strategy in session.strategies]
     for name in (None, *names):

@@ -38,7 +38,7 @@ def ik():
 def test_each_pose_of_random_postures_has_one_answer_with_that_pose_within_the_limits(ik):
     """The referee is the chain of the joints. An answer is the same whatever was asked before, off the map to
     round-off."""
-    robot, poses = ik.task.robot, poses_within(ik.task.robot, 12)
+    robot, poses = ik.task.robot, poses_within(ik.task.robot, 20)
     answers = [ik(T) for T in poses]
     for T, q in zip(poses, answers, strict=True):
         assert np.abs(robot.pose(q) - T).max() < 1e-9
@@ -83,7 +83,7 @@ def test_without_native_code_sheets_have_the_same_postures(ik):
 
 def test_a_leg_out_and_back_on_one_sheet_comes_home(ik):
     legs = 0
-    for T in poses_within(ik.task.robot, 12):
+    for T in poses_within(ik.task.robot, 20):
         poses = np.repeat(T[None], 9, axis=0)
         poses[:, 0, 3] += np.r_[1:6, 4:0:-1] / 1000
         if ik.sheet(T) is None or not ik.batch(poses).reached.all():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import campaign
+from conftest import campaign, sampled
 from holokin.base.poses import pose_from
 from holokin.motion.self_motions.curve_cuts import STEP, curves_by_cuts
 from holokin.motion.self_motions.posture_search import postures_from
@@ -49,7 +49,7 @@ def crossings(value: np.ndarray, pose: np.ndarray, curve: np.ndarray, poses: int
 
 
 @pytest.mark.parametrize(
-    ("name", "joint"), [("rail-ur10e", 0), ("panda", 6), campaign(("name", "joint"), ("iiwa14", 6))]
+    ("name", "joint"), [("rail-ur10e", 0), *(campaign(("name", "joint"), (n, 6)) for n in ("panda", "iiwa14"))]
 )
 def test_at_each_value_of_a_joint_the_curves_have_the_postures_of_the_closed_inverse(name: str, joint: int) -> None:
     robot, rng, k = hk.load(name), np.random.default_rng(1), 6
@@ -70,7 +70,7 @@ def test_at_each_value_of_a_joint_the_curves_have_the_postures_of_the_closed_inv
         assert np.abs(np.subtract.outer(pair, [low, high])).min(axis=1).max() < 1e-9
 
 
-@pytest.mark.parametrize("kind", ["axis", "rpy"])
+@sampled(1, "kind", ["axis", "rpy"])
 def test_the_spin_of_a_tool_has_the_postures_of_the_closed_inverse(irb140: hk.Robot, kind: Orientation) -> None:
     """An axis of the tool, or roll, pitch and yaw without roll: the tool may turn about z, or x."""
     rows, axis = ([0, 1, 2, 3, 4], 2) if kind == "axis" else ([0, 1, 2, 4, 5], 0)

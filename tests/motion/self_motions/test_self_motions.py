@@ -75,7 +75,7 @@ def lost(task: hk.Task, Q: np.ndarray) -> list[int]:
     return out
 
 
-@sampled(2, "name", ARMS)
+@sampled(1, "name", ARMS)
 def test_every_posture_is_on_a_curve_of_its_pose(name: str) -> None:
     robot = mounted(name)
     found, rng = cut_class(hk.pose(robot)), np.random.default_rng(52)
