@@ -26,6 +26,11 @@ def whole_range(robot: hk.Robot) -> curvature.Region:
     return curvature.box(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
 
 
+def anywhere(robot: hk.Robot, count: int) -> np.ndarray:
+    region = whole_range(robot)
+    return np.random.default_rng(1).uniform(region.lower, region.upper, (count, robot.n))
+
+
 def spoilt(strategy: hk.Strategy, rows) -> hk.Strategy:
     """The strategy with something added to the rows that hold its planes."""
     e = strategy.expressions
