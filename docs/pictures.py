@@ -16,7 +16,6 @@ import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
-from self_motion_picture import self_motion_figure
 
 import holokin as hk
 from holokin.analysis.curvature.obstructions import ElbowField, field_on_leaf, sphere_of
@@ -28,6 +27,7 @@ from holokin.app.report.job_result import JobResult
 from holokin.app.report.plots import BLUE, SKY, legible, region_figure, style
 from holokin.app.report.plots import VERMILLION as RED
 from holokin.app.report.proof_picture import box_figure
+from holokin.app.report.self_motion_plots import self_motion_figure
 from holokin.app.report.sheets_plots import sheets_figure
 
 HERE = Path(__file__).parent

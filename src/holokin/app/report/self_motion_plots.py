@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from holokin.app.report.plots import BLUE, GREY, INK, LIMIT, PALE, color_of, on_figure, style
-from holokin.app.report.robot_panels import Actor, Curve, draw_panel, stage_of
-from holokin.base.types import Matrix, Vector
-from holokin.motion.ik import SelfMotion, all_postures
-from holokin.strategies import HolonomicStrategy
+from ...base.types import Matrix, Vector
+from ...motion.ik import SelfMotion, all_postures
+from ...strategies import HolonomicStrategy
+from .plots import BLUE, GREY, INK, LIMIT, PALE, color_of, on_figure, style
+from .robot_panels import Actor, Curve, draw_panel, stage_of
 
 GAP = 0.8
 """Space between self-motions [joint units]."""
