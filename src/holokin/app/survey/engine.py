@@ -10,12 +10,9 @@ import signal
 import sys
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor
-from concurrent.futures import wait as wait_for_futures
 from contextlib import contextmanager, suppress
-from itertools import islice
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -28,56 +25,24 @@ from .cases import Cases
 from .one_case import Row, fault, forget_built, prepare, run_case
 from .survey_file import SurveyTable, forget_imported, keep, sendable
 
-# --- Which cases are sent together: so many that a batch takes about a second, by the seconds of the rows that came.
+# --- Which cases are sent together.
 
-SECONDS = 1.0
-"""That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""
-
-MOST = 4096
+MOST = 100
 """Cases of a batch."""
 
 Batch = tuple[int, ...]
 """Numbers of cases."""
 
 
-class Batches:
-    """Numbers of cases that wait, taken in batches.
-
-    The first batches are all strategies of one loop. The later ones follow the mean of the seconds of a case; what a
-    worker hands back, since it took too long, is taken again.
-    """
-
-    def __init__(self, numbers: Iterable[int], count: int, laws: int = 1) -> None:
-        self._numbers, self._back, self._laws = iter(numbers), deque[int](), laws
-        self.left, self.seconds = count, float("nan")
-
-    def take(self, workers: int) -> Batch:
-        """The next batch, for one of so many workers; empty where none is left."""
-        batch = [self._back.popleft() for _ in range(min(self.size(workers), len(self._back)))]
-        batch += islice(self._numbers, self.size(workers) - len(batch))
-        self.left = max(0, self.left - len(batch))
-        return tuple(batch)
-
-    def size(self, workers: int) -> int:
-        """Cases of the next batch: of whole loops, if they are few enough."""
-        wanted = SECONDS / self.seconds if self.seconds > 0 else self._laws
-        # Batches that are left for each worker, at least, so that all end together.
-        wanted = int(min(wanted, MOST, self.left / (4 * max(workers, 1))))
-        return max(1, wanted - wanted % self._laws if wanted > self._laws else wanted)
-
-    def came(self, batch: Batch, rows: Sequence[Row]) -> None:
-        """What became of a batch: cases without a row wait again. Later rows count more in the mean."""
-        if rows:
-            mean = sum(row.seconds for row in rows) / len(rows)
-            self.seconds = (self.seconds + mean) / 2 if self.seconds > 0 else mean
-        done = {row.number for row in rows}
-        self.again(number for number in batch if number not in done)
-
-    def again(self, batch: Iterable[int]) -> None:
-        """Cases to be taken again, before all others."""
-        before = len(self._back)
-        self._back.extendleft(reversed(tuple(batch)))
-        self.left += len(self._back) - before
+def batches(numbers: Sequence[int], laws: int, workers: int) -> Generator[Batch, None, None]:
+    """Cases in batches, of whole loops with all strategies if there are few; smaller in the end, so that all end
+    together."""
+    begin = 0
+    while begin < len(numbers):
+        size = max(1, min(MOST, (len(numbers) - begin) // (4 * workers)))
+        size -= size % laws if size > laws else 0
+        yield tuple(numbers[begin : begin + size])
+        begin += size
 
 
 # --- Cases in a process of their own: one that kills it, or hangs, becomes a row, and the next process does the others.
@@ -88,8 +53,9 @@ HARD, MORE = 2.0, 1.0
 LOOK = 0.25
 """Seconds between two looks at whether a case takes too long."""
 
-ROWS = 50
-"""Rows sent together at most, 10 kB: one write of a pipe, so that none is sent in part by a process that is killed."""
+ROWS, CHUNK = 50, 0.2
+"""Rows sent together at most, 10 kB: one write of a pipe, so that none is sent in part by a process that is killed; and
+seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
 
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
@@ -98,9 +64,6 @@ UNBORN, PAUSE = 6, 0.05
 """Processes that die before their first case until the survey ends; pauses [s] grow by one each time."""
 
 SEE = "say --workers 0, in Python workers=0, to see why; rows that came are kept"
-
-LATE = 2.0
-"""Times the seconds of a batch after which a worker hands back the rest of it."""
 
 
 class _Late(BaseException):
@@ -170,18 +133,12 @@ def _cases_of(table: str, folder: str) -> Cases:
     return _cases[key]
 
 
-def _run_batch(table: str, folder: str, batch: Batch, seconds: float = SECONDS) -> Iterator[Row]:
-    """The rows of a batch, up to where it takes too long; what goes wrong with a case is said in its row.
-
-    Args:
-        seconds: that the batch is to take; after twice as many the rest of it is handed back.
-    """
-    cases, began = _cases_of(table, folder), time.monotonic()
+def _rows(table: str, folder: str, numbers: Iterable[int]) -> Iterator[Row]:
+    """The rows of cases; what goes wrong with a case is said in its row."""
+    cases = _cases_of(table, folder)
     limit = cases.table.time_limit
     with _Watch(limit) as watch:
-        for k, number in enumerate(batch):
-            if k and time.monotonic() - began > LATE * seconds:
-                return
+        for number in numbers:
             # Robot, strategy and native code may take a minute to build: no time of the case that is the first.
             case, allowed = cases.case(number), max(limit, 60.0)
             try:
@@ -197,6 +154,16 @@ def _run_batch(table: str, folder: str, batch: Batch, seconds: float = SECONDS) 
                     raise  # the user's own
                 row = fault(case, f"{type(problem).__name__}: {problem}")
             yield row
+
+
+def _in_time(rows: Iterator[Row]) -> list[Row]:
+    """The next rows, as many as come in CHUNK seconds, and no more than ROWS; none where all have come."""
+    some, began = list[Row](), time.monotonic()
+    for row in rows:
+        some.append(row)
+        if len(some) == ROWS or time.monotonic() - began > CHUNK:
+            break
+    return some
 
 
 def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
@@ -220,14 +187,13 @@ def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what goes wrong is said in rows
     with suppress(OSError, EOFError):
         while True:
-            pipe.send(_rows_in_time(*pipe.recv()))
+            pipe.send(_first_rows(*pipe.recv()))
 
 
-def _rows_in_time(table: str, folder: str, batch: Batch) -> list[Row] | str:
-    """The rows of the first cases of a batch, as many as take CHUNK seconds, and no more than ROWS; or why not."""
+def _first_rows(table: str, folder: str, batch: Batch) -> list[Row] | str:
+    """The rows of the first cases of a batch; or why there are none."""
     try:
-        # Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours.
-        return list(islice(_run_batch(table, folder, batch, 0.2 / LATE), ROWS))
+        return _in_time(_rows(table, folder, batch))
     except Exception as problem:  # noqa: BLE001  it is told where the rows are awaited
         return f"its processes fail beside its cases ({type(problem).__name__}: {problem})"
 
@@ -248,14 +214,14 @@ class Guarded:
         self._board: Any = multiprocessing.RawArray("d", 3)
         self._running: tuple[BaseProcess, Connection] | None = None
 
-    def rows(self, table: str, folder: str, batch: Batch) -> list[Row]:
-        """The rows of a batch: all, or up to where it took too long.
+    def rows(self, table: str, folder: str, batch: Batch) -> Iterator[list[Row]]:
+        """The rows of a batch, as they come.
 
         Raises:
             FileError: process after process dies before it begins, or fails beside its cases.
         """
-        left, rows_so_far, deaths, began = list(batch), [], Counter[int](), time.monotonic()
-        while left and not self._closed and (deaths or time.monotonic() - began < LATE * SECONDS):
+        left, deaths = list(batch), Counter[int]()
+        while left and not self._closed:
             self._board[:] = -1, 0.0, 0.0
             try:
                 rows = self._answer(table, folder, tuple(left))
@@ -266,12 +232,10 @@ class Guarded:
                 raise FileError("survey", rows, SEE)
             for row in rows:
                 left.remove(row.number)
-                deaths.pop(row.number, None)
-            rows_so_far += rows
-        return rows_so_far
+            yield rows
 
     def _answer(self, table: str, folder: str, batch: Batch) -> list[Row] | str:
-        """As `_rows_in_time`, of the process; it is killed if native code hangs. Raises: OSError, EOFError: it died."""
+        """As `_first_rows`, of the process; it is killed if native code hangs. Raises: OSError, EOFError: it died."""
         process, pipe = self._running or self._start_process()
         pipe.send((table, folder, batch))
         while not (ready := wait((pipe, process.sentinel), LOOK)):
@@ -332,10 +296,7 @@ class Guarded:
         return f"exit code {code}"
 
     def close(self) -> None:
-        """End the process, whatever it is at, or as soon as it has begun; from any thread.
-
-        A thread that waits for rows gets those there are.
-        """
+        """End the process, whatever it is at, or as soon as it has begun; from any thread. No more rows come."""
         self._closed = True
         if (running := self._running) is not None:
             running[0].kill()
@@ -362,22 +323,17 @@ def _start_method(objects: Mapping[str, Any]) -> str:
     return "forkserver"
 
 
-AHEAD = 2
-"""Batches that wait for each worker, so that none is idle."""
-
-
 class InProcess:
     """This process: for what cannot be sent to others. A case that hangs in native code is not ended."""
 
     def __init__(self, table: SurveyTable, folder: Path) -> None:
         self.text, self.folder = table.model_dump_json(exclude_unset=True), str(folder)
 
-    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
-        """The rows of each batch."""
-        while batch := batches.take(1):
-            rows = list(_run_batch(self.text, self.folder, batch))
-            batches.came(batch, rows)
-            yield rows
+    def run(self, numbers: Sequence[int]) -> Generator[list[Row], None, None]:
+        """Rows of cases, as they come."""
+        rows = _rows(self.text, self.folder, numbers)
+        while some := _in_time(rows):
+            yield some
 
 
 class Pool:
@@ -386,40 +342,42 @@ class Pool:
     def __init__(
         self, table: SurveyTable, folder: Path, workers: int, objects: Mapping[str, Any] = MappingProxyType({})
     ) -> None:
-        self.text, self.folder, self.workers = table.model_dump_json(exclude_unset=True), str(folder), workers
-        self.objects = dict(objects)
+        self.text, self.folder, self.laws = table.model_dump_json(exclude_unset=True), str(folder), len(table.laws)
+        self.workers, self.objects = workers, dict(objects)
 
-    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
-        """Rows as they come: of all batches that are done. Close it to end the processes."""
-        # A process for each worker.
-        guarded = [Guarded(self.objects) for _ in range(self.workers)]
-        free: SimpleQueue[Guarded] = SimpleQueue()
-        for process in guarded:
-            free.put(process)
+    def run(self, numbers: Sequence[int]) -> Generator[list[Row], None, None]:
+        """Rows of cases, as they come. Close it to end the processes."""
+        waiting, taking = batches(numbers, self.laws, self.workers), threading.Lock()
+        came: SimpleQueue[list[Row] | Exception | None] = SimpleQueue()
 
-        def rows(batch: Batch) -> list[Row]:
-            process = free.get()
+        def work(process: Guarded) -> None:
             try:
-                return process.rows(self.text, self.folder, batch)
-            finally:
-                free.put(process)
+                while True:
+                    with taking:
+                        batch = next(waiting, ())
+                    if not batch:
+                        return came.put(None)
+                    for rows in process.rows(self.text, self.folder, batch):
+                        came.put(rows)
+            except Exception as problem:  # noqa: BLE001  it is raised where the rows are awaited
+                came.put(problem)
 
-        # Batches to them, and their rows back.
-        threads = ThreadPoolExecutor(self.workers, "survey")
-        running: dict[Future[list[Row]], Batch] = {}
+        guarded = [Guarded(self.objects) for _ in range(self.workers)]
+        running = len(guarded)
         try:
-            while True:
-                while len(running) < AHEAD * self.workers and (batch := batches.take(self.workers)):
-                    running[threads.submit(rows, batch)] = batch
-                if not running:
-                    return
-                rows_now: list[Row] = []
-                for done in wait_for_futures(running, return_when=FIRST_COMPLETED).done:
-                    batch, new = running.pop(done), done.result()
-                    batches.came(batch, new)
-                    rows_now += new
-                yield rows_now
+            for process in guarded:
+                threading.Thread(target=work, args=(process,), name="survey", daemon=True).start()
+            while running:
+                new = [came.get()]
+                while not came.empty():
+                    new.append(came.get())
+                running -= new.count(None)
+                yield [row for rows in new if isinstance(rows, list) for row in rows]
+                for problem in new:
+                    if isinstance(problem, Exception):
+                        raise problem
         finally:
-            threads.shutdown(wait=False, cancel_futures=True)
+            with taking:
+                waiting.close()
             for process in guarded:
                 process.close()

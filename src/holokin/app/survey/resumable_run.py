@@ -24,7 +24,7 @@ from ...path import Path
 from ...robot import Robot
 from ...strategies import Strategy
 from .cases import Cases
-from .engine import Batches, InProcess, Pool, forget_cases
+from .engine import InProcess, Pool, forget_cases
 from .one_case import Row
 from .store import COLUMNS, Store
 from .survey_file import Library, Own, SurveyTable, forks, imported, keep, sendable
@@ -173,7 +173,7 @@ def run_survey(
         clock = _Clock(total, done, len(faults))
         state = clock.after(())
         progress(state)
-        with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
+        with closing(engine.run(left)) as stream:
             for new in stream:
                 store.add(new, faults)
                 state = clock.after(new)
