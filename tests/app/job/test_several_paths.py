@@ -18,6 +18,7 @@ from holokin.app.job.paths_job import plan_paths
 from holokin.app.report.paths_figures import motion_figure
 from holokin.app.report.paths_report import write_paths_report
 from holokin.base.errors import JobError
+from holokin.motion import TimedTrajectory
 
 # --- Order and postures: held against all orders with all postures.
 
@@ -372,7 +373,7 @@ def test_a_job_of_several_paths_is_written_again_with_the_advised_rule(
 # --- Ways through the air: over a height, and by way of postures.
 
 
-def rests(timed: hk.TimedTrajectory, way: int) -> None:
+def rests(timed: TimedTrajectory, way: int) -> None:
     """A motion that begins and ends at rest, within its limits of speed and acceleration, by differences of joints."""
     dt, limits = np.diff(timed.t)[:, None], timed.limits
     rates = np.diff(timed.q, axis=0) / dt
