@@ -133,7 +133,8 @@ def clearance(outcomes: Outcomes, units: PrintedUnits) -> str:
     told = units.reworded("".join(f"; {words}" for words in more))
     seen = [(name, report) for name, report in outcomes.reports if np.isfinite(report.clearance)]
     if not seen:
-        return f"Clear{far}: within limits, on the paths away from singular postures, but no two shapes were held apart{told}."
+        kept = "within limits, on the paths away from singular postures"
+        return f"Clear{far}: {kept}, but no two shapes were held apart{told}."
     name, report = min(seen, key=lambda pair: pair[1].clearance)
     if (near := report.nearest) is None:  # its clearance is finite, so there is one
         return ""

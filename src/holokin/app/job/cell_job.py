@@ -112,7 +112,7 @@ def write_cell(
     tables, origin = _scene(scene, out / "draft.toml")
     assumed: list[str] = []
     file = FilePath(name).absolute().as_posix() if os.path.isfile(name) else name
-    robot_keys = {"name": file, "tip": chain.tip if chain.base else None, "base": base, "trust_units": trust_units}
+    robot_keys = {"name": file, "tip": chain.tip if chain.base else tip, "base": base, "trust_units": trust_units}
     keys: dict[str, Any] = {
         "title": f"{chain.robot.name}: {paths.name}",
         "about": f"Written by `holokin cell` for {FilePath(name).name} and {paths.name}.",
