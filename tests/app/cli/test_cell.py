@@ -173,13 +173,16 @@ def test_one_command(holokin: Command, paths: Path, sketched: None) -> None:
     """Three axes for a point, none to spare: six sentences, and all files again by the commands that are printed."""
     urdf = Path(__file__).parents[3] / "docs" / "kr6.urdf"
     Path("line.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n0,80,20\n")
-    Path("wrist.toml").write_text("[robot]\nlocked = { A4 = 0, A5 = 0.5, A6 = 0 }\n[task]\nkind = 'position'\n")
+    Path("wrist.toml").write_text(
+        "[robot]\nlocked = { A4 = 0, A5 = 0.5, A6 = 0 }\n[task]\nkind = 'position'\n[timing]\nprofile = 'quintic'\n"
+    )
     given = ("--scene", "wrist.toml", "--at", "0.5 0 0.3", "--speed", "0.05", "--language", "ros", "--out", "first")
     done = holokin("cell", urdf, "line.csv", *given)
     assert done.code == 0, done.out + done.err
     lines = answered(done.out)
     assert "no joint is to spare" in lines[0]
-    assert "for ROS 2" in lines[4] and "up to 50 mm/s" in lines[4]
+    told = re.search(r"for ROS 2: ([\d.]+) s, the tool at up to ([\d.]+) mm/s", lines[4])
+    assert told is not None
     first = facts(Path("first"))
     assert {"cell.toml", "cell/result.json", "cell-proof/result.json", "program/joints.csv"} <= first.keys()
     assert again(done.out, Path("first"), holokin) == first
@@ -188,8 +191,9 @@ def test_one_command(holokin: Command, paths: Path, sketched: None) -> None:
     robot = hk.load(urdf, locked={"A4": 0.0, "A5": 0.5, "A6": 0.0})
     points = np.array([robot.pose(np.deg2rad(q))[:3, 3] for q in table[:, 1:4]])
     speed = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(table[:, 0])
-    assert f"{table[-1, 0]:.1f} s" in lines[4]
-    assert speed.max() == pytest.approx(0.05, rel=5e-3)
+    assert float(told[1]) == pytest.approx(table[-1, 0], abs=0.05)
+    assert speed.max() == pytest.approx(float(told[2]) / 1e3, rel=6e-3)
+    assert speed.max() < 0.0502
 
 
 @pytest.mark.campaign
