@@ -96,6 +96,10 @@ def test_out_of_reach(paths: Path) -> None:
     assert there is not None
     assert not Path("o").exists()
     assert not write_cell("ur10e", Path("bracket.apt"), Path("o"), at=there[1]).beyond
+    # A path that leads out of reach is begun, and it is said how much of it is.
+    Path("long.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n500,0,0\n1000,0,0\n1500,0,0\n")
+    made = write_cell("ur10e", Path("long.csv"), Path("o"), at="0.5 0 0.2")
+    assert made.beyond.startswith("2 of 4 points are out of reach: ")
 
 
 def test_bad_input(paths: Path) -> None:

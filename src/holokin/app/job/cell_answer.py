@@ -20,7 +20,9 @@ from ...proof.recheck import CheckerWord, Outcome
 from ...strategies.tasks.task import Task
 from ..report.job_result import JobResult
 from ..report.paths_report import PathsResult
+from .advice_job import ADVISED
 from .cell_job import CellJob
+from .templates import toml
 
 SAMPLES = 400
 """Samples of a motion at which the speed of its tool is looked at."""
@@ -169,6 +171,18 @@ def proof(
         f"Proven: at every place of {places}, not at samples alone, there is one posture{kept and f', {kept}'}, and "
         f"wherever the tool comes back on it, so do the joints{between}; {checked}."
     )
+
+
+def provable_instead(advice: Advice | None) -> str:
+    """Of a rule without a certificate: one that serves as much and may have one; "" where there is none."""
+    if advice is None or advice.best.strategy.constraint.looped is None:
+        return ""
+    for rated in advice.strategies[1:]:
+        if rated.coverage >= advice.best.coverage and rated.strategy.constraint.looped is None:
+            return (
+                f" The rule {rated.name!r} serves as much and may be proven: [strategies.{ADVISED}] {toml(rated.keys)}."
+            )
+    return ""
 
 
 def program_words(

@@ -254,11 +254,14 @@ def _places(job: Job, read: PathFile) -> list[Array]:
 def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Matrix]:
     """How far above its ends the first path that is in reach can be come to [m], and postures (k, n) to begin at.
 
-    Raises: OutOfReachError: none is in reach. ArgumentError: none is clear.
+    Where the end of none is in reach, it is the first one that can be begun.
+
+    Raises: OutOfReachError: none can be begun. ArgumentError: none is clear.
     """
     up = job.frames.get(FRAME, FrameTable()).matrix[:3, 2]
     apart = Clearances.of(cell.task.robot, job.scene) if job.scene is not None and cell.robot.tips else None
     touching: Matrix | None = None
+    begun: tuple[float, Matrix] | None = None
     for poses, retract in product(places, RETRACTS):
         above = poses[[0, -1]]
         above[:, :3, 3] += retract * up
@@ -266,7 +269,10 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
         clear = Q if apart is None or not len(Q) else Q[apart.clear(Q)]
         if len(clear) and reached(cell.task, above, clear[0]).within.all():
             return retract, clear
+        begun = (retract, clear) if begun is None and len(clear) else begun
         touching = Q if len(Q) and not len(clear) else touching
+    if begun is not None:
+        return begun
     if touching is None or apart is None:
         raise _out_of_reach(cell, job, places)
     # The pairs that are too near in every posture, else that of the most comfortable one.
