@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -111,7 +112,7 @@ def test_bad_input(paths: Path) -> None:
     (paths / "whole.toml").write_text('[robot]\nname = "panda"\n')
     urdf = (Path(__file__).parents[3] / "docs" / "arm7.urdf").read_text("utf-8")
     (paths / "still.urdf").write_text(re.sub(r'velocity="[^"]*"', 'velocity="0"', urdf))
-    for kind, words, robot, given, options in (
+    cases: tuple[tuple[type[Exception], str, str, Path, dict[str, Any]], ...] = (
         (FileError, "no path", "ur10e", Path("empty.apt"), {}),
         (FileError, "unit", "ur10e", Path("no-units.csv"), {}),
         (JobError, "chekcs.* not of a scene", "ur10e", file, {"scene": Path("wrong.toml")}),
@@ -120,7 +121,8 @@ def test_bad_input(paths: Path) -> None:
         (ArgumentError, "ROLL PITCH YAW", "ur10e", file, {"at": "0.5 0"}),
         (JobError, "path.speed", "ur10e", file, {"speed": -1.0}),
         (HolokinError, "speed limit of", "still.urdf", file, {"at": "0.4 0 0.2"}),
-    ):
+    )
+    for kind, words, robot, given, options in cases:
         with pytest.raises(kind, match=words):
             write_cell(robot, given, out, **options)
         assert not out.exists()
