@@ -15,7 +15,10 @@ from holokin.app.job import certify_job, program_of_paths, read_job, run_paths
 from holokin.app.job.advice_job import question
 from holokin.app.job.path_order import Choices, best_sequence, in_order, least_pool
 from holokin.app.job.paths_job import plan_paths
+from holokin.app.report.paths_figures import motion_figure
+from holokin.app.report.paths_report import write_paths_report
 from holokin.base.errors import JobError
+from holokin.motion import TimedTrajectory
 
 # --- Order and postures: held against all orders with all postures.
 
@@ -226,6 +229,48 @@ def test_each_path_is_proven_from_the_posture_at_which_it_begins(tmp_path: Path,
         list(certify_job(read_job(file), file, workspace=True))
 
 
+def test_keys_of_every_path_stand_for_those_that_a_path_does_not_give(tmp_path: Path) -> None:
+    file = elbow_job(tmp_path, {"one": 10.0, "two": 20.0})
+    text = file.read_text()
+    alone = read_job(file).paths
+    shared = text.replace('kind = "polyline"\n', "").replace("samples = 50\n", "", 1)
+    file.write_text(shared + '[every_path]\nkind = "polyline"\nsamples = 70\n')
+    assert [(t.kind, t.samples, t.points) for t in read_job(file).paths] == [
+        (t.kind, samples, t.points) for t, samples in zip(alone, (70, 50), strict=True)
+    ]
+    for line, said in (
+        ("speed = -1.0", r"\[every_path\.speed\] is -1\.0"),
+        ("sped = 1.0", r"\[every_path\.sped\] is an unknown key.*speed"),
+        ('frame = "fixtur"', r"no frame of \[frames\]"),
+    ):
+        file.write_text(text + f"[every_path]\n{line}\n")
+        with pytest.raises(JobError, match=said):
+            read_job(file)
+    one = text[: text.index("[air]")] + '[path]\nkind = "polyline"\nrelative = true\npoints = [[0, 0], [0, 0.1]]\n'
+    file.write_text(one + "[every_path]\nspeed = 0.1\n")
+    with pytest.raises(JobError, match=r"every_path.*is for several paths"):
+        read_job(file)
+
+
+def test_the_report_draws_the_paths_and_the_distances_that_checks_found(tmp_path: Path) -> None:
+    file = elbow_job(tmp_path, {"left": 30.0, "right": -30.0})
+    file.write_text(file.read_text().replace('"given"', '"given"\nvia = [[0.0, 2.4]]') + POST)
+    result = result_of(file)
+    (rule,) = result.rules
+    found = min(row.clearance for row in rule.rows)
+    assert 0 <= result.distances(rule.motion.q).min() - found < 1e-4  # checks look between samples, too
+    seconds = [part.duration for row in rule.rows for part in (row.air, row.own) if part is not None]
+    assert sum(seconds) == pytest.approx(rule.motion.duration)
+    page = (write_paths_report(result, tmp_path / "out", "0") / "report.html").read_text()
+    assert page.count("<figure") == 2  # of a robot in space a view from above, too
+    figure = motion_figure(result, rule)
+    joints, distances = figure.axes
+    drawn = [line.get_ydata() for line in joints.lines[:2]]
+    np.testing.assert_allclose(np.array(drawn).T[[0, -1]], rule.motion.q[[0, -1]])
+    assert [text.get_text() for text in joints.texts[:2]] == ["1", "2"]
+    assert min(distances.lines[0].get_ydata()) >= found
+
+
 # --- Programs: an arm of six axes along three seams, as its controller reads them.
 
 WELD = """
@@ -328,7 +373,7 @@ def test_a_job_of_several_paths_is_written_again_with_the_advised_rule(
 # --- Ways through the air: over a height, and by way of postures.
 
 
-def rests(timed: hk.TimedTrajectory, way: int) -> None:
+def rests(timed: TimedTrajectory, way: int) -> None:
     """A motion that begins and ends at rest, within its limits of speed and acceleration, by differences of joints."""
     dt, limits = np.diff(timed.t)[:, None], timed.limits
     rates = np.diff(timed.q, axis=0) / dt

@@ -251,7 +251,7 @@ def _read_file(table: PathTable, file: FilePath) -> PathFile:
     return read_paths(file.parent / (table.file or ""), **words)
 
 
-def named_paths(tables: Sequence[NamedPathTable], file: FilePath) -> list[NamedPathTable]:
+def _named_paths(tables: Sequence[NamedPathTable], file: FilePath) -> list[NamedPathTable]:
     """The tables of a job of several paths; one of a file without `only` stands for each path in it, by its name.
 
     Raises:
@@ -288,7 +288,7 @@ def build_each(job: Job, file: FilePath, start: Vector, task: Task) -> list[tupl
     """
     tasks: dict[str, Task] = {repr(None): task}
     built = []
-    for i, table in enumerate(named_paths(job.paths, file)):
+    for i, table in enumerate(_named_paths(job.paths, file)):
         key = repr(table.tool_frame)
         if key not in tasks and table.tool_frame is not None:
             with naming(file, "path", str(i), "tool_frame"):

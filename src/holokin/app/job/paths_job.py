@@ -38,19 +38,19 @@ from .tables import AirTable, NamedPathTable, TimingTable
 LEVELS = 12
 """Levels of a rule that are tried besides that of the start, where that one does not serve all paths."""
 
-LOOKED_AT = 100
+TRIAL_SAMPLES = 100
 """Samples of a path at which a posture to begin with is tried out; the chosen one is followed and checked in full."""
 
-CLEAR_AT = 34
+CLEARANCE_SAMPLES = 34
 """Samples of these at which shapes are held apart."""
 
-BRIDGE = 60
+BRIDGE_SAMPLES = 60
 """Steps of the straight way of the tool by which two postures are found to be on one sheet."""
 
-SAME = 1e-4
+SAME_POSTURE = 1e-4
 """Difference of joints [rad or m] up to which two postures are one: what following leaves."""
 
-NOTHING = 1e-9
+NO_MOTION = 1e-9
 """Way of the joints [rad or m] that is none."""
 
 AIR_STEP = 0.03
@@ -59,7 +59,7 @@ AIR_STEP = 0.03
 REPLANS = 60
 """How often a plan is made anew, after a part of it was found to be blocked."""
 
-OF_ONE_PATH = (PathError, SingularityError)
+PATH_ERRORS = (PathError, SingularityError)
 """What one path may meet where the others do not; anything else is a mistake in the job."""
 
 ONE_TOOL = "several paths are for a task of one tool; give a job with one [path]"
@@ -101,8 +101,8 @@ class PlannedPath(Value):
 class PathsPlan(Value):
     """All paths of a job by one rule, in their order, and the way home; and those that cannot be gone along, with why.
 
-    changes: how often the sheet changes from one path to the next. exact: whether no order, of those that were to be
-    looked at, has fewer, or as few and less time in the air. candidates: postures that were found, at so many `levels`;
+    changes: how often the sheet changes from one path to the next. exact: whether no order, of those that were asked
+    for, has fewer, or as few and less time in the air. candidates: postures that were found, at so many `levels`;
     `compared` of them for the time, those on the fewest sheets.
     """
 
@@ -191,8 +191,8 @@ class _Search:
     lifts: dict[tuple[int, int], Trajectory | None] = field(default_factory=dict)
     air_moves: dict[tuple[int, int, str], AirMove] = field(default_factory=dict)
     motions: dict[int, tuple[TimedTrajectory, CheckReport | None] | None] = field(default_factory=dict)
-    clear_ways: dict[tuple[int, int], Way] = field(default_factory=dict)
-    banned: set[tuple[int, int, str]] = field(default_factory=set)
+    ways_found: dict[tuple[int, int], Way] = field(default_factory=dict)
+    blocked: set[tuple[int, int, str]] = field(default_factory=set)
 
     # --- Postures at which the paths may begin.
 
@@ -211,7 +211,9 @@ class _Search:
                 if walk is not None and walk.status is Status.LIMIT:
                     middle = all_postures(strategy, pose, levels[i]).q if middle is None else middle
                     turned = [
-                        other for other in middle if np.abs(q - other).max() > SAME and self._gap(q, other) < SAME
+                        other
+                        for other in middle
+                        if np.abs(q - other).max() > SAME_POSTURE and self._gap(q, other) < SAME_POSTURE
                     ]
                     walk = next((w for other in turned if (w := self._followed(i, other)) is not None), None)
                 if walk is not None and walk.status is Status.COMPLETE:
@@ -226,7 +228,7 @@ class _Search:
         if self.clear is not None and not self.clear.clear(q[None])[0]:
             self.reasons.setdefault(i, f"{self.clear.touching(q[None])[0]} are too near at its start")
             return None
-        samples = min(LOOKED_AT, self.tables[i].samples)
+        samples = min(TRIAL_SAMPLES, self.tables[i].samples)
         try:
             walk = follow(strategy, self.paths[i], q, samples=samples, native=True)
         except (PathError, SingularityError) as problem:
@@ -239,9 +241,9 @@ class _Search:
             if (values[:, -1] < checks.rcond * values[:, 0]).any():
                 self.reasons.setdefault(i, "it leads through a singular posture")
                 return None
-        some = np.unique(np.linspace(0, len(walk) - 1, CLEAR_AT).astype(int))
-        if self.clear is not None and not (free := self.clear.clear(walk.q[some])).all():
-            k = int(some[np.argmin(free)])
+        checked = np.unique(np.linspace(0, len(walk) - 1, CLEARANCE_SAMPLES).astype(int))
+        if self.clear is not None and not (free := self.clear.clear(walk.q[checked])).all():
+            k = int(checked[np.argmin(free)])
             self.reasons.setdefault(
                 i, f"{self.clear.touching(walk.q[k : k + 1])[0]} are too near, {walk.t[k]:.3g} s along it"
             )
@@ -273,7 +275,7 @@ class _Search:
         if rows == 1:
             return list(np.quantile(every, np.linspace(0.02, 0.98, LEVELS))[:, None])
         # The one nearest to the middle, then each time the one that is farthest from those before.
-        scaled = (every - every.mean(axis=0)) / np.maximum(every.std(axis=0), SAME)
+        scaled = (every - every.mean(axis=0)) / np.maximum(every.std(axis=0), SAME_POSTURE)
         chosen = [int(np.linalg.norm(scaled, axis=1).argmin())]
         while len(chosen) < min(LEVELS, len(every)):
             chosen.append(int(np.min([np.linalg.norm(scaled - scaled[k], axis=1) for k in chosen], axis=0).argmax()))
@@ -303,20 +305,20 @@ class _Search:
                         self.bridges[k, b] = self._bridged(k, b)
                     reached = self.bridges[k, b]
                     for m in others:
-                        if any(self._gap(q, self.candidates[m].walk.q[0]) < SAME for q in reached):
+                        if any(self._gap(q, self.candidates[m].walk.q[0]) < SAME_POSTURE for q in reached):
                             label[label == label[m]] = label[k]
         self.labels = np.unique(label, return_inverse=True)[1]
         return self.labels
 
     @property
     def reachable(self) -> int:
-        """How many paths have a posture at their start at all, as far as was looked at."""
+        """How many paths have a posture at their start at all, as far as was levels_tried at."""
         return len(self.paths) - len(self.beyond)
 
     def one_sheet(self, level: int) -> bool:
         """Whether some sheet of a level serves all paths."""
-        of = [i for i, c in enumerate(self.candidates) if c.level_number == level]
-        sheet, path = self.sheets()[of], np.array([self.candidates[i].path for i in of])
+        members = [i for i, c in enumerate(self.candidates) if c.level_number == level]
+        sheet, path = self.sheets()[members], np.array([self.candidates[i].path for i in members])
         return any(len(set(path[sheet == number])) == self.reachable for number in set(sheet.tolist()))
 
     def _gap(self, q: Vector, other: Vector) -> float:
@@ -324,11 +326,11 @@ class _Search:
 
     def _bridged(self, k: int, b: int) -> list[Vector]:
         """Postures at the start of path b to which straight ways of the tool lead from the start of a candidate."""
-        one = self.candidates[k]
-        strategy, goal = self.strategies[one.path], self.paths[b]
+        candidate = self.candidates[k]
+        strategy, goal = self.strategies[candidate.path], self.paths[b]
         if strategy.task.robot is not self.strategies[b].task.robot:
             return []  # another tool: its poses are others
-        p, R = _place(strategy.task, one.walk.q[0])
+        p, R = _place(strategy.task, candidate.walk.q[0])
         R_goal = goal.rotation if goal.rotation is not None else R
         up = np.array([0.0, 0.0, self.air.height])
         reached = []
@@ -338,7 +340,12 @@ class _Search:
             segments = tuple(line_segment(x, y, w) for (x, y), w in zip(pairwise(points), turns, strict=True))
             try:
                 walk = follow(
-                    strategy, Path(segments, rotation=R), one.walk.q[0], samples=BRIDGE, limits=False, native=True
+                    strategy,
+                    Path(segments, rotation=R),
+                    candidate.walk.q[0],
+                    samples=BRIDGE_SAMPLES,
+                    limits=False,
+                    native=True,
                 )
             except (PathError, SingularityError):
                 continue
@@ -360,12 +367,12 @@ class _Search:
 
     def way(self, a: int, b: int) -> Way | None:
         """The first clear way from the end of one candidate to the start of another; -1 is where the job begins."""
-        known = self.clear_ways.get((a, b))
-        if known is not None and (a, b, known[0]) not in self.banned:
+        known = self.ways_found.get((a, b))
+        if known is not None and (a, b, known[0]) not in self.blocked:
             return known
         for by, legs in self._possible(a, b):
-            if (a, b, by) not in self.banned and self._is_clear(a, b, by, legs):
-                self.clear_ways[a, b] = by, legs
+            if (a, b, by) not in self.blocked and self._is_clear(a, b, by, legs):
+                self.ways_found[a, b] = by, legs
                 return by, legs
         return None
 
@@ -391,15 +398,17 @@ class _Search:
         return self.lifts.get((k, end))
 
     def _lift(self, k: int, end: int) -> Trajectory | None:
-        one = self.candidates[k]
-        strategy, q = self.strategies[one.path], one.walk.q[end]
+        candidate = self.candidates[k]
+        strategy, q = self.strategies[candidate.path], candidate.walk.q[end]
         p, R = _place(strategy.task, q)
         line = replace(polyline([p, p + [0, 0, self.air.height]], speed=self.air.height_speed), rotation=R)
         try:
-            walk = follow(strategy, line, q, samples=LOOKED_AT // 4, native=True)
-            if np.abs(walk.q - q).max() < NOTHING:  # of a task without height
+            walk = follow(strategy, line, q, samples=TRIAL_SAMPLES // 4, native=True)
+            if np.abs(walk.q - q).max() < NO_MOTION:  # of a task without height
                 return None
-            return walk if end else follow(strategy, line.reversed(), walk.q[-1], samples=LOOKED_AT // 4, native=True)
+            return (
+                walk if end else follow(strategy, line.reversed(), walk.q[-1], samples=TRIAL_SAMPLES // 4, native=True)
+            )
         except (PathError, SingularityError):
             return None
 
@@ -414,7 +423,7 @@ class _Search:
             Q += [x + np.linspace(0, 1, n)[:, None] * (y - x) for (x, y), n in zip(pairwise(q), steps, strict=True)]
         if bool(self.clear.clear(np.vstack(Q)).all()):
             return True
-        self.banned.add((a, b, by))
+        self.blocked.add((a, b, by))
         return False
 
     def timed_leg(self, leg: Matrix | Trajectory, task: Task) -> TimedTrajectory | None:
@@ -422,7 +431,7 @@ class _Search:
         table = self.timing.model_copy(update={"endless": False, "speed": 1.0})
         if isinstance(leg, Trajectory):
             return table.timed(leg)
-        if np.abs(leg[1] - leg[0]).max() < NOTHING:
+        if np.abs(leg[1] - leg[0]).max() < NO_MOTION:
             return None
         q = leg[0] + np.linspace(0.0, 1.0, 51)[:, None] * (leg[1] - leg[0])
         return table.model_copy(update={"speed": "fastest"}).timed(recorded(task, q, 1.0))
@@ -458,28 +467,28 @@ def plan_paths(
     Raises:
         JobError, ArgumentError: bad input. BranchError: no path can be gone along.
     """
-    search = _begun(job, file, label, timing or job.timing or TimingTable(profile="quintic"))
+    search = _search_of(job, file, label, timing or job.timing or TimingTable(profile="quintic"))
     table, strategies = job.strategies[label], search.strategies
-    own = [leaf_value(s, build_begin(table, s, search.start)[0]) for s in strategies]
+    start_levels = [leaf_value(s, build_begin(table, s, search.start)[0]) for s in strategies]
     # Postures on the level of the start; on others where it does not serve all paths from one sheet.
     progress(f"{label}: postures of {len(search.paths)} paths")
-    search.add_level(0, own)
+    search.add_level(0, start_levels)
     given, fixed = search.air.order == "given", isinstance(table, ConstraintTable) and table.level is not None
     levels = iter(()) if fixed else enumerate(search.more_levels(), 1)
-    looked = 1
+    levels_tried = 1
 
-    def next_plan() -> _Chosen | None:
+    def next_plan() -> _Order | None:
         """The best plan; while sheets change on it, or paths are missing, more levels are looked at."""
-        nonlocal looked
-        plan = _chosen(search, given)
+        nonlocal levels_tried
+        plan = _best_order(search, given)
         for number, level in levels:
             if plan is not None and plan.changes == 0 and len(plan.order) == search.reachable:
                 break
             progress(f"{label}: level {number} of {LEVELS}")
             search.add_level(number, [level] * len(strategies))
-            looked += 1
+            levels_tried += 1
             if search.one_sheet(number) or number == LEVELS:
-                plan = _chosen(search, given)
+                plan = _best_order(search, given)
         return plan
 
     plan = next_plan()
@@ -488,19 +497,19 @@ def plan_paths(
         if plan is None:
             break
         progress(f"{label}: timing and checks, {len(plan.order)} paths")
-        made = _made(search, plan)
-        if isinstance(made, tuple):
-            paths, home = made
+        timed_plan = _timed_plan(search, plan)
+        if timed_plan is not None:
+            paths, home = timed_plan
             on = {each.table.name for each in paths}
             left = {t.name: search.reasons.get(i, "no way") for i, t in enumerate(search.tables) if t.name not in on}
-            of = plan.changes, plan.exact, not given, len(search.candidates), looked, plan.compared
-            return PathsPlan(label, tuple(paths), home, left, *of)
+            counts = plan.changes, plan.exact, not given, len(search.candidates), levels_tried, plan.compared
+            return PathsPlan(label, tuple(paths), home, left, *counts)
         plan = next_plan()
     reasons = "; ".join(f"{search.tables[i].name}: {why}" for i, why in search.reasons.items())
     raise BranchError(f"no path can be gone along ({reasons})", "move the paths, or choose another rule")
 
 
-def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search:
+def _search_of(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search:
     """The search with its paths, rules and scene. Raises: as `plan_paths`."""
     robot, start, tasks = build_tasks(job, file)
     timing.check(robot)
@@ -531,7 +540,7 @@ def _begun(job: Job, file: FilePath, label: str, timing: TimingTable) -> _Search
 
 
 @dataclass(frozen=True, eq=False)
-class _Chosen(Value):
+class _Order(Value):
     """Candidates in their order, how often the sheet changes, whether no order is better, the sheets of all (k,)."""
 
     order: list[int]
@@ -541,53 +550,56 @@ class _Chosen(Value):
     compared: int
 
 
-def _chosen(search: _Search, given: bool) -> _Chosen | None:
+def _best_order(search: _Search, given: bool) -> _Order | None:
     """The best sequence of all candidates that are not blocked; None if there are none.
 
-    Ways are looked at only where the best sequence uses them: until then a bound stands for their time, which no way
-    is below, so that the sequence at the end is the best of all.
+    Ways are computed only where the best sequence uses them: until then a bound stands for their time, which no way is
+    below, so that the sequence at the end is the best of all.
     """
     sheet = search.sheets()
-    alive = [k for k in range(len(search.candidates)) if (k, k, "path") not in search.banned]
+    unblocked = [k for k in range(len(search.candidates)) if (k, k, "path") not in search.blocked]
     path = np.array([c.path for c in search.candidates])
-    if not given and alive:
-        few, count = least_pool(path[alive], sheet[alive])
-        pool = [alive[i] for i in few]
-        plan = _of_pool(search, pool, sheet, given)
+    if not given and unblocked:
+        few, count = least_pool(path[unblocked], sheet[unblocked])
+        pool = [unblocked[i] for i in few]
+        plan = _best_among(search, pool, sheet, given)
         if plan is not None and plan.changes < count:
             return plan
-    while alive:
-        if (plan := _of_pool(search, alive, sheet, given)) is not None:
+    while unblocked:
+        if (plan := _best_among(search, unblocked, sheet, given)) is not None:
             return plan
         # No sequence of all: the path that can be come to from the fewest others is left out.
         ways = {
-            p: sum(1 for edge in search.clear_ways if any(k >= 0 and path[k] == p for k in edge)) for p in path[alive]
+            p: sum(1 for edge in search.ways_found if any(k >= 0 and path[k] == p for k in edge))
+            for p in path[unblocked]
         }
         out = int(min(ways, key=ways.__getitem__))
         search.reasons[out] = "no clear way through the air leads there and on; give [air] a height, or postures in via"
-        alive = [k for k in alive if path[k] != out]
+        unblocked = [k for k in unblocked if path[k] != out]
     return None
 
 
-def _of_pool(search: _Search, alive: list[int], sheet: Indices, given: bool) -> _Chosen | None:
-    """The best sequence of some candidates, or None where there is none of all their paths; as of `_chosen`."""
-    picked = [search.candidates[k] for k in alive]
+def _best_among(search: _Search, unblocked: list[int], sheet: Indices, given: bool) -> _Order | None:
+    """The best sequence of some candidates, or None where there is none of all their paths; as of `_best_order`."""
+    picked = [search.candidates[k] for k in unblocked]
     A, B = np.array([c.walk.q[-1] for c in picked]), np.array([c.walk.q[0] for c in picked])
     home, path = search.start[None], np.array([c.path for c in picked])
     between, first = search.least_seconds(A, B), search.least_seconds(home, B)[0]
     last = search.least_seconds(A, home)[:, 0] * search.air.home
     seen: set[tuple[int, int]] = set()
     while True:
-        sequence = best_sequence(Choices(path, sheet[alive], first, between, last), given)
+        sequence = best_sequence(Choices(path, sheet[unblocked], first, between, last), given)
         if not np.isfinite(sequence.cost):
             return None
         nodes = [-1, *sequence.chosen, *([-1] if search.air.home else [])]
         new = [edge for edge in pairwise(nodes) if edge not in seen]
         if not new:
-            return _Chosen([alive[i] for i in sequence.chosen], sequence.changes, sequence.exact, sheet, len(alive))
+            return _Order(
+                [unblocked[i] for i in sequence.chosen], sequence.changes, sequence.exact, sheet, len(unblocked)
+            )
         for i, j in new:
             seen.add((i, j))
-            way = search.way(-1 if i < 0 else alive[i], -1 if j < 0 else alive[j])
+            way = search.way(-1 if i < 0 else unblocked[i], -1 if j < 0 else unblocked[j])
             cost = np.inf if way is None else search.seconds(way)
             if i < 0:
                 first[j] = cost
@@ -597,10 +609,10 @@ def _of_pool(search: _Search, alive: list[int], sheet: Indices, given: bool) -> 
                 between[i, j] = cost
 
 
-def _made(search: _Search, plan: _Chosen) -> tuple[list[PlannedPath], AirMove | None] | None:
-    """The timed and checked plan of a sequence; None where something is blocked, which is then banned."""
-    made, before = [], -1
-    numbers: dict[int, int] = {}
+def _timed_plan(search: _Search, plan: _Order) -> tuple[list[PlannedPath], AirMove | None] | None:
+    """The timed and checked plan of a sequence; None where something is blocked, which is then blocked."""
+    paths, before = [], -1
+    sheet_numbers: dict[int, int] = {}
     for k in [*plan.order, *([-1] if search.air.home else [])]:
         way = search.way(before, k)
         if way is None:
@@ -611,31 +623,31 @@ def _made(search: _Search, plan: _Chosen) -> tuple[list[PlannedPath], AirMove | 
             search.air_moves[key] = _air(search, way, task)
         air = search.air_moves[key]
         if air.report is not None and not air.report.passed:
-            search.banned.add(key)
+            search.blocked.add(key)
             return None
         if k < 0:
-            return made, air
+            return paths, air
         if k not in search.motions:
             search.motions[k] = _motion(search, k)
-        if (found := search.motions[k]) is None:
-            search.banned.add((k, k, "path"))
+        if (motion := search.motions[k]) is None:
+            search.blocked.add((k, k, "path"))
             return None
-        i, number = search.candidates[k].path, numbers.setdefault(int(plan.sheet[k]), len(numbers) + 1)
-        own = search.tables[i], search.paths[i], search.strategies[i], search.candidates[k].level
-        made.append(PlannedPath(*own, number, air, *found))
+        i, sheet = search.candidates[k].path, sheet_numbers.setdefault(int(plan.sheet[k]), len(sheet_numbers) + 1)
+        of_path = search.tables[i], search.paths[i], search.strategies[i], search.candidates[k].level
+        paths.append(PlannedPath(*of_path, sheet, air, *motion))
         before = k
-    return made, None
+    return paths, None
 
 
 def _motion(search: _Search, k: int) -> tuple[TimedTrajectory, CheckReport | None] | None:
     """The path of a candidate in full, timed and checked; None, with the reason kept, where it cannot be gone along."""
-    one, checks = search.candidates[k], search.job.checks
-    strategy, i = search.strategies[one.path], one.path
+    candidate, checks = search.candidates[k], search.job.checks
+    strategy, i = search.strategies[candidate.path], candidate.path
     try:
-        walk = follow(strategy, search.paths[i], one.walk.q[0], samples=search.tables[i].samples, native=True)
+        walk = follow(strategy, search.paths[i], candidate.walk.q[0], samples=search.tables[i].samples, native=True)
         timed = search.timing.timed(walk)
         report = None if checks is None else checks.checked(timed, strategy.task)
-    except OF_ONE_PATH as problem:
+    except PATH_ERRORS as problem:
         search.reasons[i] = reason(problem)
         return None
     if report is not None and not report.passed:
@@ -669,8 +681,8 @@ def run_paths(name: str, job: Job, file: FilePath, progress: Callable[[str], Non
         HolokinError: bad input; or no strategy goes along any path, for the first one's reason.
     """
     began = time.perf_counter()
-    own = build_robot(job, file)
-    robot, start, tasks = build_tasks(job, file, own)
+    bare = build_robot(job, file)
+    robot, start, tasks = build_tasks(job, file, bare)
     rules, not_run, notes = [], [], []
     first: HolokinError | None = None
     for label in job.strategies:
@@ -685,12 +697,12 @@ def run_paths(name: str, job: Job, file: FilePath, progress: Callable[[str], Non
         if plan.home is not None:
             reports = () if plan.home.report is None else (plan.home.report,)
             rows.append(PathRow("home", 0, plan.paths[-1].level, 0.0, plan.home.by, plan.home.timed, None, reports))
-        found = tuple(rows), plan.left_out, plan.sentence, plan.changes, plan.exact, plan.timed
-        rules.append(RuleResult(label, *found))
+        facts = plan.left_out, plan.sentence, plan.changes, plan.exact, plan.timed
+        rules.append(RuleResult(label, tuple(rows), *facts))
         notes += [f"{each.name}: {note}." for each in plan.paths for note in each.path.notes]
     if first is not None and not rules:
         raise first
-    shown = own if job.checks is None else job.checks.drawn(own)
+    shown = bare if job.checks is None else job.checks.drawn(bare)
     tip = tasks[0].tip or (robot.tips[0].name if robot.tips else "")
     return PathsResult(
         name, job.title, job.about, robot, shown, tasks[0].name, tip, start, tuple(rules), time.perf_counter() - began,
