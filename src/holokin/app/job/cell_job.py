@@ -26,7 +26,7 @@ from ...path import PathFile, read_paths
 from ...robot import Robot, reach
 from ...strategies.tasks.task import Task
 from .advice_job import ADVISED, moved_job, numbers_of
-from .job_parts import build_path, build_robot, build_strategy, named_paths, naming
+from .job_parts import build_path, build_robot, build_strategy, naming
 from .schema import Job, job_of, job_table
 from .tables import FrameTable
 from .templates import job_text
@@ -293,7 +293,7 @@ def _postures(task: Task, T: Matrix) -> Matrix:
 
 def _followed(job: Job, file: FilePath, task: Task, starts: Matrix) -> Iterator[Vector]:
     """Those of some postures (k, n) from which the first path is followed to its end, of an arm with no joint free."""
-    table = job.only_path if not job.paths else named_paths(job.paths, file)[0]
+    table = job.paths[0] if job.paths else job.only_path
     for q in starts:
         path = build_path(table.model_copy(update={"entry": "joints"}), task, q, file)
         try:
