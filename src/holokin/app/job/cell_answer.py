@@ -222,7 +222,9 @@ def next_step(
     if not written:
         return f"Next: give [program] of {file} what is missing, or another --language, and export it again."
     load = min((timed.nearest_limit for timed in outcomes.own), key=lambda load: load.distance).printed(units)
-    near = f"{load.joint} comes to {load.distance:.3g} {load.unit} of its limit" if np.isfinite(load.distance) else ""
+    near = (
+        f"{load.joint} comes within {load.distance:.3g} {load.unit} of its limit" if np.isfinite(load.distance) else ""
+    )
     first = "" if proven else "what is not proven was checked at the samples of the motion alone; "
     return (
         f"Next: {first}compare the first target with the pendant, then run slowly with the process off"

@@ -36,19 +36,19 @@ def toml(value: Any) -> str:
     if isinstance(value, float | np.floating):
         return repr(float(value))
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{toml_key(key)} = {toml(entry)}" for key, entry in value.items()) + " }"
+        return "{ " + ", ".join(f"{_toml_key(key)} = {toml(entry)}" for key, entry in value.items()) + " }"
     values: Sequence[Any] = value
     return "[" + ", ".join(map(toml, values)) + "]"
 
 
-def toml_key(key: str) -> str:
+def _toml_key(key: str) -> str:
     """A key as TOML writes it: in quotes where it is no plain word."""
     return key if key.replace("-", "").replace("_", "").isalnum() and key.isascii() else toml(key)
 
 
 def table(name: str, keys: Mapping[str, Any]) -> str:
     """A table of a job file, a key on each line."""
-    return "\n".join([f"[{name}]", *(f"{toml_key(key)} = {toml(value)}" for key, value in keys.items())]) + "\n"
+    return "\n".join([f"[{name}]", *(f"{_toml_key(key)} = {toml(value)}" for key, value in keys.items())]) + "\n"
 
 
 _REMARKS = {
@@ -80,7 +80,7 @@ def job_text(keys: Mapping[str, Any]) -> str:
             continue
         parts.append(f"# {_REMARKS[key]}" if key in _REMARKS else "")
         if key in _GROUPS:
-            parts += [table(f"{key}.{toml_key(name)}", own) for name, own in value.items()]
+            parts += [table(f"{key}.{_toml_key(name)}", own) for name, own in value.items()]
             continue
         for one in value if isinstance(value, list) else [value]:
             deeper = {name: own for name, own in one.items() if name == "obstacles" and _is_table(own)}
