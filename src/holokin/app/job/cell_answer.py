@@ -20,7 +20,9 @@ from ...proof.recheck import CheckerWord, Outcome
 from ...strategies.tasks.task import Task
 from ..report.job_result import JobResult
 from ..report.paths_report import PathsResult
+from .advice_job import ADVISED
 from .cell_job import CellJob
+from .templates import toml
 
 SAMPLES = 400
 """Samples of a motion at which the speed of its tool is looked at."""
@@ -133,7 +135,8 @@ def clearance(outcomes: Outcomes, units: PrintedUnits) -> str:
     told = units.reworded("".join(f"; {words}" for words in more))
     seen = [(name, report) for name, report in outcomes.reports if np.isfinite(report.clearance)]
     if not seen:
-        return f"Clear{far}: within limits, on the paths away from singular postures, but no two shapes were held apart{told}."
+        kept = "within limits, on the paths away from singular postures"
+        return f"Clear{far}: {kept}, but no two shapes were held apart{told}."
     name, report = min(seen, key=lambda pair: pair[1].clearance)
     if (near := report.nearest) is None:  # its clearance is finite, so there is one
         return ""
@@ -168,6 +171,18 @@ def proof(
         f"Proven: at every place of {places}, not at samples alone, there is one posture{kept and f', {kept}'}, and "
         f"wherever the tool comes back on it, so do the joints{between}; {checked}."
     )
+
+
+def provable_instead(advice: Advice | None) -> str:
+    """Of a rule without a certificate: one that serves as much and may have one; "" where there is none."""
+    if advice is None or advice.best.strategy.constraint.looped is None:
+        return ""
+    for rated in advice.strategies[1:]:
+        if rated.coverage >= advice.best.coverage and rated.strategy.constraint.looped is None:
+            return (
+                f" The rule {rated.name!r} serves as much and may be proven: [strategies.{ADVISED}] {toml(rated.keys)}."
+            )
+    return ""
 
 
 def program_words(
@@ -207,7 +222,9 @@ def next_step(
     if not written:
         return f"Next: give [program] of {file} what is missing, or another --language, and export it again."
     load = min((timed.nearest_limit for timed in outcomes.own), key=lambda load: load.distance).printed(units)
-    near = f"{load.joint} comes to {load.distance:.3g} {load.unit} of its limit" if np.isfinite(load.distance) else ""
+    near = (
+        f"{load.joint} comes within {load.distance:.3g} {load.unit} of its limit" if np.isfinite(load.distance) else ""
+    )
     first = "" if proven else "what is not proven was checked at the samples of the motion alone; "
     return (
         f"Next: {first}compare the first target with the pendant, then run slowly with the process off"

@@ -26,7 +26,7 @@ from ...path import PathFile, read_paths
 from ...robot import Robot, reach
 from ...strategies.tasks.task import Task
 from .advice_job import ADVISED, moved_job, numbers_of
-from .job_parts import build_path, build_robot, build_strategy, named_paths, naming
+from .job_parts import build_path, build_robot, build_strategy, naming
 from .schema import Job, job_of, job_table
 from .tables import FrameTable
 from .templates import job_text
@@ -112,7 +112,7 @@ def write_cell(
     tables, origin = _scene(scene, out / "draft.toml")
     assumed: list[str] = []
     file = FilePath(name).absolute().as_posix() if os.path.isfile(name) else name
-    robot_keys = {"name": file, "tip": chain.tip if chain.base else None, "base": base, "trust_units": trust_units}
+    robot_keys = {"name": file, "tip": chain.tip if chain.base else tip, "base": base, "trust_units": trust_units}
     keys: dict[str, Any] = {
         "title": f"{chain.robot.name}: {paths.name}",
         "about": f"Written by `holokin cell` for {FilePath(name).name} and {paths.name}.",
@@ -254,11 +254,14 @@ def _places(job: Job, read: PathFile) -> list[Array]:
 def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Matrix]:
     """How far above its ends the first path that is in reach can be come to [m], and postures (k, n) to begin at.
 
-    Raises: OutOfReachError: none is in reach. ArgumentError: none is clear.
+    Where the end of none is in reach, it is the first one that can be begun.
+
+    Raises: OutOfReachError: none can be begun. ArgumentError: none is clear.
     """
     up = job.frames.get(FRAME, FrameTable()).matrix[:3, 2]
     apart = Clearances.of(cell.task.robot, job.scene) if job.scene is not None and cell.robot.tips else None
     touching: Matrix | None = None
+    begun: tuple[float, Matrix] | None = None
     for poses, retract in product(places, RETRACTS):
         above = poses[[0, -1]]
         above[:, :3, 3] += retract * up
@@ -266,7 +269,10 @@ def _starts(cell: CellJob, job: Job, places: Sequence[Array]) -> tuple[float, Ma
         clear = Q if apart is None or not len(Q) else Q[apart.clear(Q)]
         if len(clear) and reached(cell.task, above, clear[0]).within.all():
             return retract, clear
+        begun = (retract, clear) if begun is None and len(clear) else begun
         touching = Q if len(Q) and not len(clear) else touching
+    if begun is not None:
+        return begun
     if touching is None or apart is None:
         raise _out_of_reach(cell, job, places)
     # The pairs that are too near in every posture, else that of the most comfortable one.
@@ -287,7 +293,7 @@ def _postures(task: Task, T: Matrix) -> Matrix:
 
 def _followed(job: Job, file: FilePath, task: Task, starts: Matrix) -> Iterator[Vector]:
     """Those of some postures (k, n) from which the first path is followed to its end, of an arm with no joint free."""
-    table = job.only_path if not job.paths else named_paths(job.paths, file)[0]
+    table = job.paths[0] if job.paths else job.only_path
     for q in starts:
         path = build_path(table.model_copy(update={"entry": "joints"}), task, q, file)
         try:
