@@ -94,7 +94,7 @@ def test_where_no_posture_keeps_clear_the_cause_is_named_at_once() -> None:
     """The tank swallows the arm, wherever its joints are: that is found before any strategy is tried."""
     tank, heard = hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0)), []
     with pytest.raises(
-        OutOfReachError, match=r"no strategy can serve .* tank is in the way .* and tank overlap by 0\.\d+ m"
+        OutOfReachError, match=r"no strategy can serve .*tank is in the way .* and tank overlap by 0\.\d+ m"
     ):
         hk.advise(hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[tank]), progress=heard.append)
     assert heard[-1] == "what is in the way"
