@@ -116,6 +116,12 @@ def scene_of(arm: Arm, kind: str, folder: Path) -> hk.Scene:
         thing = hk.obstacle("thing", Mesh(folder / "thing.stl"), place, turn.as_euler("xyz"))
     else:
         thing = hk.obstacle("thing", Capsule(size), place)
+    if kind == "padding":  # of another body, not padded, that is nearer, and has more room
+        (at, near), aside = arm.ball("link2", q), np.cross(away, [0.0, 0.0, 1.0])
+        other = hk.obstacle(
+            "other", Capsule(0.02), at + (near + 0.02 + WANTED + 3 * ROOM) * aside / np.linalg.norm(aside)
+        )
+        return hk.Scene([thing, other], clearance=WANTED, padding=padding, self_collision=False)
     return hk.Scene([thing], clearance=WANTED, padding=padding, self_collision=False)
 
 

@@ -63,7 +63,7 @@ def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(pla
 
 @pytest.mark.campaign
 def test_the_call_that_is_named_proves_it_and_refuses_the_law_without_the_post(plain: Advice, clear: Advice) -> None:
-    said = str(clear).splitlines()[-1]
+    said = clear.certify_by
     assert said.startswith("Certify it by: hk.certify(")
     proof = eval(said.removeprefix("Certify it by: "), {"hk": hk, "advice": clear})
     assert proof.whole
@@ -71,7 +71,7 @@ def test_the_call_that_is_named_proves_it_and_refuses_the_law_without_the_post(p
     assert 0.05 <= least <= clear.best.clearance + 1e-9
     with pytest.raises(ArgumentError, match=r"post are 0\.0.* m apart, where 0.05 m is asked"):
         hk.certify(plain.best.strategy, PLANE, plain.q0, scene=SCENE)
-    said = str(plain).splitlines()[-1].removeprefix("Certify it by: ")
+    said = plain.certify_by.removeprefix("Certify it by: ")
     assert eval(said, {"hk": hk, "advice": plain}).whole
 
 
@@ -94,7 +94,7 @@ def test_where_no_posture_keeps_clear_the_cause_is_named_at_once() -> None:
     """The tank swallows the arm, wherever its joints are: that is found before any strategy is tried."""
     tank, heard = hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0)), []
     with pytest.raises(
-        OutOfReachError, match=r"no strategy can serve .* tank is in the way .* and tank overlap by 0\.\d+ m"
+        OutOfReachError, match=r"no strategy can serve .*tank is in the way .* and tank overlap by 0\.\d+ m"
     ):
         hk.advise(hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[tank]), progress=heard.append)
     assert heard[-1] == "what is in the way"

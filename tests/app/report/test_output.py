@@ -298,5 +298,5 @@ def test_the_report_names_joints_and_prints_no_round_off(sketched: None, tmp_pat
 
 def test_the_end_of_a_leaf_is_told_with_the_joints_names(half_lost: JobResult) -> None:
     trouble = half_lost.strategies[0].trouble
-    assert "the leaf of 'lock-3' ends at panda_joint1 " in trouble
+    assert "'lock-3' leads no farther than panda_joint1 " in trouble
     assert ", panda_joint7 " in trouble
