@@ -521,15 +521,15 @@ def test_an_audit_ends_when_it_should_also_where_a_law_turns_slow(planar_3r: hk.
     def tiring(q, pose, twist, dt):
         nonlocal calls
         calls += 1
-        time.sleep(0.01 if calls > 60 else 0.0)
+        time.sleep(0.1 if calls > 60 else 0.0)
         return law(q, pose, twist, dt)
 
     task = hk.position(planar_3r)
     loop = hk.circle(task.pose(R3_START)[:3, 3], task.pose(R3_START)[:3, 3] - [0.02, 0, 0])
     began = time.monotonic()
-    found = hk.audit(tiring, task, loop, R3_START, dt=0.05, cycles=3, tolerance=1.0, seconds=0.8, progress=heard.append)
+    found = hk.audit(tiring, task, loop, R3_START, dt=0.2, cycles=3, tolerance=1.0, seconds=3.0, progress=heard.append)
     assert time.monotonic() - began < 20
-    assert found.verdict is Repeatability.UNKNOWN and "not asked within the 0.8 s" in str(found)
+    assert found.verdict is Repeatability.UNKNOWN and "not asked within the 3 s" in str(found)
     assert "a step of the law takes" in heard[0] and {"cycles", "history", "small loops"} <= {*heard}
 
 
