@@ -12,6 +12,7 @@ robot = hk.load("yumi")
 hands = [tip.name for tip in robot.tips]
 q0 = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
 task = hk.stacked(*(hk.pose(robot, tip=hand) for hand in hands))
+obstacles = [hk.obstacle("plinth", hk.robot.Box((0.2, 0.26, 0.4)), (0.0, 0.0, 0.2))]  # on which its shoulders stand
 grips = task.pose(q0)[:, :3, 3]  # where the hands hold the tray
 forward, turn, up = np.array([0.1, 0.0, 0.06]), 0.4, np.array([0.0, 0.0, 1.0])
 middle = grips.mean(axis=0)

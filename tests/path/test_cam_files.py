@@ -8,6 +8,7 @@ on pose formats, and for Comau and Staubli in RoboDK's robomath.py.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -750,3 +751,34 @@ def test_directions_make_a_workspace_for_tasks_of_the_tool_axis(
     (tmp_path / "p.csv").write_text(f"{XYZ}\n0,0,0\n")
     with pytest.raises(ArgumentError, match="no directions of the tool"):
         hk.path.read_workspace(tmp_path / "p.csv", axis="out")
+
+
+def test_ten_times_as_many_lines_take_ten_times_as_many_calls(tmp_path: Path) -> None:
+    """Of a program, a table and its path: no step is made again for the lines before."""
+
+    def calls(count: int, name: str) -> int:
+        angles = np.arange(count) * 1e-3
+        rows = [f"{100 * np.cos(a):.4f},{100 * np.sin(a):.4f},{a:.4f}" for a in angles]
+        text = {
+            "p.nc": ["G21 G90 G43.5", *("G1 X{} Y{} Z{} I0 J0 K1 F1000".format(*row.split(",")) for row in rows)],
+            "p.cls": ["UNITS/MM", "FEDRAT/1000,MMPM", *(f"GOTO/{row},0,0,1" for row in rows)],
+            "p.csv": [f"{XYZ},i,j,k", *(f"{row},0,0,1" for row in rows)],
+        }
+        (tmp_path / name).write_text("\n".join(text[name]) + "\n")
+        counted = 0
+
+        def count_call(_frame: object, event: str, _argument: object) -> None:
+            nonlocal counted
+            counted += event in ("call", "c_call")
+
+        sys.setprofile(count_call)
+        try:
+            assert len(hk.read_paths(tmp_path / name).paths[0].path().segments) == count - 1
+        finally:
+            sys.setprofile(None)
+        return counted
+
+    for name in ("p.nc", "p.cls", "p.csv"):
+        calls(20, name)  # what is built at the first call
+        few, many = calls(100, name), calls(1000, name)
+        assert many < 11 * few, name

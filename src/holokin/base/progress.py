@@ -1,4 +1,4 @@
-"""A progress bar that appears when work takes longer than a second, on a terminal only, where rich is installed."""
+"""What a command prints while it works: a progress bar on a terminal, and all texts in the units that are asked for."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from importlib.util import find_spec
 
 DELAY = 1.0
@@ -43,3 +44,19 @@ def progress(label: str, total: float, *, words: bool = False) -> Iterator[Calla
         yield report
     finally:
         bar.stop()
+
+
+# --- The units in which a command prints: the sentences that it says, the errors and the tables.
+
+_as_printed: ContextVar[Callable[[str], str]] = ContextVar("a text in the units in which this command prints")
+_as_printed.set(str)
+
+
+def print_by(change: Callable[[str], str]) -> None:
+    """From now on print each text as this changes it."""
+    _as_printed.set(change)
+
+
+def as_printed(text: str) -> str:
+    """A text in the units of what runs: those of its job, else rad and m."""
+    return _as_printed.get()(text)

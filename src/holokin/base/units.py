@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -199,20 +197,3 @@ def printed_units(words: str | Sequence[str]) -> PrintedUnits:
         if units.setdefault(kind, unit) != unit:
             raise ArgumentError("the unit", word, f"{units[kind]} is asked for, too: give one of them")
     return PrintedUnits(units.get("rad", "rad"), units.get("m", "m"))
-
-
-# --- The units in which a command prints: the sentences that it says, the errors and the tables.
-
-_as_printed: ContextVar[Callable[[str], str]] = ContextVar("a text in the units in which this command prints")
-_as_printed.set(str)
-
-
-def print_in(units: PrintedUnits, joints: Callable[[], Sequence[tuple[str, str]]] = tuple) -> None:
-    """From now on print in these units; `joints` gives name and unit of each, for postures."""
-    known = cache(joints)
-    _as_printed.set(str if units.plain else lambda text: units.reworded(text, known()))
-
-
-def as_printed(text: str) -> str:
-    """A text in the units of what runs: those of its job, else rad and m."""
-    return _as_printed.get()(text)

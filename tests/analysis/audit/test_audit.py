@@ -501,3 +501,42 @@ def test_a_start_at_which_the_angles_are_singular_is_told(irb140: hk.Robot, give
     assert found.verdict is Repeatability.UNKNOWN
     assert "representation" in found["planes"].fault
     assert len(found.untested) == 15
+
+
+def test_a_law_that_is_too_slow_is_refused_with_the_time_of_its_step(planar_3r: hk.Robot) -> None:
+    def slow(q, pose, twist, dt):
+        time.sleep(0.02)
+        return np.zeros(3)
+
+    with pytest.raises(ArgumentError, match=r"takes about .* min: build tasks, .* once") as told:
+        hk.audit(slow, hk.position(planar_3r), q0=R3_START)
+    each = float(str(told.value).split("a step of the law takes ")[1].split(" ms")[0])
+    assert 19 <= each <= 200
+
+
+def test_an_audit_ends_when_it_should_also_where_a_law_turns_slow(planar_3r: hk.Robot) -> None:
+    """The law is fast while it is timed. What is not asked any more is said, and nothing is concluded from the rest."""
+    law, calls, heard = pseudo_inverse_of_position(planar_3r), 0, []
+
+    def tiring(q, pose, twist, dt):
+        nonlocal calls
+        calls += 1
+        time.sleep(0.1 if calls > 60 else 0.0)
+        return law(q, pose, twist, dt)
+
+    task = hk.position(planar_3r)
+    loop = hk.circle(task.pose(R3_START)[:3, 3], task.pose(R3_START)[:3, 3] - [0.02, 0, 0])
+    began = time.monotonic()
+    found = hk.audit(tiring, task, loop, R3_START, dt=0.2, cycles=3, tolerance=1.0, seconds=3.0, progress=heard.append)
+    assert time.monotonic() - began < 20
+    assert found.verdict is Repeatability.UNKNOWN and "not asked within the 3 s" in str(found)
+    assert "a step of the law takes" in heard[0] and {"cycles", "history", "small loops"} <= {*heard}
+
+
+def pseudo_inverse_of_position(robot: hk.Robot):
+    """dq = J^+ x' of the point in the plane."""
+
+    def law(q, pose, twist, dt):
+        return np.linalg.pinv(robot.jacobian(q)[:2]) @ twist[:2]
+
+    return law

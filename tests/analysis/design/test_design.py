@@ -385,3 +385,18 @@ def test_a_law_of_several_rows_is_refused_and_where_no_level_serves_all_the_best
     law = hk.holonomic(hk.position(arm), hk.lock(2))
     found = level_range(law, hk.workspace(box=([2.5, 2.5], [1.5, 1.5])), [0.3, 0.9, 0.7], limits=False, step=1.2)
     assert found.intervals == () and "no level serves all" in found.sentence and 0 < found.shares.max() < 1
+
+
+@pytest.mark.campaign
+def test_a_design_from_a_poor_leaf_says_so(task: hk.Task) -> None:
+    """Both starts have the tool in the middle of the workspace: from one a leaf serves it, from the other in part."""
+    wide = hk.workspace(box=([0.5, 0, 0.35], [0.25, 0.4, 0.3]), tilt=0.5)
+    good = hk.design(task, wide, READY, samples=48)
+    chance = np.random.default_rng(0)
+    held, arm = hk.holonomic(task, hk.lock(2)), task.robot
+    for _ in range(19):
+        q = arm.lower + (arm.upper - arm.lower) * chance.random(7)
+    poor = hk.design(task, wide, hk.ik(held, q)(wide.center), samples=48)
+    assert good.remark == "" and "poor leaf" not in str(good)
+    assert good.kept / good.checked.poses > 0.8 > poor.kept / poor.checked.poses
+    assert "a poor leaf: it serves" in str(poor) and "begin on another one, as hk.advise finds it" in poor.remark

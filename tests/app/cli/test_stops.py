@@ -7,6 +7,8 @@ import json
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -81,6 +83,32 @@ def test_a_command_that_is_stopped_leaves_whole_files_that_say_so_and_no_process
         assert len(facts["strategies"]) == 7 or facts["stopped"]
     for file in out.glob("*.npz"):
         assert hk.read_sheets(file, hk.position(hk.load("planar-3r"))).share > 0
+
+
+RUNNER = """import os, signal
+from holokin.app.cli import jobs
+from holokin.app.cli.main import main
+jobs.show = lambda _text: exec(f"os.kill(os.getpid(), {KIND})\\nfor _ in range(10**7): pass")
+main()
+"""
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_a_signal_within_a_text_that_python_runs_ends_with_its_code(kind: signal.Signals, tmp_path: Path) -> None:
+    """As in the making of a dataclass. `python -m` would end by SIGINT, whatever code is asked for."""
+    (tmp_path / "runner.py").write_text(RUNNER.replace("KIND", str(int(kind))))
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    command = [sys.executable, "-m", "runner", "jobs"]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ | {"PYTHONPATH": path},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (128 + kind, 1) and done.stderr.startswith("stopped")
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)

@@ -16,13 +16,14 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ...base.errors import HolokinError, UnknownNameError, WriteError
-from ...base.units import SI, as_printed, print_in
+from ...base.progress import as_printed, print_by
 
 if TYPE_CHECKING:
     from ...robot import Robot
@@ -128,7 +129,7 @@ _running.set(Ending())
 def set_ending(of_command: Ending) -> None:
     """Of the command that runs from now on, which prints in rad and m until a job is named."""
     _running.set(of_command)
-    print_in(SI)
+    print_by(str)
 
 
 def ending() -> Ending:
@@ -323,6 +324,12 @@ class TaskKind(StrEnum):
 def print_as(job: Job, file: Path) -> None:
     """Print all that follows in the units of a job, the postures of its robot, too."""
 
+    units = job.printed_units
+    if units.plain:
+        print_by(str)
+        return
+
+    @cache
     def joints() -> list[tuple[str, str]]:
         from ..job.job_parts import build_robot
 
@@ -330,7 +337,7 @@ def print_as(job: Job, file: Path) -> None:
             return [(c.name, c.unit) for c in build_robot(job, file).coordinates]
         return []
 
-    print_in(job.printed_units, joints)
+    print_by(lambda text: units.reworded(text, joints()))
 
 
 def _named(name: str | None) -> str | None:

@@ -11,8 +11,8 @@ import numpy as np
 from ...analysis.design import Advice, RatedStrategy
 from ...analysis.design.trials import is_proven
 from ...base.errors import brief
+from ...base.progress import as_printed
 from ...base.types import Vector
-from ...base.units import as_printed
 from ...robot import Coordinate, Robot, Tip, knows_masses, reach
 from .plots import HOLONOMIC, INK, PAGE, on_figure
 from .robot_panels import Actor, draw_panel, stage_of

@@ -11,7 +11,7 @@ from html import escape
 from typing import Any, Literal, final
 
 from ...base.errors import brief
-from ...base.units import as_printed
+from ...base.progress import as_printed
 from .plots import BAD, GOOD, HOLONOMIC_TEXT, WARNING, legible, style
 
 Tone = Literal["", "good", "holonomic", "warning", "bad", "failed", "small", "strong", "code"]
