@@ -19,7 +19,7 @@ import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 from conftest import campaign
 from holokin.app.job import open_job, run_job
-from holokin.app.report.plots import HOLONOMIC, LOOP, NONHOLONOMIC, rgb
+from holokin.app.report.plots import HOLONOMIC, NONHOLONOMIC, rgb
 from sessions import served
 from sessions import until as wait_until
 
