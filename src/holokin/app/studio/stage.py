@@ -246,7 +246,7 @@ class Page:
             self.scene.trace(index, np.zeros((0, 3)), "elbow")
 
     def _draw_traces(self, snap: Snapshot) -> None:
-        if snap.phase not in (Phase.RUNNING, Phase.DONE) or len(snap.strategies) > MANY:
+        if self._held_still or snap.phase not in (Phase.RUNNING, Phase.DONE) or len(snap.strategies) > MANY:
             return
         for index, state in enumerate(snap.strategies):
             if len(state.history) > 1:
