@@ -596,6 +596,7 @@ def test_nothing_is_found_on_a_way_that_is_clear(weld: Path) -> None:
     assert "find nothing on the way there" in run_job(*open_job(str(weld))).about
 
 
+@pytest.mark.campaign
 def test_entry_program_and_table_speak_the_units_of_the_job(holokin: Command, tmp_path: Path) -> None:
     """The same job in rad and in degrees: the same posture, deviation and peaks, and joints.csv is read back alike."""
     seen = {}
