@@ -105,7 +105,7 @@ def test_the_self_test_of_a_start_next_to_joint_limits_passes(tmp_path: Path) ->
     """Poses of its vectors have postures beyond a limit, too: there the C says LIMIT, so none of them is a vector."""
     robot = hk.load("planar-3r")
     law = hk.holonomic(hk.position(robot), hk.linear([[0.3, 0, 1]]))
-    made = export_c(law, tmp_path, q0=robot.upper - 0.02, name="law", vectors_count=8)
+    made = export_c(law, tmp_path, q0=robot.upper - 0.02, name="law", vectors_count=4)
     assert len(check(made)) == 2
 
 

@@ -548,6 +548,7 @@ joints = ["q1", "q6"]
 """
 
 
+@pytest.mark.campaign
 def test_on_a_turntable_the_speed_is_that_on_the_part(weld: Path) -> None:
     """In the room the torch makes 6.9 to 21.4 mm/s, on the plate 20: by P. Corke's table and a turn about z."""
     Path("table.toml").write_text(TABLE, "utf-8")
@@ -565,6 +566,10 @@ def test_on_a_turntable_the_speed_is_that_on_the_part(weld: Path) -> None:
     assert program.tool is not None and slowest > 0.0185 and fastest < 0.0215
     assert program.tool.slowest == pytest.approx(slowest, abs=5e-4)
     assert program.tool.fastest == pytest.approx(fastest, abs=5e-4)
+
+
+def test_no_linear_move_is_one_on_a_turntable(weld: Path) -> None:
+    Path("table.toml").write_text(TABLE, "utf-8")
     with pytest.raises(HolokinError, match="a line in the room, and not on plate"):
         linear = TURNED.replace("samples = 80", "samples = 12").replace(
             "[program]", '[program]\nlinear = true\ntool = "t1"'
@@ -575,8 +580,6 @@ def test_on_a_turntable_the_speed_is_that_on_the_part(weld: Path) -> None:
 def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> None:
     """A ball beside the start posture is found on the way to the seam, and not on the seam."""
     quick = WELD.replace("dt = 0.02", "dt = 0.05") + "[verdict]\nsamples = 4\n"
-    weld.write_text(quick, "utf-8")
-    assert "find nothing on the way there" in run_job(*open_job(str(weld))).about
     weld.write_text(
         quick.replace("q = [0.0, 115.0, -35.0, 20.0, 40.0, 5.0]", "q = [60.0, 75.0, -20.0, 20.0, 60.0, 10.0]") + BALL,
         "utf-8",
@@ -587,6 +590,13 @@ def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> Non
     assert "find on the way there: collision" in result.about and found.trouble.startswith("the entry: collision")
 
 
+@pytest.mark.campaign
+def test_nothing_is_found_on_a_way_that_is_clear(weld: Path) -> None:
+    weld.write_text(WELD.replace("dt = 0.02", "dt = 0.05") + "[verdict]\nsamples = 4\n", "utf-8")
+    assert "find nothing on the way there" in run_job(*open_job(str(weld))).about
+
+
+@pytest.mark.campaign
 def test_entry_program_and_table_speak_the_units_of_the_job(holokin: Command, tmp_path: Path) -> None:
     """The same job in rad and in degrees: the same posture, deviation and peaks, and joints.csv is read back alike."""
     seen = {}
@@ -660,7 +670,7 @@ def test_the_advised_strategy_is_exported_before_others(tmp_path: Path) -> None:
 
 
 @sampled(
-    7,
+    5,
     ("language", "old", "new", "words"),
     [
         ("rapid", '"tTorch"', '"my torch"', "a letter, then letters"),

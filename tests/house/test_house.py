@@ -72,10 +72,11 @@ def imports(module: Path) -> list[tuple[str, ast.stmt]]:
 
 
 def statements(node: ast.AST) -> Iterator[ast.AST]:
-    """All statements under a node, however deep, without looking into their expressions."""
+    """All statements under a node, however deep."""
     outer = [node]
     while outer:
-        found = [child for child in ast.iter_child_nodes(outer.pop()) if not isinstance(child, ast.expr)]
+        of = vars(outer.pop())
+        found = [child for part in ("body", "orelse", "finalbody", "handlers", "cases") for child in of.get(part, ())]
         outer += found
         yield from found
 

@@ -320,6 +320,7 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(panda: hk.Robot, l
         assert float(hk.drift(least, path, Q0, samples=150).largest[-1]) > 1e-3
 
 
+@pytest.mark.campaign
 @sampled(1, "name", ["timed", "raster", "blend"])
 def test_native_code_and_the_virtual_machine_follow_alike(
     panda: hk.Robot, laws, name: str, monkeypatch: pytest.MonkeyPatch

@@ -148,6 +148,7 @@ def test_a_file_of_another_question_is_refused(tmp_path: Path, other: str) -> No
     assert count_kept(tmp_path / "box.cells") == kept
 
 
+@pytest.mark.campaign
 def test_with_a_larger_budget_it_goes_on(tmp_path: Path) -> None:
     few = proof(tmp_path / "box.cells", budget=100)
     assert not few.whole

@@ -129,7 +129,7 @@ CASES = {
 }
 
 
-@sampled(3, "name", CASES)
+@sampled(2, "name", CASES)
 def test_every_constraint_and_task_is_certified_along_a_small_path_on_which_the_tool_turns(
     name: str, panda: hk.Robot
 ) -> None:

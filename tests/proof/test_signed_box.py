@@ -115,6 +115,7 @@ def check_random_arms(count: int, seed: int, budget: int) -> dict[Extent, int]:
     return ended
 
 
+@pytest.mark.campaign
 def test_boxes_of_random_arms_hold_what_is_proven_of_them_and_where_a_proof_ends_there_is_no_posture():
     ended = check_random_arms(16, 1, 10)
     assert min(ended[k] for k in (Extent.WHOLE, Extent.END, Extent.LIMIT)) >= 1, ended

@@ -244,6 +244,7 @@ def said(sentence: str) -> list[float]:
     return [float(text) for text in re.findall(r"([\d.]+) %", sentence)]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seed", SEEDS)
 def test_near_a_fold_the_pose_of_the_start_is_in_and_a_larger_budget_never_proves_less(seed: int) -> None:
     """A planar arm with its last joint locked is one of two links: on a leaf the elbow stays on its side."""
@@ -320,6 +321,7 @@ def test_so_is_a_box_of_a_spatial_arm(name: str, seed: int) -> None:
         assert region.whole and region.share == 1.0 and region.holds_start
 
 
+@pytest.mark.campaign
 def test_a_share_of_spins_is_that_of_even_spins_and_shares_of_a_sentence_add_up_to_all() -> None:
     """A joint that ends at 1.2 rad; no share of Cayley parameters, which would be 40 % for 58 %."""
     rows = [{"a": a, "lower": -x, "upper": x, "max_velocity": 2.0} for a, x in ((1, 3), (1, 3), (1, 3), (0.05, 1.2))]

@@ -111,7 +111,7 @@ def postures(robot: Robot, count: int, seed: int) -> Array:
 # --- Which arms are proven, and which are not.
 
 
-@pytest.mark.parametrize("name", ARMS)
+@sampled(3, "name", ARMS)
 def test_27_of_42_held_joints_are_proven_and_verified_and_the_others_say_why_not(name: str, tmp_path: Path) -> None:
     robot = hk.load(name)
     for k in range(7):

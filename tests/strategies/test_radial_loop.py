@@ -76,7 +76,7 @@ def apart(twin: hk.HolonomicStrategy, q: np.ndarray, found: tuple[Array, float, 
     )
 
 
-@sampled(3, "name", LAWS)
+@sampled(2, "name", LAWS)
 def test_the_loop_gives_what_is_written_out(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """G, its rcond, the margin, the label and its gradient, by the sweep back and by CasADi's derivatives."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")

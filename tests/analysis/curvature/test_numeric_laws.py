@@ -144,7 +144,7 @@ def test_a_curvature_below_what_the_noise_hides_is_not_called_zero() -> None:
         assert not verdict.holonomic or (noise > 1e-11 and verdict.tolerance > strength / 10)
 
 
-def test_follow_drift_and_audit_take_a_function_and_find_what_they_find_of_its_formula() -> None:
+def test_follow_and_drift_take_a_function_and_find_what_they_find_of_its_formula() -> None:
     by_formula, by_numpy = laws("planar-3r")["pseudo-inverse"]
     robot, task = by_formula.task.robot, by_formula.task
     given = numeric(task, by_numpy)
@@ -158,6 +158,13 @@ def test_follow_drift_and_audit_take_a_function_and_find_what_they_find_of_its_f
         lambda G: G.batch(np.array([PLANAR_START, PLANAR_START + 0.1])),
     ):
         np.testing.assert_allclose(verb(given), verb(by_formula), atol=1e-9)
+
+
+@pytest.mark.campaign
+def test_an_audit_of_a_function_finds_what_it_finds_of_its_formula() -> None:
+    by_formula, by_numpy = laws("planar-3r")["pseudo-inverse"]
+    task = by_formula.task
+    given = numeric(task, by_numpy)
     known, found = (hk.audit(G, task, q0=PLANAR_START, dt=0.1, cycles=3) for G in (by_formula, given))
     assert found.verdict is known.verdict
     assert found["cycles, loop 1"].metrics == pytest.approx(known["cycles, loop 1"].metrics, abs=1e-6)

@@ -369,6 +369,7 @@ def test_a_map_is_read_as_it_was_written_and_that_of_another_arm_or_version_is_n
     assert np.array_equal(kept(T), hk.ik(task)(T))
 
 
+@pytest.mark.campaign
 def test_a_map_is_made_of_an_arm_that_no_shipped_one_knows_and_kept(monkeypatch, tmp_path):
     """Two sheets, from few samples, of an arm with other limits."""
     monkeypatch.setattr("holokin.analysis.sheets.arm_maps.cache_folder", lambda: tmp_path)

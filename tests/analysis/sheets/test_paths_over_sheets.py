@@ -360,8 +360,11 @@ def test_poses_that_all_are_one_have_no_polynomial(planar_pool: CandidateSheets)
     assert planar_pool.degrees == [0, 1, 2, 3]
 
 
-def test_a_sheet_of_a_held_joint_answers_by_its_closed_form_alone(panda_pool: CandidateSheets) -> None:
+def test_a_sheet_of_a_held_joint_answers_by_its_closed_form_alone(
+    panda_pool: CandidateSheets, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Whatever pose was asked before, and from wherever: the posture of the branch, or none."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     panda_pool.found.clear()
     panda_pool.fit(np.ones(len(panda_pool.T), dtype=bool), 2, 3)
     for entry in panda_pool.found:

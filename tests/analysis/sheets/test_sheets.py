@@ -434,6 +434,7 @@ def test_laws_without_a_leaf_that_serves_anything_are_named() -> None:
         hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, rcond=0.99)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("share", [0.6, campaign("share", 0.98)])
 def test_the_same_search_finds_the_same_map(share: float) -> None:
     task = planar_task()

@@ -165,6 +165,7 @@ def pixels(figure: Any, region: hk.proof.UniqueRegion) -> list[tuple[np.ndarray,
     return found
 
 
+@pytest.mark.campaign
 def test_the_picture_shows_green_only_where_nothing_is_too_near_and_red_where_it_is() -> None:
     region = region_of(proof(True))
     figure = legible(box_figure(proof(True)))

@@ -88,6 +88,7 @@ def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_sta
         assert page.charts.drift.data[row][-1] == pytest.approx(state.drift[-1], abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians() -> None:
     units = UNITS["deg, mm"]
     with served(panda()) as studio:

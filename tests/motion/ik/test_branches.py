@@ -173,7 +173,7 @@ def test_a_start_next_to_a_fold_may_go_the_way_that_is_open(samples: int) -> Non
             walk(strategy, 0.0316 + off, 0.1, samples)
 
 
-@pytest.mark.parametrize("samples", [50, campaign("samples", 500), 6000])
+@pytest.mark.parametrize("samples", [50, campaign("samples", 500), campaign("samples", 6000)])
 def test_a_formula_that_switches_is_no_fold(samples: int) -> None:
     """g = q3 + x/2 + f(q3 - 0.45), regular everywhere; enclosures of f have no bound where it switches."""
     if samples > 5000 and not enabled():

@@ -202,6 +202,7 @@ def check_paths(kind: str, seed: int) -> bool:
     return True
 
 
+@pytest.mark.campaign
 @sampled(1, "kind", [kind for kind in KINDS if kind not in ("position", "x and z")])
 def test_a_path_of_free_motion_alone_stands_still_and_on_others_it_changes_nothing(
     kind: str, monkeypatch: pytest.MonkeyPatch

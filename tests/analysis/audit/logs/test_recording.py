@@ -252,7 +252,7 @@ def test_small_drifts_there_and_back_are_a_way_dependence_and_no_drift() -> None
 
 
 @pytest.mark.parametrize("kind", ["csv_logs", "bags"])
-@pytest.mark.parametrize("count", [40, campaign("count", 150)])
+@pytest.mark.parametrize("count", [20, campaign("count", 150)])
 def test_no_mutant_of_a_log_ends_in_a_traceback(kind: str, count: int) -> None:
     if kind == "bags":
         pytest.importorskip("rosbags")
