@@ -8,11 +8,10 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-import ezdxf
-import ezdxf.units
 import numpy as np
 import pytest
 import trimesh
+from ezdxf.filemanagement import new
 
 import holokin as hk
 from conftest import Command, urdf
@@ -217,7 +216,7 @@ def test_arms_and_files(
     robot: str, file: str, at: str, language: str, holokin: Command, paths: Path, sketched: None
 ) -> None:
     """The same of arms with joints to spare, and of files with one path and several."""
-    drawing = ezdxf.new(units=ezdxf.units.MM)
+    drawing = new(units=4)  # millimetres
     corners = [(0, 0, 0, 0, 0), (150, 0, 0, 0, 0.4), (150, 100, 0, 0, 0), (0, 100, 0, 0, 0)]
     drawing.modelspace().add_lwpolyline(corners, close=True)
     drawing.saveas("outline.dxf")
