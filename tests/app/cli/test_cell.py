@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from ezdxf.filemanagement import new
 
 import holokin as hk
-from conftest import Command
+from conftest import Command, urdf
 from holokin.app.job import read_job
 from holokin.app.job.cell_job import write_cell
 from holokin.base.errors import ArgumentError, FileError, HolokinError, JobError, OutOfReachError
@@ -110,8 +111,8 @@ def test_bad_input(paths: Path) -> None:
     (paths / "no-units.csv").write_text("x,y,z\n0,0,0\n1,0,0\n")
     (paths / "wrong.toml").write_text("[chekcs]\nfloor = 0\n")
     (paths / "whole.toml").write_text('[robot]\nname = "panda"\n')
-    urdf = (Path(__file__).parents[3] / "docs" / "arm7.urdf").read_text("utf-8")
-    (paths / "still.urdf").write_text(re.sub(r'velocity="[^"]*"', 'velocity="0"', urdf))
+    arm7 = (Path(__file__).parents[3] / "docs" / "arm7.urdf").read_text("utf-8")
+    (paths / "still.urdf").write_text(re.sub(r'velocity="[^"]*"', 'velocity="0"', arm7))
     cases: tuple[tuple[type[Exception], str, str, Path, dict[str, Any]], ...] = (
         (FileError, "no path", "ur10e", Path("empty.apt"), {}),
         (FileError, "unit", "ur10e", Path("no-units.csv"), {}),
@@ -177,13 +178,13 @@ def answered(printed: str) -> list[str]:
 
 def test_one_command(holokin: Command, paths: Path, sketched: None) -> None:
     """Three axes for a point, none to spare: six sentences, and all files again by the commands that are printed."""
-    urdf = Path(__file__).parents[3] / "docs" / "kr6.urdf"
+    kr6 = Path(__file__).parents[3] / "docs" / "kr6.urdf"
     Path("line.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n0,80,20\n")
     Path("wrist.toml").write_text(
         "[robot]\nlocked = { A4 = 0, A5 = 0.5, A6 = 0 }\n[task]\nkind = 'position'\n[timing]\nprofile = 'quintic'\n"
     )
     given = ("--scene", "wrist.toml", "--at", "0.5 0 0.3", "--speed", "0.05", "--language", "ros", "--out", "first")
-    done = holokin("cell", urdf, "line.csv", *given)
+    done = holokin("cell", kr6, "line.csv", *given)
     assert done.code == 0, done.out + done.err
     lines = answered(done.out)
     assert "no joint is to spare" in lines[0]
@@ -194,7 +195,7 @@ def test_one_command(holokin: Command, paths: Path, sketched: None) -> None:
     assert again(done.out, Path("first"), holokin) == first
     # The time and the speed are those of the joints in the file of the program.
     table = np.loadtxt("first/program/joints.csv", delimiter=",", skiprows=1)
-    robot = hk.load(urdf, locked={"A4": 0.0, "A5": 0.5, "A6": 0.0})
+    robot = hk.load(kr6, locked={"A4": 0.0, "A5": 0.5, "A6": 0.0})
     points = np.array([robot.pose(np.deg2rad(q))[:3, 3] for q in table[:, 1:4]])
     speed = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(table[:, 0])
     assert float(told[1]) == pytest.approx(table[-1, 0], abs=0.05)
@@ -208,19 +209,32 @@ def test_one_command(holokin: Command, paths: Path, sketched: None) -> None:
     [
         ("ur10e", "slots.nc", "0.5 0 0.1", "urscript"),
         ("iiwa14", "bracket.apt", "0.5 0 0.3", "sunrise"),
-        ("panda", "slots.nc", "0.4 0 0.2", "franka"),
-        ("example-robot-data/tiago_description/robots/tiago.urdf", "bracket.apt", "0.5 0 0.8", "ros"),
+        ("panda", "outline.dxf", "0.4 0 0.2", "franka"),
     ],
 )
 def test_arms_and_files(
     robot: str, file: str, at: str, language: str, holokin: Command, paths: Path, sketched: None
 ) -> None:
-    """The same of arms with joints to spare, of files with one path and several, and of a URDF nobody tuned for."""
+    """The same of arms with joints to spare, and of files with one path and several."""
+    drawing = new(units=4)  # millimetres
+    corners = [(0, 0, 0, 0, 0), (150, 0, 0, 0, 0.4), (150, 100, 0, 0, 0), (0, 100, 0, 0, 0)]
+    drawing.modelspace().add_lwpolyline(corners, close=True)
+    drawing.saveas("outline.dxf")
     done = holokin("cell", robot, file, "--at", at, "--out", "first")
     assert done.code == 0, done.out + done.err
     answered(done.out)
     assert f"export {language} " in done.out
     assert again(done.out, Path("first"), holokin) == facts(Path("first"))
+
+
+@pytest.mark.campaign
+def test_a_urdf_that_nobody_tuned_for(holokin: Command, paths: Path, sketched: None) -> None:
+    """Its hulls are nearer than its meshes, so that nothing is proven: that is said, and the program is written."""
+    done = holokin("cell", urdf("ur10_robot.urdf"), "bracket.apt", "--at", "0.6 0 0.2", "--out", "first")
+    assert done.code == 1, done.out + done.err
+    first = [line.partition(":")[0] for line in done.out.splitlines()[:6]]
+    assert first == ["Yes", "Read", "Clear", "Not proven", "Program", "Next"]
+    assert "not the convex shapes" in done.out and list((Path("first") / "program").glob("*.script"))
 
 
 @pytest.mark.campaign
