@@ -10,7 +10,10 @@ import torch  # pyright: ignore[reportMissingImports]
 from ..base.errors import ArgumentError
 from .joint_map import TURN, JointMap, JointTensors, angular_velocity, read_tensors, rotation_gradient, third_derivative
 
-TURNS = torch.tensor(TURN, dtype=torch.float64)
+
+def _turns() -> Any:
+    """The generators of rotations. Made at import they would belong to a transform that is the first to ask."""
+    return torch.tensor(TURN, dtype=torch.float64)
 
 
 def _solved(joints: JointMap, poses: Any, quaternions: Any, order: str | None) -> JointTensors:
@@ -66,7 +69,7 @@ class Inverse(torch.autograd.Function):
         t = torch.einsum("...nt,...n->...t", Gain.apply(ctx.joints, q, R), gradients[0])
         half = t.shape[-1] // 2
         w = t[..., half:].reshape(R.shape[:-1])
-        return None, None, t[..., :half], rotation_gradient(torch, TURNS, R, w)
+        return None, None, t[..., :half], rotation_gradient(torch, _turns(), R, w)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> tuple[Any, None]:
@@ -75,7 +78,7 @@ class Inverse(torch.autograd.Function):
         _, _, dp, dR = tangents
         half = 3 * R.shape[-3]
         v = torch.zeros((*q.shape[:-1], half), dtype=q.dtype) if dp is None else dp
-        w = torch.zeros_like(v) if dR is None else angular_velocity(torch, TURNS, R, dR).reshape(v.shape)
+        w = torch.zeros_like(v) if dR is None else angular_velocity(torch, _turns(), R, dR).reshape(v.shape)
         return torch.einsum("...nt,...t->...n", Gain.apply(ctx.joints, q, R), torch.cat([v, w], dim=-1)), None
 
     @staticmethod
@@ -107,7 +110,7 @@ class Gain(torch.autograd.Function):
         by_joints, by_turns = Slopes.apply(ctx.joints, q, R)
         w = torch.einsum("...ntw,...nt->...w", by_turns, gradients[0]).reshape(R.shape[:-1])
         by_q = torch.einsum("...ntj,...nt->...j", by_joints, gradients[0])
-        return None, by_q, rotation_gradient(torch, TURNS, R, w)
+        return None, by_q, rotation_gradient(torch, _turns(), R, w)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> Any:
@@ -118,7 +121,7 @@ class Gain(torch.autograd.Function):
         moved = 0.0 if dq is None else torch.einsum("...ntj,...j->...nt", by_joints, dq)
         if dR is None:
             return moved
-        w = angular_velocity(torch, TURNS, R, dR).reshape(*q.shape[:-1], -1)
+        w = angular_velocity(torch, _turns(), R, dR).reshape(*q.shape[:-1], -1)
         return moved + torch.einsum("...ntw,...w->...nt", by_turns, w)
 
     @staticmethod
