@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ...analysis.coverage.cover_workspace import Plane, grid_planes
-from ...analysis.design import LevelRange
 from ...base.errors import ArgumentError, brief
 from ...base.files import replacing
 from ...base.types import Indices, Vector
@@ -460,24 +459,6 @@ def _readable(color: str) -> str:
 
 def _gap(gap: float, unit: str) -> str:
     return "ends agree" if gap < 1e-9 else f"ends {gap:.3g} {unit} apart"
-
-
-def level_figure(levels: LevelRange) -> Any:
-    """The share of the workspace that each level serves; shaded, the levels that serve all of it."""
-    from matplotlib import rc_context
-
-    with rc_context(style()):
-        figure = new_figure(figsize=(6.4, 3.2), layout="constrained")
-        axes = figure.subplots()
-        for k, (low, high) in enumerate(levels.intervals):
-            axes.axvspan(low, high, color=BLUE, alpha=0.16, linewidth=0, label=None if k else "serves all")
-        axes.plot(levels.levels, 100 * levels.shares, "-o", color=BLUE, markersize=2.5, linewidth=1.2)
-        axes.axvline(levels.level, color=INK, linestyle=":", linewidth=1.2, label="level of the start")
-        axes.axvline(levels.best, color=INK, linewidth=1.2, label="level to take")
-        unit = "rad" if levels.strategy.constraint.angular[0] else "the constraint's unit"
-        axes.set(xlabel=f"level [{unit}]", ylabel="served [%]", ylim=(0, 104), title=on_figure(levels.strategy.name))
-        axes.legend(loc="lower center", fontsize=8, frameon=True, framealpha=0.9)
-    return figure
 
 
 # --- A picture of a region that is proven, and of what the rest of its workspace is.
