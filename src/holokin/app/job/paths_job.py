@@ -28,7 +28,7 @@ from ...strategies import HolonomicStrategy
 from ...strategies.self_motion_curves import joint_gap
 from ...strategies.tasks.task import Task
 from ..report.job_result import NotRun
-from ..report.paths_report import PathRow, PathsResult, RuleResult
+from ..report.paths_result import PathRow, PathsResult, RuleResult
 from .job_parts import build_begin, build_each, build_robot, build_strategy, build_tasks, naming, reason
 from .path_order import Choices, best_sequence, least_pool
 from .schema import Job

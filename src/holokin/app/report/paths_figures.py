@@ -11,7 +11,7 @@ from ...base.types import Matrix
 from ...motion import TimedTrajectory
 from . import plots
 from .job_figures import margins
-from .paths_report import PathsResult, RuleResult
+from .paths_result import PathsResult, RuleResult
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 from .robot_view import cloud, standing
 
