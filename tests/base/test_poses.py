@@ -266,7 +266,7 @@ def test_a_start_in_degrees_is_refused_where_limits_are_not_looked_at(
     panda: hk.Robot, begin: Callable[[hk.Strategy, np.ndarray], object]
 ) -> None:
     G = hk.holonomic(hk.pose(panda), hk.lock(2))
-    with pytest.raises(JointLimitError, match=r"'panda_joint4' is at -114.592, 112 outside"):
+    with pytest.raises(JointLimitError, match=r"'panda_joint4' is at -114.592 rad, 112 rad outside"):
         begin(G, np.degrees(PANDA_START))
 
 

@@ -655,7 +655,7 @@ def test_certify_a_job_on_the_whole_arm_asks_each_of_its_strategies(tmp_path: Pa
         (("panda", "--whole-arm", "--strategy", "lock 9"), "unknown index of a joint"),
         (("panda-circle", "--whole-arm", "--workspace"), "leave it out"),
         (("panda-circle", "--whole-arm", "--budget", "9"), "no cells"),
-        (("panda-circle", "--strategy", "lock 3"), "--whole-arm"),
+        (("panda-circle", "--strategy", "lock 3"), "--strategy beside a job"),
         (("nothing", "--whole-arm"), "unknown robot"),
     ],
 )

@@ -519,7 +519,7 @@ def test_a_job_is_taken_where_a_robot_is_and_a_base_where_a_tip_is(holokin: Comm
     assert "4 moving joints: q1, q2, q3, q4" in whole and "3 moving joints: q2, q3, q4" in short
     assert_refused(holokin("robots", "--base", links[1]), "give the file of a model")
     assert_refused(holokin("check", log, "--robot", "panda", "--base", "hand"), "only models")
-    assert_refused(holokin("check", log, "--robot", job, "--position", "--tip", "nose"), "unknown tip 'nose'")
+    assert_refused(holokin("check", log, "--robot", job, "--position", "--tip", "nose"), "--tip beside a job")
 
 
 def test_angles_of_frames_in_a_robot_file_are_doubted_and_may_be_believed(tmp_path: Path) -> None:

@@ -351,8 +351,9 @@ class Checker:
             lines.append(f"{what} of a box of poses, whose sides are {wide} in rows of its task: {self.count} cells")
         else:
             rows = ", ".join(f"{x:.4g}" for x in self.moved[: self.joints - r])
+            count = "1 piece" if len(pieces) == 1 else f"{len(pieces)} pieces"
             lines.append(
-                f"{what} of a path of {len(pieces)} piece(s), in {self.count} cells, on which the tool goes by {rows} "
+                f"{what} of a path of {count}, in {self.count} cells, on which the tool goes by {rows} "
                 "at least, by rows of its task"
             )
             end = "the end was not reached"

@@ -129,14 +129,14 @@ def test_one_reason_for_all_poses_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     """A block about the workspace, in which the hand is wherever the tool is; a workspace that is out of reach; a
     joint whose range is too narrow; the start."""
     block = hk.obstacle("block", Box(np.array([0.3, 0.3, 0.3])), (0.45, 0.1, 0.35))
-    assert "block" in (said := blocked(hk.Scene([block]), monkeypatch)) and "at every posture: 32" in said
+    assert "block" in (said := blocked(hk.Scene([block]), monkeypatch)) and "block overlap" in said and "m: 32" in said
     assert "no strategy can serve" in said
     far = hk.workspace(box=([3.0, 0, 0.3], [0.1] * 3))
     with pytest.raises(OutOfReachError, match="no posture has any of its poses"):
         hk.advise(hk.pose(panda()), far)
     with pytest.raises(OutOfReachError, match=r"beyond the joint limits: panda_joint4 by"):
         hk.advise(hk.pose(panda(panda_joint4=(-0.2, -0.1))), SPACE)
-    with pytest.raises(ArgumentError, match=r"the distance of .* and block at the start posture"):
+    with pytest.raises(ArgumentError, match=r"block (overlap|are)"):
         at = panda().pose(PANDA_START)[:3, 3]
         near = hk.obstacle("block", Box(np.array([0.1, 0.1, 0.1])), at)
         hk.advise(hk.pose(panda()), SPACE, q0=PANDA_START, scene=hk.Scene([near]))

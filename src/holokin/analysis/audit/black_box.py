@@ -333,6 +333,7 @@ def audit(
             raise OpenPathError("an audit", loop.gap)
     # How long it will take; a law may be too slow.
     positive("the seconds of an audit", seconds)
+    positive("dt", dt)
     steps = (ROUNDS * paths[0].duration + (cycles + 2) * sum(loop.duration for loop in paths[1:])) / dt
     each = _seconds_of_a_step(setup)
     about = f"a step of the law takes {1e3 * each:.2g} ms, so that an audit of {steps:,.0f} steps takes"

@@ -12,7 +12,7 @@ import typer
 
 from ...base.errors import HolokinError, UnknownNameError
 from ...version import build
-from .outcome import Base, Tip, TrustUnits, ending, show
+from .outcome import Base, RobotOrJob, Tip, TrustUnits, ending, show
 
 if TYPE_CHECKING:
     from ...analysis.design import Advice
@@ -31,7 +31,7 @@ class Lengths(StrEnum):
 
 
 def cell(
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A catalogue name, or a .urdf, .xacro, .xml or .toml.")],
+    robot: RobotOrJob,
     paths: Annotated[
         Path, typer.Argument(metavar="PATHS", help="What a CAM system writes: a table, APT, CLS, G-code, DXF or SVG.")
     ],

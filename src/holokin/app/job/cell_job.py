@@ -27,9 +27,10 @@ from ...robot import Robot, reach
 from ...strategies.tasks.task import Task
 from .advice_job import ADVISED, moved_job, numbers_of
 from .job_parts import build_path, build_robot, build_strategy, naming
+from .runner import is_job, open_one_job, robot_of_file
 from .schema import Job, job_of, job_table
 from .tables import FrameTable
-from .templates import job_text
+from .templates import job_text, robot_keys
 
 FRAME = "part"
 """The frame of the job in which the paths of the file stand."""
@@ -94,7 +95,7 @@ def write_cell(
     It is `out/draft.toml` and lacks its rule; `out/cell.toml` where the arm has no joint to spare.
 
     Args:
-        name: of a robot, or its file. paths: as of `read_paths`, with units and columns.
+        name: of a robot, its file, or a job, whose robot it is. paths: as of `read_paths`, with units and columns.
         scene: an SRDF, or a TOML file with tables of a job: SCENE.
         tip, base, trust_units: as of `load`.
         at: "X Y Z" [m] or "X Y Z ROLL PITCH YAW" [m, degrees]: where the frame of the file stands in that of the base.
@@ -107,19 +108,17 @@ def write_cell(
         cure = f"it is yours: go on with `holokin run {taken}`, choose another --out, or delete it"
         raise ArgumentError("a job that exists already", str(taken), cure)
     # What the command, the file and the scene say, and what is assumed besides.
-    chain = chain_to_tool(name, tip, base, trust_units)
-    read = read_paths(paths, units=units, columns=columns)
     tables, origin = _scene(scene, out / "draft.toml")
+    arm, arm_keys = _arm(name, tip, base, trust_units, origin)
+    read = read_paths(paths, units=units, columns=columns)
     assumed: list[str] = []
-    file = FilePath(name).absolute().as_posix() if os.path.isfile(name) else name
-    robot_keys = {"name": file, "tip": chain.tip if chain.base else tip, "base": base, "trust_units": trust_units}
     keys: dict[str, Any] = {
-        "title": f"{chain.robot.name}: {paths.name}",
+        "title": f"{arm.name}: {paths.name}",
         "about": f"Written by `holokin cell` for {FilePath(name).name} and {paths.name}.",
         "units": ["degrees", "mm"],
-        "robot": {key: value for key, value in robot_keys.items() if value} | tables.get("robot", {}),
-        "task": tables.get("task") or _task(chain.robot, read, assumed),
-        "start": {"q": [0.0] * chain.robot.n},
+        "robot": arm_keys | tables.get("robot", {}),
+        "task": tables.get("task") or _task(arm, read, assumed),
+        "start": {"q": [0.0] * arm.n},
         "frames": _frames(tables.get("frames", {}), at, assumed),
         **_paths(read, paths, speed, {"units": units, "columns": columns}, assumed),
     }
@@ -160,6 +159,19 @@ def write_cell(
 
 
 # --- The tables of the job.
+
+
+def _arm(
+    name: str, tip: str | None, base: str | None, trust_units: bool, origin: FilePath
+) -> tuple[Robot, dict[str, Any]]:
+    """A robot, or that of a job, and [robot] of it for a job in the file `origin`. Raises: as `load`, `open_job`."""
+    if is_job(name):
+        arm, file = robot_of_file(name, tip, base, trust_units), open_one_job(name)[2]
+        return arm, robot_keys(job_table(file)["robot"], file, origin)
+    chain = chain_to_tool(name, tip, base, trust_units)
+    file = FilePath(name).absolute().as_posix() if os.path.isfile(name) else name
+    keys = {"name": file, "tip": chain.tip if chain.base else tip, "base": base, "trust_units": trust_units}
+    return chain.robot, {key: value for key, value in keys.items() if value}
 
 
 def _scene(scene: FilePath | None, draft: FilePath) -> tuple[dict[str, Any], FilePath]:

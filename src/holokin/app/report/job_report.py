@@ -365,9 +365,10 @@ def _page(
     # What was run.
     robot, units = result.robot, " or ".join(dict.fromkeys(c.unit for c in result.robot.coordinates))
     start = posture_text(result.q0, robot.joint_names)
+    cycles = "1 cycle" if result.cycles == 1 else f"{result.cycles} cycles"
     facts = (
         f"{robot.name}, {robot.n} joints ({robot.source}); task: {result.task}; path "
-        f"{result.units.said(result.path.length, 'm')} in {result.path.duration:.4g} s, {result.cycles} cycle(s); "
+        f"{result.units.said(result.path.length, 'm')} in {result.path.duration:.4g} s, {cycles}; "
         f"start: {start} {units}. "
         f"holokin {version}, {result.seconds:.1f} s."
     )

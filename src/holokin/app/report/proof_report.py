@@ -455,7 +455,7 @@ def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
         ("Task", brief(strategy.task.name)),
         ("Rows of the task", brief(", ".join(strategy.task.row_names))),
         ("Strategy", brief(strategy.name)),
-        ("Constraint", f"g(q) = c: {brief(strategy.constraint.name)}, {strategy.constraint.rows} row(s)"),
+        ("Constraint", f"g(q) = c: {brief(strategy.constraint.name)}, rows: {strategy.constraint.rows}"),
         ("Level c", _vector(certificate.c)),
         ("Posture", posture),
     ]
