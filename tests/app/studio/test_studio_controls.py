@@ -27,7 +27,7 @@ from sessions import run as run_to_the_end
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 from holokin.app.studio.page_scene import linear
-from holokin.app.studio.side_panels import back_and_away
+from holokin.app.studio.side_panels import _back_and_away
 
 
 @pytest.fixture
@@ -190,12 +190,12 @@ def test_advice_in_the_page_is_that_of_advise(worked: Any) -> None:
 def test_the_status_names_who_is_back_who_is_not_and_who_stopped_and_no_number_is_a_power_of_ten() -> None:
     session = panda(cycles=1)
     end = run_to_the_end(session)
-    assert back_and_away(end) == "Back at the start: lock, arm angle. Not back: pseudo-inverse."
+    assert _back_and_away(end) == "Back at the start: lock, arm angle. Not back: pseudo-inverse."
     lost = replace(end.strategy("lock"), drift=np.array([np.nan]))
     others = tuple(lost if state.name == "lock" else state for state in end.strategies)
-    assert "Back at the start: arm angle. " in back_and_away(replace(end, strategies=others))
-    assert back_and_away(replace(end, strategies=others)).endswith("Stopped on the way: lock.")
-    assert back_and_away(session.reset()) == ""
+    assert "Back at the start: arm angle. " in _back_and_away(replace(end, strategies=others))
+    assert _back_and_away(replace(end, strategies=others)).endswith("Stopped on the way: lock.")
+    assert _back_and_away(session.reset()) == ""
     drifts = {state.name: difference(SI, session.robot, state.drift_joints[-1]) for state in end.strategies}
     assert drifts == {
         "pseudo-inverse": f"{end.strategy('pseudo-inverse').drift[-1]:.3g}",

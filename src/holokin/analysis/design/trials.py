@@ -33,7 +33,7 @@ centimetre less than the least at many poses."""
 
 DEARER = 1.3
 """Mean squared joint speed, over that of the fastest of strategies alike, up to which one that is proven on the whole
-arm comes first: 14 % of speed."""
+arm, or of which something can be proven, comes first: 14 % of speed."""
 
 
 Entry = TypeVar("Entry", "Leaf", "Trial", "RatedStrategy")
@@ -42,7 +42,8 @@ Entry = TypeVar("Entry", "Leaf", "Trial", "RatedStrategy")
 def ranked(entries: Iterable[Entry]) -> list[Entry]:
     """The best first: by coverage; of those that cover alike, by the share that is served well clear of what stands
     round; of those alike in this, too, by the share that is served away from limits and singular postures; of those
-    alike in all this by joint speed, but first those that are proven on the whole arm and not much slower.
+    alike in all this by joint speed, but first those that are proven on the whole arm and not much slower, then those
+    of which a region or a path can be proven.
     """
     groups = [list(entries)]
     for share, tolerance in _SHARES:
@@ -51,20 +52,31 @@ def ranked(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def _by_speed(entries: list[Entry]) -> list[Entry]:
-    """The fastest first, but before it those that are proven and not much slower."""
+    """The fastest first, but before it those that are proven, or can be, and not much slower."""
     least = min(entry.squared_speed for entry in entries)
 
-    def rank(entry: Entry) -> tuple[bool, float]:
-        return not (entry.squared_speed <= DEARER * least and is_proven(entry)), entry.squared_speed
+    def rank(entry: Entry) -> tuple[bool, bool, float]:
+        slow = entry.squared_speed > DEARER * least
+        return slow or not is_proven(entry), slow or not _is_provable(entry), entry.squared_speed
 
     return sorted(entries, key=rank)
 
 
 def is_proven(entry: Leaf | Trial | RatedStrategy) -> bool:
     """Whether a strategy is one function of the tool pose on the whole arm, proven by the signs of its closed form."""
-    strategy = entry.strategy if isinstance(entry, RatedStrategy) else entry.candidate.strategy
+    strategy = _strategy(entry)
     found = None if strategy is None else leaf_class(strategy)
     return isinstance(found, ArmClass) and found.proven
+
+
+def _is_provable(entry: Leaf | Trial | RatedStrategy) -> bool:
+    """Whether a region or a path can be proven of a strategy: its constraint is a formula, not a computation."""
+    strategy = _strategy(entry)
+    return strategy is not None and strategy.constraint.looped is None
+
+
+def _strategy(entry: Leaf | Trial | RatedStrategy) -> HolonomicStrategy | None:
+    return entry.strategy if isinstance(entry, RatedStrategy) else entry.candidate.strategy
 
 
 def alike(a: Trial | RatedStrategy, b: Trial | RatedStrategy) -> bool:

@@ -65,7 +65,7 @@ def cell(
     """
     from ...export import LANGUAGES, language_of
     from ..job import open_one_job
-    from ..job.cell_answer import clearance, next_step, provable_instead, verdict, what_was_read
+    from ..job.cell_answer import clearance, next_step, verdict, what_was_read
     from ..job.cell_job import write_cell
     from ..report.job_result import check_folder
 
@@ -106,7 +106,7 @@ def cell(
     show(by.reworded(verdict(draft, advice, outcomes)))
     show(what_was_read(draft, by))
     show(clearance(outcomes, by))
-    show(by.reworded(proof) + ("" if proven else provable_instead(advice)))
+    show(by.reworded(proof))
     show(program)
     show(next_step(draft, file, outcomes, exported, proven, by))
     show(f"\nAll of it is in {folder}; {file} is yours from now on. Its files are made again by:")

@@ -20,9 +20,7 @@ from ...proof.recheck import CheckerWord, Outcome
 from ...strategies.tasks.task import Task
 from ..report.job_result import JobResult
 from ..report.paths_report import PathsResult
-from .advice_job import ADVISED
 from .cell_job import CellJob
-from .templates import toml
 
 SAMPLES = 400
 """Samples of a motion at which the speed of its tool is looked at."""
@@ -158,7 +156,7 @@ def proof(
         return False, f"Not proven: the checker rejects the certificate of {', '.join(rejected)}."
     if missing or not certificates:
         reasons = [one.returning if isinstance(one, Certificate) else str(one) for one in missing.values()]
-        return False, f"Not proven: {'; '.join(reasons) or 'there is no certificate'}."
+        return False, f"Not proven: {'; '.join(dict.fromkeys(reasons)) or 'there is no certificate'}."
     # What the certificates are about: some ask for less.
     cells = [one for one in certificates.values() if isinstance(one, Certificate)]
     limits = ["within the limits"] * all(one.limits is not None for one in cells)
@@ -171,18 +169,6 @@ def proof(
         f"Proven: at every place of {places}, not at samples alone, there is one posture{kept and f', {kept}'}, and "
         f"wherever the tool comes back on it, so do the joints{between}; {checked}."
     )
-
-
-def provable_instead(advice: Advice | None) -> str:
-    """Of a rule without a certificate: one that serves as much and may have one; "" where there is none."""
-    if advice is None or advice.best.strategy.constraint.looped is None:
-        return ""
-    for rated in advice.strategies[1:]:
-        if rated.coverage >= advice.best.coverage and rated.strategy.constraint.looped is None:
-            return (
-                f" The rule {rated.name!r} serves as much and may be proven: [strategies.{ADVISED}] {toml(rated.keys)}."
-            )
-    return ""
 
 
 def program_words(
