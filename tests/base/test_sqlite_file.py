@@ -48,8 +48,9 @@ def test_a_file_of_something_else_is_refused_and_left_alone(
     assert file.read_bytes() == before and list(tmp_path.iterdir()) == [file]
 
 
-def test_one_file_made_by_many_at_once_is_made_once_and_keeps_all_rows(tmp_path: Path) -> None:
-    file = tmp_path / "rows.sqlite"
+@pytest.mark.parametrize("trial", range(10))
+def test_one_file_made_by_many_at_once_is_made_once_and_keeps_all_rows(tmp_path: Path, trial: int) -> None:
+    file = tmp_path / f"rows{trial}.sqlite"
 
     def add(value: int) -> None:
         with opened(file, make=make) as db, db:

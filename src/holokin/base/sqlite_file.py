@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -12,6 +13,9 @@ from .errors import HolokinError, WriteError
 
 BUSY = 10.0
 """Seconds to wait for another process that writes to the same file: a write takes milliseconds."""
+
+PAUSE = 0.005
+"""Seconds between two tries of what SQLite does not wait for."""
 
 
 @contextmanager
@@ -75,10 +79,24 @@ def table_file(
                 raise broken("it is of another version of holokin")
             if make:
                 with writing_rows(file):
-                    db.execute("PRAGMA journal_mode = WAL")
+                    _let_others_read(db)
             yield db
         except sqlite3.DatabaseError as problem:
             raise broken(str(problem)) from None
+
+
+def _let_others_read(db: sqlite3.Connection) -> None:
+    """Keep the rows that are written apart until they are whole (WAL). SQLite itself does not wait here for others."""
+    until = time.monotonic() + BUSY
+    while True:
+        try:
+            db.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as problem:
+            if problem.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() > until:
+                raise
+            time.sleep(PAUSE)
+        else:
+            return
 
 
 def _tables(db: sqlite3.Connection) -> set[str]:
