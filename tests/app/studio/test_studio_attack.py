@@ -174,6 +174,6 @@ def test_after_all_this_the_studio_works_for_its_own_page_as_before(scene: Any) 
     scene.session.set_speed(1000.0)
     assert scene.own.url == f"{scene.studio.url}?fixedDpr=0.3"
     scene.own.get_by_role("button", name="Start", exact=True).click()
-    scene.own.get_by_text("Done: 1 cycle.").first.wait_for()
+    scene.own.get_by_text("Done: 10 cycles.").first.wait_for()
     assert scene.session.snapshot().phase.value == "done"
     assert scene.problems == []
