@@ -12,7 +12,7 @@ import typer
 
 from ...base.errors import HolokinError, UnknownNameError
 from ...version import build
-from .outcome import Base, RobotOrJob, Tip, TrustUnits, ending, show
+from .outcome import Base, RobotOrJob, Tip, TrustUnits, ending, print_as, show
 
 if TYPE_CHECKING:
     from ...analysis.design import Advice
@@ -101,12 +101,13 @@ def cell(
         if made:
             show(f"made until then: {', '.join(map(str, made))}")
         raise
-    # The answer, and how each file is made again.
+    # The answer in the units of the job, and how each file is made again.
+    print_as(*opened[1:])
     by = opened[1].printed_units
-    show(by.reworded(verdict(draft, advice, outcomes)))
+    show(verdict(draft, advice, outcomes))
     show(what_was_read(draft, by))
     show(clearance(outcomes, by))
-    show(by.reworded(proof))
+    show(proof)
     show(program)
     show(next_step(draft, file, outcomes, exported, proven, by))
     show(f"\nAll of it is in {folder}; {file} is yours from now on. Its files are made again by:")

@@ -130,7 +130,7 @@ def clearance(outcomes: Outcomes, units: PrintedUnits) -> str:
     remarks = [remark for remark in (every[0] if every else ()) if all(remark in own for own in every)]
     unseen = dict.fromkeys(link.link for _, report in outcomes.reports for link in report.unseen)
     more = [*remarks, *([f"without a shape: {', '.join(unseen)}"] if unseen else [])]
-    told = units.reworded("".join(f"; {words}" for words in more))
+    told = "".join(f"; {words}" for words in more)
     seen = [(name, report) for name, report in outcomes.reports if np.isfinite(report.clearance)]
     if not seen:
         kept = "within limits, on the paths away from singular postures"
